@@ -1,0 +1,57 @@
+"""Every error this package raises on purpose. Each says what came, what was wanted and what to do.
+
+SupersamplerError
+  FrameError         one input of one frame breaks the contract
+  ArgumentError      an argument of a call that is not a frame's input (sizes, conventions, options)
+  ShotError          a file of a shot cannot be read or written; names the file and the channel
+  ModelError         a model folder that this runtime cannot drive
+  ProviderError      an ONNX Runtime execution provider was asked for and cannot be had
+
+Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`).
+"""
+
+from pathlib import Path
+
+
+class SupersamplerError(Exception):
+    """Base of all errors below."""
+
+
+class FrameError(SupersamplerError, ValueError):
+    """One input of one frame breaks the contract; `name` says which.
+
+    >>> str(FrameError("depth", got="(80, 45) float32", want="(45, 80) float32"))
+    'frame.depth is (80, 45) float32; want (45, 80) float32.'
+    """
+
+    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
+        self.name, self.got, self.want, self.hint = name, got, want, hint
+        super().__init__(f"frame.{name} is {got}; want {want}. {hint}".rstrip())
+
+
+class ArgumentError(SupersamplerError, ValueError):
+    """An argument is out of its range or contradicts another; `name` says which."""
+
+    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
+        self.name, self.got, self.want, self.hint = name, got, want, hint
+        super().__init__(f"{name} is {got}; want {want}. {hint}".rstrip())
+
+
+class ShotError(SupersamplerError, OSError):
+    """A file of a shot cannot be used; names the file, what is wrong with it and what to do."""
+
+    def __init__(self, path: Path | str, problem: str, hint: str = "") -> None:
+        self.path, self.problem, self.hint = Path(path), problem, hint
+        super().__init__(f"{path}: {problem}. {hint}".rstrip())
+
+
+class ModelError(SupersamplerError, ValueError):
+    """A model folder is missing, damaged, or of a contract that this runtime does not drive."""
+
+
+class ProviderError(SupersamplerError, RuntimeError):
+    """An execution provider was asked for and cannot be had; the message lists those that can."""
+
+
+class FrameWarning(UserWarning):
+    """A check that read pixels found a likely mistake in a frame and guesses which."""

@@ -1,0 +1,169 @@
+"""One rendered frame and the contract of its inputs: docs/contract.md is this file in prose."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import FrameError
+
+Array: TypeAlias = NDArray[np.floating[Any]]
+Float32: TypeAlias = NDArray[np.float32]
+Size: TypeAlias = tuple[int, int]
+"""(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
+
+GBUFFER_CHANNELS: Mapping[str, int] = {
+    "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
+}  # fmt: skip
+
+_HALF_OR_SINGLE = (np.float16, np.float32)
+_SINGLE = (np.float32,)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Frame:
+    """One rendered frame at render size (w, h). Row 0 is the top row; x points right, y down.
+
+    Arrays are numpy arrays, or anything with DLPack (a torch tensor, say), which is brought to the host.
+    Shapes and types are always checked, pixel values never: `Upscaler(validate=...)` reads those.
+
+    Attributes:
+        color: (h, w, 3) float32 or float16. Linear scene RGB, >= 0, before tone mapping, sampled with
+            `jitter`, not anti-aliased. None on a frame that was not shaded (extrapolation).
+        depth: (h, w) float32. Reversed, infinite far plane: near / view distance. 0 at the sky, larger is
+            closer. Only ratios are used, so any constant times 1 / distance serves, while it stays the same
+            between resets.
+        motion: (h, w, 2) float32 or float16. Render pixels (x right, y down), without jitter, previous minus
+            current: what is at p now was at p + motion[p] in the previous frame handed in.
+        jitter: (x, y). Where in the pixel the sample was taken: pixel centre + jitter, render pixels,
+            in [-0.5, 0.5].
+        reset: True on the first frame after a cut: the history is dropped.
+        exposure: > 0, multiplies the colour before the tone curve. None measures it from the frames.
+        gbuffer: at render size, by name: base_color (h, w, 3), normal (h, w, 3; world space, unit length,
+            0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
+            Linear, in [0, 1] but for the normal.
+        gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
+        carry: (h, w, k). Alpha or any channels that belong to the colour.
+
+    Raises:
+        FrameError: an input has the wrong type, shape or range; its `name` says which.
+    """
+
+    color: Array | None
+    depth: Float32
+    motion: Array
+    jitter: tuple[float, float]
+    reset: bool = False
+    exposure: float | None = None
+    gbuffer: Mapping[str, Array] | None = None
+    gbuffer_display: Mapping[str, Array] | None = None
+    carry: Array | None = None
+
+    def __post_init__(self) -> None:
+        for field in fields(self):
+            if field.name in ("color", "depth", "motion", "carry") and getattr(self, field.name) is not None:
+                object.__setattr__(self, field.name, as_array(field.name, getattr(self, field.name)))
+        self._check_shapes()
+        self._check_scalars()
+        for name in ("gbuffer", "gbuffer_display"):
+            buffers = getattr(self, name)
+            if buffers is not None:
+                size = self.size if name == "gbuffer" else None
+                object.__setattr__(self, name, _checked_gbuffer(name, buffers, size))
+
+    @property
+    def size(self) -> Size:
+        """Render size (width, height)."""
+        height, width = self.depth.shape
+        return width, height
+
+    def _check_shapes(self) -> None:
+        leader = self.depth if self.color is None else self.color  # the others must agree with it
+        if leader.ndim < 2 or 0 in leader.shape:
+            name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
+            raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
+        h, w = leader.shape[:2]
+        if self.color is not None:
+            _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
+        _check("depth", self.depth, (h, w), _SINGLE)
+        _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
+        if self.carry is not None:
+            channels = self.carry.shape[-1] if self.carry.ndim == 3 else "k"
+            _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
+
+    def _check_scalars(self) -> None:
+        try:
+            x, y = (float(v) for v in self.jitter)
+        except (TypeError, ValueError):
+            raise FrameError("jitter", got=repr(self.jitter), want="(x, y) in render pixels") from None
+        if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
+            hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
+            raise FrameError("jitter", got=(x, y), want="render pixels in [-0.5, 0.5]", hint=hint)
+        object.__setattr__(self, "jitter", (x, y))
+        if self.exposure is not None:
+            exposure = float(self.exposure)
+            if not 0.0 < exposure < float("inf"):
+                hint = "None measures the exposure from the frames."
+                raise FrameError("exposure", got=exposure, want="a finite number > 0, or None", hint=hint)
+            object.__setattr__(self, "exposure", exposure)
+        object.__setattr__(self, "reset", bool(self.reset))
+
+
+def as_array(name: str, value: object) -> NDArray[Any]:
+    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host."""
+    if isinstance(value, np.ndarray):
+        return value
+    if hasattr(value, "__dlpack__"):
+        try:
+            return np.from_dlpack(value, device="cpu")
+        except (BufferError, RuntimeError, TypeError) as error:
+            hint = "Hand in a tensor on the CPU that needs no gradient."
+            raise FrameError(
+                name, got=f"{type(value).__name__} ({error})", want="an array", hint=hint
+            ) from error
+    raise FrameError(name, got=type(value).__name__, want="a numpy array, or anything with DLPack")
+
+
+def _check(name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[type, ...]) -> None:
+    if array.shape == shape and array.dtype.type in dtypes:
+        return
+    wanted = " or ".join(np.dtype(dtype).name for dtype in dtypes)
+    text = "(" + ", ".join(map(str, shape)) + ")"
+    raise FrameError(
+        name, got=f"{array.shape} {array.dtype}", want=f"{text} {wanted}", hint=_hint(array, shape)
+    )
+
+
+def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
+    """Guess the usual mistakes behind a wrong shape or type."""
+    if array.shape == shape:
+        return f"Convert it: array.astype({'np.float32' if array.dtype != np.float32 else array.dtype})."
+    if len(shape) == 3 and array.shape == (shape[2], shape[0], shape[1]):
+        return "It is channels first; hand in array.transpose(1, 2, 0)."
+    if len(array.shape) >= 2 and array.shape[:2] == (shape[1], shape[0]) and shape[0] != shape[1]:
+        return "Width and height are swapped: arrays are (height, width, channels)."
+    if len(shape) == 2 and array.shape == (*shape, 1):
+        return "Drop the last axis: array[..., 0]."
+    if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2]:
+        return f"Keep the first {shape[2]} channels." if array.shape[2] > int(str(shape[2])) else ""
+    return ""
+
+
+def _checked_gbuffer(name: str, buffers: Mapping[str, object], size: Size | None) -> dict[str, Array]:
+    known = dict(GBUFFER_CHANNELS) if name == "gbuffer" else {**GBUFFER_CHANNELS, "depth": 1}
+    arrays: dict[str, Array] = {}
+    for key, value in buffers.items():
+        if key not in known:
+            raise FrameError(
+                f"{name}[{key!r}]", got="not a G-buffer's name", want=f"one of {', '.join(known)}"
+            )
+        array = as_array(f"{name}[{key!r}]", value)
+        if size is None and array.ndim >= 2:
+            size = (array.shape[1], array.shape[0])
+        w, h = size or (0, 0)
+        shape = (h, w) if known[key] == 1 else (h, w, known[key])
+        _check(f"{name}[{key!r}]", array, shape, _HALF_OR_SINGLE)
+        arrays[key] = array
+    return arrays
