@@ -1,0 +1,255 @@
+"""Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic.
+
+A file appears under its name only when it is complete: it is written beside it under a temporary name
+(`.name.partial.exr`), then renamed, so that a run killed at any point leaves no half-written picture.
+"""
+
+import secrets
+import tempfile
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+from OpenImageIO import ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
+
+from supersampler.errors import ShotError
+
+Bytes: TypeAlias = NDArray[np.uint8]
+Channel: TypeAlias = NDArray[Any]
+"""(h, w), of the type it has in the file: float16, float32 or uint32."""
+
+_EXR_TYPES = {"half": np.float16, "float": np.float32, "uint": np.uint32}
+_PARTIAL = ".partial"
+
+
+def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str, Channel]:
+    """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
+
+    The parts of a multi-part file are read as one image; a part's name is put before its channels where they
+    do not begin with it yet.
+
+    Args:
+        path: the file.
+        only: names of the channels to return; those that the file does not have are left out.
+
+    Returns:
+        Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
+
+    Raises:
+        ShotError: the file is missing, cut off, not an image, cropped, or its parts differ in size.
+    """
+    wanted = None if only is None else frozenset(only)
+    image: dict[str, Channel] = {}
+    source = _opened(path)
+    try:
+        for part, names in enumerate(_part_names(source)):
+            if wanted is None or not wanted.isdisjoint(names):
+                image.update(_read_part(source, part, names, wanted, path))
+    finally:
+        source.close()
+    shapes = {array.shape for array in image.values()}
+    if len(shapes) > 1:
+        sizes = " and ".join(f"{w}x{h}" for h, w in sorted(shapes))
+        raise ShotError(path, f"its parts have different sizes: {sizes}", "Write one size to one file.")
+    return image
+
+
+def read_exr_channels(path: Path | str) -> list[str]:
+    """Return the names that `read_exr` would, from the file's header alone."""
+    source = _opened(path)
+    try:
+        return [name for names in _part_names(source) for name in names]
+    finally:
+        source.close()
+
+
+def write_exr(
+    path: Path | str,
+    image: Channel | Mapping[str, Channel],
+    *,
+    channels: Sequence[str] = ("R", "G", "B"),
+    compression: str = "zip",
+) -> None:
+    """Write an EXR file, in one piece or not at all. float16 is stored as half, float32 as float.
+
+    Args:
+        path: the file; its folder is made where it is missing.
+        image: (h, w, c) array, or channel name to (h, w) array, whose types may differ.
+        channels: the c names, for an array.
+        compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" packs slower and tighter. Lossy
+            "dwaa:45", "dwab:45": a larger number is a smaller file.
+
+    Raises:
+        ShotError: the types or sizes cannot be stored, or the disk refused.
+    """
+    named = image if isinstance(image, Mapping) else _by_name(path, image, channels)
+    _check_storable(path, named)
+    arrays = list(named.values())
+    spec = _spec(arrays[0].shape, list(named))
+    spec.channelformats = tuple(_type_of(array) for array in arrays)
+    spec.attribute("compression", compression)
+    pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
+    _write(path, spec, pixels)
+
+
+def write_png(path: Path | str, image: Bytes) -> None:
+    """Write (h, w, 3) uint8 sRGB pixels as PNG, in one piece or not at all.
+
+    Raises:
+        ShotError: the array is not (h, w, 3) uint8, or the disk refused.
+    """
+    spec = _byte_spec(path, image)
+    spec.attribute("oiio:ColorSpace", "sRGB")
+    _write(path, spec, np.ascontiguousarray(image))
+
+
+def encode_png(image: Bytes) -> bytes:
+    """Return (h, w, 3) uint8 sRGB pixels as the bytes of a PNG file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "image.png"
+        write_png(path, image)
+        return path.read_bytes()
+
+
+def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
+    """Return (h, w, 3) uint8 sRGB pixels as the bytes of a JPEG file with full-resolution colour.
+
+    Args:
+        image: (h, w, 3) uint8, sRGB.
+        quality: 1 (smallest) to 100.
+    """
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "image.jpg"
+        spec = _byte_spec(path, image)
+        spec.attribute("Compression", f"jpeg:{quality}")
+        spec.attribute("jpeg:subsampling", "4:4:4")  # 4:2:0 would blur the thin lines that are compared
+        _write(path, spec, np.ascontiguousarray(image))
+        return path.read_bytes()
+
+
+@contextmanager
+def replacing(path: Path | str) -> Iterator[Path]:
+    """Give a temporary name beside `path`; rename it to `path` at the end, or remove it where that fails."""
+    path = Path(path)
+    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        yield partial
+        partial.replace(path)
+    except OSError as error:
+        if isinstance(error, ShotError):
+            raise
+        raise ShotError(path, f"cannot be written ({error})", _NO_ROOM) from error
+    finally:
+        with suppress(OSError):  # whatever went wrong has been raised above
+            partial.unlink(missing_ok=True)
+
+
+def remove_partial_files(folder: Path) -> None:
+    """Remove what killed runs left under temporary names in `folder` and below."""
+    for path in folder.rglob(f".*{_PARTIAL}.*"):
+        path.unlink(missing_ok=True)
+
+
+def _opened(path: Path | str) -> ImageInput:
+    if not Path(path).is_file():
+        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+    source = ImageInput.open(str(path))
+    if source is None:
+        raise ShotError(path, f"is not an image that can be read ({_first_line(geterror())})", _DAMAGED)
+    return source
+
+
+_NO_ROOM = "Is the disk full or write-protected?"
+_DAMAGED = "The file is damaged or cut off; write or copy it again."
+
+
+def _part_names(source: ImageInput) -> list[list[str]]:
+    """Channel names of each part; the part's name in front where a multi-part file needs it."""
+    parts: list[tuple[str, list[str]]] = []
+    while source.seek_subimage(len(parts), 0):
+        spec = source.spec()
+        parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
+    source.geterror()  # the seek past the last part leaves a message behind
+    if len(parts) == 1:
+        return [parts[0][1]]
+    return [
+        [name if not part or name.startswith(f"{part}.") else f"{part}.{name}" for name in names]
+        for part, names in parts
+    ]
+
+
+def _read_part(
+    source: ImageInput, part: int, names: list[str], wanted: frozenset[str] | None, path: Path | str
+) -> dict[str, Channel]:
+    source.seek_subimage(part, 0)
+    spec = source.spec()
+    if spec.deep:
+        raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
+    window = (spec.x, spec.y, spec.width, spec.height)
+    full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
+    if window != full:
+        problem = f"holds a part of its picture: (x, y, w, h) {window} of {full}"
+        raise ShotError(path, problem, "Render without a crop region and without overscan.")
+    pixels = source.read_image(part, 0, 0, spec.nchannels, "float")
+    if pixels is None:
+        raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
+    image = {}
+    for index, name in enumerate(names):
+        if wanted is None or name in wanted:
+            kind = _EXR_TYPES.get(str(spec.channelformat(index)), np.float32)
+            image[name] = np.ascontiguousarray(pixels[..., index]).astype(kind, copy=False)
+    return image
+
+
+def _by_name(path: Path | str, image: Channel, channels: Sequence[str]) -> dict[str, Channel]:
+    if image.ndim != 3 or image.shape[2] != len(channels):
+        want = f"(h, w, {len(channels)}) for the channels {', '.join(channels)}"
+        raise ShotError(path, f"the image to write is {image.shape}; want {want}")
+    return {name: image[..., index] for index, name in enumerate(channels)}
+
+
+def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
+    shapes = {array.shape for array in image.values()}
+    if len(shapes) != 1 or len(min(shapes)) != 2 or 0 in min(shapes):
+        found = ", ".join(f"{name} {array.shape}" for name, array in image.items()) or "nothing"
+        raise ShotError(path, f"the channels to write are {found}; want arrays (h, w) of one size")
+    for name, array in image.items():
+        if array.dtype not in (np.float16, np.float32):
+            problem = f"channel {name} to write is {array.dtype}; want float16 or float32"
+            raise ShotError(path, problem, f"Convert it: {name}.astype(np.float32).")
+
+
+def _type_of(array: Channel) -> TypeDesc:
+    return TypeDesc("half" if array.dtype == np.float16 else "float")
+
+
+def _byte_spec(path: Path | str, image: Bytes) -> ImageSpec:
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
+        raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want (h, w, 3) uint8")
+    return _spec(image.shape, ["R", "G", "B"], "uint8")
+
+
+def _spec(shape: tuple[int, ...], names: list[str], kind: str = "float") -> ImageSpec:
+    spec = ImageSpec(shape[1], shape[0], len(names), kind)
+    spec.channelnames = tuple(names)
+    return spec
+
+
+def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
+    with replacing(path) as partial:
+        target = ImageOutput.create(str(partial))
+        if target is None:
+            raise ShotError(path, f"cannot be written ({_first_line(geterror())})")
+        done = target.open(str(partial), spec) and target.write_image(pixels)
+        message = target.geterror()
+        if not (target.close() and done):
+            reason = _first_line(message or target.geterror()).replace(partial.name, Path(path).name)
+            raise ShotError(path, f"cannot be written ({reason})", _NO_ROOM)
+
+
+def _first_line(message: str) -> str:
+    return message.strip().splitlines()[0] if message.strip() else "no reason given"
