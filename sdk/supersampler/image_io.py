@@ -245,8 +245,8 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         if target is None:
             raise ShotError(path, f"cannot be written ({_first_line(geterror())})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = target.geterror()
-        if not (target.close() and done):
+        message = target.geterror()  # the PNG writer says True on a full disk, and leaves a message
+        if not (target.close() and done) or message:
             reason = _first_line(message or target.geterror()).replace(partial.name, Path(path).name)
             raise ShotError(path, f"cannot be written ({reason})", _NO_ROOM)
 

@@ -1,0 +1,21 @@
+"""The shots inside this package."""
+
+from pathlib import Path
+
+from supersampler.errors import ArgumentError
+from supersampler.shot.format import FILE_NAME
+from supersampler.shot.shot import Shot
+
+_FOLDER = Path(__file__).parents[1] / "shots"
+
+
+def shipped_shot(name: str = "courtyard") -> Shot:
+    """Open a shot that ships with this package.
+
+    Raises:
+        ArgumentError: there is none of that name; the message lists those there are.
+    """
+    names = sorted(path.parent.name for path in _FOLDER.glob(f"*/{FILE_NAME}"))
+    if name not in names:
+        raise ArgumentError("name", got=repr(name), want=f"one of {', '.join(names)}")
+    return Shot.open(_FOLDER / name)

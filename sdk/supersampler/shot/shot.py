@@ -1,0 +1,182 @@
+"""A shot: frames in order, read lazily, one at a time, a few ahead."""
+
+from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass
+from pathlib import Path
+
+
+from supersampler.conventions import Conventions, Converter, RawFrame
+from supersampler.errors import FrameError, ShotError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json
+from supersampler.shot.frame_files import read_frame, read_reference
+
+_AHEAD = 2  # frames held ready; more would cost memory and hide no more of the disk
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class ShotFrame:
+    """One frame of a shot.
+
+    Attributes:
+        index: its place in the shot, from 0.
+        frame: in this package's conventions, ready for `Upscaler.step`.
+        raw: as stored, in the shot's conventions.
+        reference: (H, W, 3) float32, display size, linear RGB: what a perfect upscaler would return. Or None.
+    """
+
+    index: int
+    frame: Frame
+    raw: RawFrame
+    reference: Float32 | None
+
+
+class Shot:
+    """A sequence of rendered frames on disk.
+
+    >>> shot = Shot.open("shots/courtyard")
+    >>> for item in shot:  # read by one thread, two frames ahead
+    ...     image = upscaler.step(item.frame)
+
+    Frames are read when they are reached, so that memory does not grow with the shot. `Shot.open` reads this
+    package's own folders; `open_source`, `import_blender`, `import_channels` and `import_arm` give Shots over
+    other people's files, and `copy_shot` writes any Shot in the package's own format.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        info: ShotInfo,
+        entries: Sequence[FrameEntry],
+        read_raw: Callable[[int], RawFrame],
+        read_reference: Callable[[int], Float32],
+    ) -> None:
+        self.path, self.info = path, info
+        self._entries, self._raw, self._reference = tuple(entries), read_raw, read_reference
+
+    @classmethod
+    def open(cls, path: Path | str) -> "Shot":
+        """Open a folder with a shot.json; pictures are read later, one by one.
+
+        Raises:
+            ShotError: shot.json is missing or wrong, or names a file that is not there.
+        """
+        folder = Path(path)
+        info, entries = load_shot_json(folder / FILE_NAME)
+        _check_files(folder, entries)
+
+        def raw_frame(index: int) -> RawFrame:
+            size = entries[index].render_size or info.render_size
+            return read_frame(folder, entries[index], size, info.display_size)
+
+        def reference(index: int) -> Float32:
+            return read_reference(folder / str(entries[index].reference), info.display_size)
+
+        return cls(folder, info, entries, raw_frame, reference)
+
+    @property
+    def name(self) -> str:
+        """The shot's name."""
+        return self.info.name
+
+    @property
+    def render_size(self) -> Size:
+        """(width, height) of the frames; a frame of another size says so itself."""
+        return self.info.render_size
+
+    @property
+    def display_size(self) -> Size | None:
+        """(width, height) of references and display-size buffers; None where the shot has none."""
+        return self.info.display_size
+
+    @property
+    def frame_rate(self) -> float:
+        """Frames a second."""
+        return self.info.frame_rate
+
+    @property
+    def conventions(self) -> Conventions:
+        """How the stored frames are to be read."""
+        return self.info.conventions
+
+    @property
+    def license(self) -> str:
+        """Licence of the pictures; "" is unknown."""
+        return self.info.license
+
+    @property
+    def attribution(self) -> list[str]:
+        """Whom to name where the pictures are shown."""
+        return list(self.info.attribution)
+
+    @property
+    def reference_indices(self) -> list[int]:
+        """The frames that have a reference."""
+        return [index for index, entry in enumerate(self._entries) if entry.reference is not None]
+
+    def __len__(self) -> int:
+        return len(self._entries)
+
+    def __iter__(self) -> Iterator[ShotFrame]:
+        return self.frames()
+
+    def frames(self, start: int = 0) -> Iterator[ShotFrame]:
+        """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
+
+        An error of the thread is raised where its frame is reached. The thread ends when the iterator does:
+        at the last frame, at an error, or when it is dropped.
+        """
+        converter = self._converter_at(start)
+        waiting: deque[Future[ShotFrame]] = deque()
+        pool = ThreadPoolExecutor(1, thread_name_prefix="shot")
+        try:
+            for index in range(start, len(self)):
+                waiting.append(pool.submit(self._load, index, converter))
+                if len(waiting) > _AHEAD:
+                    yield waiting.popleft().result()
+            while waiting:
+                yield waiting.popleft().result()
+        finally:
+            pool.shutdown(cancel_futures=True)
+
+    def read(self, index: int) -> ShotFrame:
+        """Read one frame, wherever it is.
+
+        Raises:
+            IndexError: there is no frame of that index.
+            ShotError: a file is missing, damaged, of another size, or lacks a channel.
+        """
+        if not 0 <= index < len(self):
+            raise IndexError(f"frame {index} of {len(self)}")
+        return self._load(index, self._converter_at(index))
+
+    def read_raw(self, index: int) -> RawFrame:
+        """Read one frame as stored, without its reference."""
+        return self._raw(index)
+
+    def read_reference(self, index: int) -> Float32 | None:
+        """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
+        return None if self._entries[index].reference is None else self._reference(index)
+
+    def _load(self, index: int, converter: Converter) -> ShotFrame:
+        raw, reference = self.read_raw(index), self.read_reference(index)
+        try:
+            frame = converter.to_frame(raw)
+        except FrameError as error:
+            file = self.path / self._entries[index].file
+            raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
+        return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
+
+    def _converter_at(self, index: int) -> Converter:
+        """Return a converter that is ready for this frame: it may need the jitter of the one before."""
+        return self.conventions.converter()
+
+
+def _check_files(folder: Path, entries: Sequence[FrameEntry]) -> None:
+    for index, entry in enumerate(entries):
+        for name in filter(None, (entry.file, entry.display_file, entry.reference)):
+            if not (folder / name).is_file():
+                hint = f"{FILE_NAME} lists it; copy or render it again."
+                raise ShotError(folder / name, f"the file of frame {index} is missing", hint)
