@@ -1,0 +1,101 @@
+"""From linear light to what a screen shows: exposure, tone curve, sRGB; for pages, PNGs and metrics alike.
+
+    exposed = color * exposure
+    toned   = exposed / (1 + max(exposed.r, exposed.g, exposed.b))
+    shown   = clip(sRGB(toned), 0, 1)
+
+The tone curve keeps hue, and no highlight is brighter than 1. Without an exposure of the engine's own,
+`auto_exposure` measures one, by the formula of the models' graphs.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Array, Float32
+
+EXPOSURE_KEY = 0.18
+"""The log-average luminance that `auto_exposure` brings a picture to: middle grey."""
+
+_DARKEST = 1e-4  # luminance below which black stays black instead of pulling the average to nothing
+_MAX_HALF = 65504.0
+_ADAPTATION = 0.1
+_BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
+
+
+def display_transform(image: Array, exposure: float = 1.0) -> Float32:
+    """Return what a screen shows of linear RGB.
+
+    Args:
+        image: (h, w, 3) linear RGB. Negative values and NaN count as 0, Inf as 65504.
+        exposure: > 0, multiplies the image first.
+
+    Returns:
+        (h, w, 3) float32 in [0, 1], sRGB encoded.
+    """
+    exposed = np.nan_to_num(np.asarray(image, np.float32), nan=0.0, posinf=_MAX_HALF, neginf=0.0)
+    exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(exposure)
+    toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
+    return np.clip(srgb_oetf(toned), 0.0, 1.0)
+
+
+def srgb_oetf(linear: Array) -> Float32:
+    """Encode linear light in [0, 1] as sRGB (IEC 61966-2-1), element by element."""
+    linear = np.asarray(linear, np.float32)
+    bright = 1.055 * np.maximum(linear, 0.0031308) ** np.float32(1.0 / 2.4) - 0.055
+    return np.where(linear <= 0.0031308, 12.92 * linear, bright).astype(np.float32)
+
+
+def to_uint8(shown: Array) -> NDArray[np.uint8]:
+    """Round pictures in [0, 1] to 0..255, to nearest; values outside are clamped."""
+    return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
+
+
+def auto_exposure(color: NDArray[Any]) -> float:
+    """Return the exposure that brings a picture's log-average luminance to 0.18.
+
+    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance; components that are not a number in
+    [0, 65504] count as 0.
+
+    Args:
+        color: (h, w, 3) linear RGB.
+
+    Returns:
+        > 0, at most 1800 (a black picture).
+    """
+    usable = np.where((color >= 0.0) & (color <= _MAX_HALF), color, 0.0).astype(np.float32, copy=False)
+    logs = np.log(np.maximum(usable @ _BT709, _DARKEST))
+    return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
+
+
+class ExposureMeter:
+    """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
+
+    A measured exposure follows the pictures by a tenth of the way a frame, in stops, so that a light that
+    flickers does not make the whole picture pump; a cut starts anew.
+    """
+
+    def __init__(self) -> None:
+        self._before: float | None = None
+
+    def read(self, color: Array | None, *, given: float | None = None, reset: bool = False) -> float:
+        """Return this frame's exposure and remember it.
+
+        Args:
+            color: (h, w, 3) linear RGB; None on a frame that was not shaded, which keeps the one before.
+            given: the engine's exposure, which is taken as it is.
+            reset: True on the first frame after a cut.
+        """
+        if reset:
+            self._before = None
+        self._before = given if given is not None else self._measure(color)
+        return self._before
+
+    def _measure(self, color: Array | None) -> float:
+        if color is None:
+            return 1.0 if self._before is None else self._before
+        target = auto_exposure(color)
+        if self._before is None:
+            return target
+        return float(self._before ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
