@@ -1,0 +1,149 @@
+"""What a renderer does for a temporal upscaler: render sizes, where to sample in the pixel, texture mip bias.
+
+Sizes are (width, height). Jitter is (x right, y down) in render pixels: the sample is taken at the pixel's
+centre + jitter. FSR and XeSS have it the other way round (centre - jitter): see `Conventions.fsr`.
+"""
+
+import math
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+
+RATIOS: Mapping[str, float] = {
+    "fsr_native_aa": 1.0, "fsr_quality": 1.5, "fsr_balanced": 1.7, "fsr_performance": 2.0,
+    "fsr_ultra_performance": 3.0,
+    "xess_native_aa": 1.0, "xess_ultra_quality_plus": 1.3, "xess_ultra_quality": 1.5, "xess_quality": 1.7,
+    "xess_balanced": 2.0, "xess_performance": 2.3, "xess_ultra_performance": 3.0,
+}  # fmt: skip
+"""Display size / render size per axis, by vendor and mode. Frozen; XeSS is as of 1.3, which renumbered them."""
+
+
+def jitter_phase_count(scale: float) -> int:
+    """Return how many frames a jitter sequence takes before it repeats: int(8 scale^2), at least 1.
+
+    FSR's documents say ceil(8 scale^2), its code truncates; this is the code.
+
+    Args:
+        scale: display size / render size, > 0.
+
+    Raises:
+        ArgumentError: `scale` is not a finite number > 0.
+    """
+    return max(1, int(8.0 * _checked_scale(scale) ** 2))
+
+
+def halton_jitter(index: int, scale: float) -> tuple[float, float]:
+    """Return the jitter (x, y) of frame `index`: FSR's Halton(2, 3) sequence, in [-0.5, 0.5], never (0, 0).
+
+    Args:
+        index: number of the frame, >= 0; the sequence repeats after `jitter_phase_count(scale)` frames.
+        scale: display size / render size, > 0.
+
+    Raises:
+        ArgumentError: `index` is negative, or `scale` is not a finite number > 0.
+    """
+    if index < 0:
+        raise ArgumentError("index", got=index, want="a frame number >= 0")
+    phase = index % jitter_phase_count(scale) + 1
+    return _halton(phase, 2) - 0.5, _halton(phase, 3) - 0.5
+
+
+def mip_bias(scale: float, style: Literal["fsr", "log2"] = "fsr") -> float:
+    """Return what to add to the texture level of detail when rendering below display size.
+
+    Args:
+        scale: display size / render size, > 0.
+        style: "fsr" is log2(1 / scale) - 1, one level sharper than the display needs (FSR, Arm ASR);
+            "log2" is log2(1 / scale), as sharp as the display needs (XeSS, Godot).
+
+    Raises:
+        ArgumentError: `scale` is not a finite number > 0, or `style` is unknown.
+    """
+    if style not in ("fsr", "log2"):
+        raise ArgumentError("style", got=repr(style), want="'fsr' or 'log2'")
+    return -math.log2(_checked_scale(scale)) - (1.0 if style == "fsr" else 0.0)
+
+
+def render_size_for(display_size: Size, mode: str | float) -> Size:
+    """Return the (width, height) to render at, truncated to whole pixels as FSR does, at least 1 x 1.
+
+    Args:
+        display_size: (width, height) of the output.
+        mode: a name of `RATIOS`, such as "fsr_quality" or "xess_balanced"; or a ratio >= 1.
+
+    Raises:
+        ArgumentError: the size is not two integers > 0, the mode is unknown, or the ratio is below 1.
+    """
+    width, height = _checked_size("display_size", display_size)
+    if isinstance(mode, str):
+        if mode not in RATIOS:
+            raise ArgumentError("mode", got=repr(mode), want=f"a ratio, or one of {', '.join(RATIOS)}")
+        mode = RATIOS[mode]
+    if not 1.0 <= mode < math.inf:
+        raise ArgumentError("mode", got=mode, want="a ratio display / render >= 1", hint="2.0 is half size.")
+    # The tiny addend keeps a width that divides exactly, such as 2197 / 1.3, from falling one pixel short.
+    return max(1, int(width / mode + 1e-6)), max(1, int(height / mode + 1e-6))
+
+
+def jittered_projection(
+    matrix: ArrayLike, jitter: tuple[float, float], render_size: Size
+) -> NDArray[np.floating[Any]]:
+    """Return the projection that moves the image by minus `jitter`, so that pixels sample centre + jitter.
+
+    It is a translation in clip space on the left of `matrix`, so any projection serves: perspective of either
+    hand, orthographic, oblique, of any depth range.
+
+    Args:
+        matrix: (4, 4), row-major, acting on column vectors (clip = matrix @ view); clip space y points up.
+            Transpose the matrix of an engine with row vectors (Direct3D, Unreal), before and after.
+        jitter: (x right, y down) in render pixels.
+        render_size: (width, height).
+
+    Returns:
+        (4, 4), of the type of `matrix` where that is a floating type, else float64.
+
+    Raises:
+        ArgumentError: `matrix` is not 4 x 4, `jitter` not two finite numbers, or the size not whole and > 0.
+    """
+    projection = np.asarray(matrix)
+    if projection.shape != (4, 4):
+        raise ArgumentError("matrix", got=f"of shape {projection.shape}", want="a 4 x 4 matrix")
+    width, height = _checked_size("render_size", render_size)
+    x, y = _checked_jitter(jitter)
+    translation = np.eye(4)
+    translation[0, 3] = -2.0 * x / width
+    translation[1, 3] = 2.0 * y / height  # clip y points up, jitter y down
+    result: NDArray[np.floating[Any]] = translation @ projection
+    return result.astype(projection.dtype) if np.issubdtype(projection.dtype, np.floating) else result
+
+
+def _halton(index: int, base: int) -> float:
+    result, fraction = 0.0, 1.0
+    while index > 0:
+        fraction /= base
+        result += fraction * (index % base)
+        index //= base
+    return result
+
+
+def _checked_scale(scale: float) -> float:
+    if not 0.0 < scale < math.inf:  # written so that NaN fails
+        raise ArgumentError("scale", got=scale, want="display size / render size, a finite number > 0")
+    return float(scale)
+
+
+def _checked_size(name: str, size: Sequence[int]) -> Size:
+    if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
+        raise ArgumentError(name, got=tuple(size), want="(width, height), whole numbers > 0")
+    return int(size[0]), int(size[1])
+
+
+def _checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
+    if len(jitter) != 2 or not all(math.isfinite(value) for value in jitter):
+        raise ArgumentError("jitter", got=tuple(jitter), want="(x, y) in render pixels")
+    return float(jitter[0]), float(jitter[1])

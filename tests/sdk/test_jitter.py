@@ -1,0 +1,135 @@
+"""Jitter, mip bias and render sizes: FSR's code and XeSS's guide, number by number."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler.jitter import (
+    RATIOS,
+    halton_jitter,
+    jitter_phase_count,
+    jittered_projection,
+    mip_bias,
+    render_size_for,
+)
+
+
+@pytest.mark.parametrize(
+    ("scale", "count"), [(1.0, 8), (1.3, 13), (1.5, 18), (1.7, 23), (2.0, 32), (2.3, 42), (3.0, 72)]
+)
+def test_phase_count_truncates_as_the_code_of_fsr_does(scale: float, count: int) -> None:
+    assert jitter_phase_count(scale) == count
+
+
+def test_phase_count_is_at_least_one() -> None:
+    assert jitter_phase_count(0.1) == 1
+
+
+def test_jitter_is_halton_2_3_from_index_1() -> None:
+    expected = [(0.0, -1 / 6), (-0.25, 1 / 6), (0.25, -7 / 18), (-0.375, -1 / 18)]
+    np.testing.assert_allclose([halton_jitter(i, 2.0) for i in range(4)], expected, atol=1e-12)
+
+
+def test_jitter_repeats_stays_in_the_pixel_is_never_zero_and_fills_it() -> None:
+    jitter = np.array([halton_jitter(i, 2.0) for i in range(32)])
+    assert halton_jitter(32, 2.0) == halton_jitter(0, 2.0)
+    assert np.abs(jitter).max() <= 0.5
+    assert np.abs(jitter).max(axis=1).min() > 0.0
+    np.testing.assert_allclose(jitter.mean(axis=0), 0.0, atol=0.02)
+
+
+@pytest.mark.parametrize(
+    ("scale", "fsr", "log2"),
+    [
+        (1.5, -1.585, -0.585),
+        (1.7, -1.766, -0.766),
+        (2.0, -2.0, -1.0),
+        (2.3, -2.202, -1.202),
+        (3, -2.585, -1.585),
+    ],
+)
+def test_mip_bias_of_both_vendors(scale: float, fsr: float, log2: float) -> None:
+    assert mip_bias(scale) == pytest.approx(fsr, abs=5e-4)
+    assert mip_bias(scale, style="log2") == pytest.approx(log2, abs=5e-4)
+
+
+def test_render_sizes_by_name_truncate_as_fsr_does() -> None:
+    assert render_size_for((1920, 1080), "fsr_quality") == (1280, 720)
+    assert render_size_for((1920, 1080), "fsr_balanced") == (1129, 635)
+    assert render_size_for((1920, 1080), "xess_performance") == (834, 469)
+    assert render_size_for((1920, 1080), 2.0) == (960, 540)
+    assert render_size_for((2197, 1), 1.3) == (1690, 1)
+
+
+def test_the_ratios_are_frozen() -> None:
+    fsr = {name: ratio for name, ratio in RATIOS.items() if name.startswith("fsr_")}
+    assert list(fsr.values()) == [1.0, 1.5, 1.7, 2.0, 3.0]
+    assert list(RATIOS.values())[len(fsr) :] == [1.0, 1.3, 1.5, 1.7, 2.0, 2.3, 3.0]
+
+
+def _perspective(depth: tuple[float, float], w_sign: float) -> NDArray[np.float64]:
+    a, b = depth
+    return np.array([[1.2, 0, 0.1, 0], [0, 2.1, -0.2, 0], [0, 0, a, b], [0, 0, w_sign, 0]])
+
+
+PROJECTIONS = {
+    "reversed infinite, right-handed": _perspective((0.0, 0.1), -1.0),
+    "forward, right-handed": _perspective((-1.01, -0.2), -1.0),
+    "forward, left-handed": _perspective((1.01, -0.1), 1.0),
+    "orthographic": np.diag([0.4, 0.7, -0.01, 1.0]),
+}
+
+
+def _pixel(projection: NDArray[Any], point: NDArray[np.float64], size: tuple[int, int]) -> list[float]:
+    """Where a view-space point lands: pixels, x right, y down; 0.5 is the centre of the first pixel."""
+    x, y, _, w = projection @ point
+    return [(x / w * 0.5 + 0.5) * size[0], (0.5 - y / w * 0.5) * size[1]]
+
+
+@pytest.mark.parametrize("name", PROJECTIONS)
+def test_the_image_moves_by_minus_jitter_under_any_projection(name: str) -> None:
+    projection, size, jitter = PROJECTIONS[name], (321, 180), (0.25, -0.375)
+    z = 4.0 if "left" in name else -4.0
+    point = np.array([0.3, -0.7, z, 1.0])
+    still = _pixel(projection, point, size)
+    moved = _pixel(jittered_projection(projection, jitter, size), point, size)
+    np.testing.assert_allclose(moved, [still[0] - 0.25, still[1] + 0.375], atol=1e-9)
+
+
+def test_what_the_pixel_centre_sees_with_jitter_lies_at_centre_plus_jitter_without() -> None:
+    projection, size, jitter = PROJECTIONS["orthographic"], (20, 10), (0.3, 0.4)
+    jittered = jittered_projection(projection, jitter, size)
+    centre = np.array([(7.5 / 20) * 2 - 1, 1 - (3.5 / 10) * 2, 0.0, 1.0])  # of pixel (7, 3), in clip space
+    seen = np.linalg.inv(jittered) @ centre
+    np.testing.assert_allclose(_pixel(projection, seen, size), [7.8, 3.9], atol=1e-9)
+
+
+def test_depth_is_left_alone_and_the_type_is_kept() -> None:
+    projection = PROJECTIONS["forward, right-handed"].astype(np.float32)
+    jittered = jittered_projection(projection, (0.5, -0.5), (4, 4))
+    assert jittered.dtype == np.float32
+    np.testing.assert_array_equal(jittered[2:], projection[2:])
+
+
+def test_wrong_arguments_are_named() -> None:
+    with pytest.raises(ArgumentError, match=r"scale is 0\.0; want display size / render size"):
+        jitter_phase_count(0.0)
+    with pytest.raises(ArgumentError, match="scale is nan"):
+        mip_bias(float("nan"))
+    with pytest.raises(ArgumentError, match="index is -1; want a frame number >= 0"):
+        halton_jitter(-1, 2.0)
+    with pytest.raises(ArgumentError, match="style is 'dlss'; want 'fsr' or 'log2'"):
+        mip_bias(2.0, style="dlss")  # type: ignore[arg-type]
+    with pytest.raises(ArgumentError, match="mode is 'quality'; want a ratio, or one of fsr_native_aa"):
+        render_size_for((1920, 1080), "quality")
+    with pytest.raises(ArgumentError, match=r"mode is 0.5; .* 2.0 is half size"):
+        render_size_for((1920, 1080), 0.5)
+    with pytest.raises(ArgumentError, match=r"display_size is \(0, 4\)"):
+        render_size_for((0, 4), 2.0)
+    with pytest.raises(ArgumentError, match=r"matrix is of shape \(3, 3\); want a 4 x 4 matrix"):
+        jittered_projection(np.eye(3), (0.0, 0.0), (4, 4))
+    with pytest.raises(ArgumentError, match="jitter is"):
+        jittered_projection(np.eye(4), (float("inf"), 0.0), (4, 4))
