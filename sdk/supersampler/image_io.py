@@ -21,7 +21,6 @@ Bytes: TypeAlias = NDArray[np.uint8]
 Channel: TypeAlias = NDArray[Any]
 """(h, w), of the type it has in the file: float16, float32 or uint32."""
 
-_EXR_TYPES = {"half": np.float16, "float": np.float32, "uint": np.uint32}
 _PARTIAL = ".partial"
 
 
@@ -39,7 +38,7 @@ def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, cut off, not an image, cropped, or its parts differ in size.
+        ShotError: the file is missing, cut off, not an image, cropped, or deep.
     """
     wanted = None if only is None else frozenset(only)
     image: dict[str, Channel] = {}
@@ -50,10 +49,6 @@ def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str
                 image.update(_read_part(source, part, names, wanted, path))
     finally:
         source.close()
-    shapes = {array.shape for array in image.values()}
-    if len(shapes) > 1:
-        sizes = " and ".join(f"{w}x{h}" for h, w in sorted(shapes))
-        raise ShotError(path, f"its parts have different sizes: {sizes}", "Write one size to one file.")
     return image
 
 
@@ -88,8 +83,10 @@ def write_exr(
     named = image if isinstance(image, Mapping) else _by_name(path, image, channels)
     _check_storable(path, named)
     arrays = list(named.values())
-    spec = _spec(arrays[0].shape, list(named))
-    spec.channelformats = tuple(_type_of(array) for array in arrays)
+    kinds = ["half" if array.dtype == np.float16 else "float" for array in arrays]
+    spec = _spec(arrays[0].shape, list(named), kinds[0])
+    if len(set(kinds)) > 1:  # where all are equal, OpenImageIO looks at the image's type alone
+        spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)
@@ -197,12 +194,22 @@ def _read_part(
     pixels = source.read_image(part, 0, 0, spec.nchannels, "float")
     if pixels is None:
         raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
-    image = {}
-    for index, name in enumerate(names):
-        if wanted is None or name in wanted:
-            kind = _EXR_TYPES.get(str(spec.channelformat(index)), np.float32)
-            image[name] = np.ascontiguousarray(pixels[..., index]).astype(kind, copy=False)
-    return image
+    return {
+        name: _plane(source, part, index, pixels)
+        for index, name in enumerate(names)
+        if wanted is None or name in wanted
+    }
+
+
+def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[np.float32]) -> Channel:
+    """One channel, of the type it has in the file; half values pass through float32 unharmed."""
+    kind = str(source.spec().channelformat(index))
+    if kind == "uint":  # as float they would be fractions of 2^32
+        whole = source.read_image(part, 0, index, index + 1, "uint")
+        if whole is not None:
+            return whole[..., 0]
+    plane = np.ascontiguousarray(pixels[..., index])
+    return plane.astype(np.float16) if kind == "half" else plane
 
 
 def _by_name(path: Path | str, image: Channel, channels: Sequence[str]) -> dict[str, Channel]:
@@ -223,17 +230,13 @@ def _check_storable(path: Path | str, image: Mapping[str, Channel]) -> None:
             raise ShotError(path, problem, f"Convert it: {name}.astype(np.float32).")
 
 
-def _type_of(array: Channel) -> TypeDesc:
-    return TypeDesc("half" if array.dtype == np.float16 else "float")
-
-
 def _byte_spec(path: Path | str, image: Bytes) -> ImageSpec:
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
         raise ShotError(path, f"the image to write is {image.shape} {image.dtype}; want (h, w, 3) uint8")
     return _spec(image.shape, ["R", "G", "B"], "uint8")
 
 
-def _spec(shape: tuple[int, ...], names: list[str], kind: str = "float") -> ImageSpec:
+def _spec(shape: tuple[int, ...], names: list[str], kind: str) -> ImageSpec:
     spec = ImageSpec(shape[1], shape[0], len(names), kind)
     spec.channelnames = tuple(names)
     return spec

@@ -37,7 +37,7 @@ class ShotWriter:
         reference_compression: of the references; "dwab:45" is lossy (above 50 dB) and a third of the size.
 
     Raises:
-        ShotError: the folder holds a shot: any where `resume` is False, one of other properties where it is True.
+        ShotError: the folder holds a shot already; with `resume`, one of other properties.
     """
 
     def __init__(

@@ -1,0 +1,203 @@
+"""Promises of supersampler.image_io."""
+
+import tempfile
+from pathlib import Path
+
+import hypothesis.extra.numpy as hnp
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from OpenImageIO import ImageInput, ImageOutput, ImageSpec
+
+from supersampler import ShotError
+from supersampler.image_io import (
+    encode_jpeg,
+    encode_png,
+    read_exr,
+    read_exr_channels,
+    remove_partial_files,
+    replacing,
+    write_exr,
+    write_png,
+)
+
+HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
+PIXELS = np.arange(5 * 7 * 3, dtype=np.float32).reshape(5, 7, 3)
+BYTES = PIXELS.astype(np.uint8)
+
+
+@settings(deadline=None, max_examples=30)
+@given(
+    data=st.data(), names=st.sets(st.sampled_from(["R", "G", "B", "depth.Z", "carry.10", "x"]), min_size=1)
+)
+@pytest.mark.parametrize("compression", ["zip:9", "piz", "none"])
+def test_an_exr_keeps_every_value_and_every_type(
+    data: st.DataObject, names: set[str], compression: str
+) -> None:
+    shape = data.draw(st.tuples(st.integers(1, 9), st.integers(1, 9)))
+    kinds = {name: data.draw(st.sampled_from([np.float16, np.float32])) for name in sorted(names)}
+    values = hnp.arrays(np.float64, shape, elements=st.sampled_from(HOSTILE))
+    image = {name: data.draw(values).astype(kind) for name, kind in kinds.items()}
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "image.exr"
+        write_exr(path, image, compression=compression)
+        again = read_exr(path)
+        assert set(again) == names == set(read_exr_channels(path))
+    for name, array in image.items():
+        assert again[name].dtype == array.dtype
+        np.testing.assert_array_equal(again[name], array)
+
+
+def test_an_array_is_written_as_r_g_b_and_single_channels_are_read(tmp_path: Path) -> None:
+    path = tmp_path / "made" / "on the way" / "image.exr"
+    write_exr(path, PIXELS)
+    assert list(read_exr(path)) == ["R", "G", "B"]
+    np.testing.assert_array_equal(read_exr(path, only=["G", "none"])["G"], PIXELS[..., 1])
+    assert list(read_exr(path, only=["G", "none"])) == ["G"]
+
+
+def test_the_parts_of_a_multi_part_file_are_read_as_one_image(tmp_path: Path) -> None:
+    path = tmp_path / "parts.exr"
+    parts = []
+    for value, (name, channels) in enumerate(
+        [("View.Combined", ["View.Combined.R", "View.Combined.G"]), ("Depth", ["Z"])]
+    ):
+        spec = ImageSpec(7, 5, len(channels), "half")
+        spec.channelnames = tuple(channels)
+        spec.attribute("oiio:subimagename", name)
+        parts.append((spec, np.full((5, 7, len(channels)), value, np.float32)))
+    write_parts(path, parts)
+    image = read_exr(path)
+    assert list(image) == ["View.Combined.R", "View.Combined.G", "Depth.Z"] == read_exr_channels(path)
+    assert [float(array[0, 0]) for array in image.values()] == [0.0, 0.0, 1.0]
+    assert list(read_exr(path, only=["Depth.Z"])) == ["Depth.Z"]
+
+
+def test_whole_numbers_stay_whole_numbers(tmp_path: Path) -> None:
+    spec = ImageSpec(2, 1, 1, "uint")
+    write_parts(tmp_path / "ids.exr", [(spec, np.array([[[1], [70000]]], np.uint32))])
+    (ids,) = read_exr(tmp_path / "ids.exr").values()
+    assert ids.dtype == np.uint32
+    assert ids.tolist() == [[1, 70000]]
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match=r"nowhere\.exr: there is no such file") as caught:
+        read_exr(tmp_path / "nowhere.exr")
+    assert caught.value.path == tmp_path / "nowhere.exr"
+
+
+@pytest.mark.parametrize("kept", [0.01, 0.5, 0.99])
+def test_a_file_that_is_cut_off_is_named(tmp_path: Path, kept: float) -> None:
+    path = tmp_path / "cut.exr"
+    write_exr(path, np.random.default_rng(0).random((40, 30, 3), np.float32))
+    content = path.read_bytes()
+    path.write_bytes(content[: int(kept * len(content))])
+    with pytest.raises(ShotError, match=r"cut\.exr: .*The file is damaged or cut off"):
+        read_exr(path)
+
+
+def test_a_text_file_is_not_an_image(tmp_path: Path) -> None:
+    (tmp_path / "note.exr").write_text("hello")
+    with pytest.raises(ShotError, match=r"note\.exr: is not an image that can be read \(.+\)"):
+        read_exr(tmp_path / "note.exr")
+
+
+def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "crop.exr"
+    spec = ImageSpec(4, 3, 3, "half")
+    spec.x, spec.full_width, spec.full_height = 2, 8, 3
+    write_parts(path, [(spec, np.zeros((3, 4, 3), np.float32))])
+    with pytest.raises(ShotError, match=r"holds a part of its picture.*without a crop"):
+        read_exr(path)
+
+
+@pytest.mark.parametrize(
+    ("image", "message"),
+    [
+        (
+            {"R": np.zeros((2, 3)), "G": np.zeros((2, 3))},
+            "channel R to write is float64; want float16 or float32",
+        ),
+        ({"R": np.zeros((2, 3), np.float32), "G": np.zeros((2, 4), np.float32)}, r"R \(2, 3\), G \(2, 4\)"),
+        ({}, "are nothing; want arrays"),
+        (np.zeros((2, 3, 4), np.float32), r"is \(2, 3, 4\); want \(h, w, 3\) for the channels R, G, B"),
+    ],
+)
+def test_what_an_exr_cannot_store_is_refused_and_leaves_nothing(
+    tmp_path: Path, image: np.ndarray | dict[str, np.ndarray], message: str
+) -> None:
+    with pytest.raises(ShotError, match=message):
+        write_exr(tmp_path / "image.exr", image)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_png_holds_the_bytes_given(tmp_path: Path) -> None:
+    write_png(tmp_path / "image.png", BYTES)
+    np.testing.assert_array_equal(decoded(tmp_path / "image.png"), BYTES)
+    assert encode_png(BYTES) == (tmp_path / "image.png").read_bytes()
+
+
+def test_a_jpeg_is_close_and_closer_with_more_quality(tmp_path: Path) -> None:
+    ramp = np.add.outer(np.arange(40), np.arange(60))[..., None] * np.array([1, 2, 0.5])
+    image = ramp.astype(np.uint8)
+    errors = []
+    for quality in (30, 100):
+        (tmp_path / "image.jpg").write_bytes(encode_jpeg(image, quality))
+        errors.append(np.abs(decoded(tmp_path / "image.jpg").astype(float) - image).mean())
+    assert errors[1] < 1 < errors[0] < 20
+
+
+@pytest.mark.parametrize("image", [np.zeros((2, 3), np.uint8), np.zeros((2, 3, 3), np.float32)])
+def test_a_png_of_anything_but_bytes_is_refused(tmp_path: Path, image: np.ndarray) -> None:
+    with pytest.raises(ShotError, match=r"want \(h, w, 3\) uint8"):
+        write_png(tmp_path / "image.png", image)
+
+
+def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    path = tmp_path / "image.exr"
+    write_exr(path, PIXELS)
+    with pytest.raises(RuntimeError, match="stopped"):
+        write_half_and_stop(path)
+    assert [file.name for file in tmp_path.iterdir()] == ["image.exr"]
+    np.testing.assert_array_equal(read_exr(path)["R"], PIXELS[..., 0])
+
+
+def test_a_folder_that_is_a_file_is_named_in_the_error(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(ShotError, match=r"image\.png: cannot be written \(.+\)\. Is the disk full"):
+        write_png(tmp_path / "file" / "image.png", BYTES)
+
+
+def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
+    (tmp_path / "below").mkdir()
+    for name in (".a.12.partial.exr", "below/.b.34.partial.json", "below/kept.exr"):
+        (tmp_path / name).write_text("")
+    remove_partial_files(tmp_path)
+    assert [path.name for path in tmp_path.rglob("*.*")] == ["kept.exr"]
+
+
+def write_half_and_stop(path: Path) -> None:
+    with replacing(path) as partial:
+        partial.write_bytes(b"half of it")
+        raise RuntimeError("stopped")
+
+
+def decoded(path: Path) -> np.ndarray:
+    image = ImageInput.open(str(path))
+    assert image is not None
+    pixels = image.read_image("uint8")
+    image.close()
+    assert pixels is not None
+    return pixels
+
+
+def write_parts(path: Path, parts: list[tuple[ImageSpec, np.ndarray]]) -> None:
+    output = ImageOutput.create(str(path))
+    assert output is not None
+    assert output.open(str(path), tuple(spec for spec, _ in parts))
+    for index, (spec, pixels) in enumerate(parts):
+        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
+        assert output.write_image(pixels)
+    assert output.close()
