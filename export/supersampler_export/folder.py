@@ -1,0 +1,124 @@
+"""Write a model folder: step.onnx, model.json and a model card; only if the parity gate is passed."""
+
+import dataclasses
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import onnx
+import torch
+
+from supersampler import __version__
+from supersampler.model_info import CONTRACT
+from supersampler_export.graph import OPSET, export_graph, history_name
+from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_parity
+from supersampler_model.method import TENSORS, Method, Shape
+
+
+def write_model_folder(method: Method, folder: Path) -> None:
+    """Export `method`, check it against torch, then write the folder, model.json last.
+
+    Raises:
+        ExportError: opset, operators or parity are not as they must be; nothing is written.
+    """
+    graph = export_graph(method)
+    described = describe(method)
+    for key in ("contract", "method"):
+        entry = graph.metadata_props.add()
+        entry.key, entry.value = f"supersampler.{key}", str(described[key])
+    step = graph.SerializeToString(deterministic=True)
+    parity = check_parity(method, step)
+    described["files"] = {"step.onnx": hashlib.sha256(step).hexdigest()}
+    described["parity"] = _parity_record(parity)
+    folder.mkdir(parents=True, exist_ok=True)
+    _replace(folder / "step.onnx", step)
+    _replace(folder / "MODEL_CARD.md", model_card(described, graph, parity).encode())
+    _replace(folder / "model.json", (json.dumps(described, indent=1) + "\n").encode())
+
+
+def describe(method: Method) -> dict[str, Any]:
+    """What model.json says, but for the files and the parity."""
+    config = getattr(method, "config", None)
+    return {
+        "contract": CONTRACT,
+        "method": method.name,
+        "source": method.source,
+        "ratios": list(method.ratios),
+        "opset": OPSET,
+        "inputs": [_tensor(name, TENSORS[name]) for name in method.inputs()],
+        "history": [
+            {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
+            for name, shape in method.history.items()
+        ],
+        "image": _tensor("image", TENSORS["image"]),
+        "config": {} if config is None else dataclasses.asdict(config),
+        "licence": "Apache-2.0",
+        "attributions": [],
+        "versions": {
+            "supersampler": __version__,
+            "torch": torch.__version__.split("+")[0],
+            "onnx": onnx.__version__,
+        },
+    }
+
+
+def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Sequence[Parity]) -> str:
+    """MODEL_CARD.md: what a person wants to know before shipping the file."""
+    tensors = [*described["inputs"], *described["history"], described["image"]]
+    operators = Counter(node.op_type for node in graph.graph.node)
+    low, high = described["ratios"]
+    lines = [
+        f"# {described['method']}",
+        "",
+        f"Source: {described['source']}. Licence: {described['licence']}.",
+        "No learned weights, no training data.",
+        "",
+        f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
+        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past.",
+        f"Any ratio of display to render size from {low} to {high}, per axis.",
+        "",
+        "| tensor | type | shape |",
+        "|---|---|---|",
+        *(f"| {t['name']} | {t['type']} | {', '.join(map(str, t['shape']))} |" for t in tensors),
+        "",
+        f"Against torch over {FRAMES} recurrent frames of noise, on toned pictures in [0, 1): difference at "
+        f"{100 * SHARE:g} % of the values (tolerance {TOLERANCE:g}), and the median.",
+        "",
+        "| render | display | difference | median |",
+        "|---|---|---|---|",
+        *(
+            f"| {_size(p.render)} | {_size(p.display)} | {p.difference:.1e} | {p.median:.1e} |"
+            for p in parity
+        ),
+        "",
+        f"Operators: {', '.join(f'{name} {n}' for name, n in sorted(operators.items()))}.",
+        "",
+        f"Constants: `{json.dumps(described['config'])}`." if described["config"] else "No constants.",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
+    return {
+        "tolerance": TOLERANCE,
+        "share": SHARE,
+        "frames": FRAMES,
+        "sizes": [dataclasses.asdict(p) for p in parity],
+    }
+
+
+def _tensor(name: str, shape: Shape) -> dict[str, Any]:
+    return {"name": name, "type": "int64" if name == "display_size" else "float32", "shape": list(shape)}
+
+
+def _size(size: Sequence[int]) -> str:
+    return f"{size[0]}x{size[1]}"
+
+
+def _replace(path: Path, content: bytes) -> None:
+    temporary = path.with_name(path.name + ".part")
+    temporary.write_bytes(content)
+    temporary.replace(path)

@@ -1,0 +1,148 @@
+"""One torch method to one ONNX graph that holds its whole recurrent step."""
+
+import contextlib
+import io
+import logging
+import warnings
+from collections.abc import Iterator
+
+import onnx
+import torch
+from torch import Tensor
+
+from supersampler_model.method import DISPLAY, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
+
+OPSET = 17
+"""Last one in which every provider implements GridSample alike (docs/contract.md)."""
+
+PORTABLE_OPERATORS = frozenset(
+    {"Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "DepthToSpace", "Div", "Equal", "Exp", "Expand"}
+    | {"Floor", "Gather", "Greater", "GreaterOrEqual", "GridSample", "Identity", "Less", "LessOrEqual", "Log"}
+    | {
+        "MatMul",
+        "Max",
+        "MaxPool",
+        "Min",
+        "Mul",
+        "Neg",
+        "Not",
+        "Or",
+        "Pow",
+        "Range",
+        "Reciprocal",
+        "ReduceSum",
+    }
+    | {"Relu", "Reshape", "Shape", "Sigmoid", "Slice", "Split", "Sqrt", "Squeeze", "Sub", "Transpose"}
+    | {"Unsqueeze", "Where"}
+)
+"""Operators that CUDA, TensorRT, DirectML, WebGPU and CPU implement alike."""
+
+
+class ExportError(RuntimeError):
+    """The graph cannot be exported, or does not draw the pictures that torch draws."""
+
+
+def history_name(name: str) -> str:
+    """Name of a history tensor in the graph: history_color -> history.color."""
+    return name.replace("history_", "history.", 1)
+
+
+def export_graph(method: Method) -> onnx.ModelProto:
+    """Trace `method` with free sizes, at opset 17, with portable operators only.
+
+    Raises:
+        ExportError: another opset or operator came out.
+    """
+    arguments = example_arguments(method, Size(26, 18), Size(52, 37), Size(22, 15))
+    names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
+    shapes = {name: shape_of(method, name) for name in names}
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in (*RENDER, *DISPLAY, *PREVIOUS)}
+    dynamic = {
+        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
+        for name, shape in shapes.items()
+    }
+    with _quiet(), torch.no_grad():
+        program = torch.onnx.export(
+            method.eval(),
+            tuple(arguments),
+            dynamo=True,
+            opset_version=OPSET,
+            input_names=[history_name(name) for name in names],
+            output_names=["image", *(f"next.{name}" for name in method.history)],
+            dynamic_shapes=dynamic,
+            verbose=False,
+        )
+    if program is None:
+        raise ExportError("torch.onnx.export handed back no program")
+    model = program.model_proto
+    _declare_outputs(model, method)
+    check_portable(model)
+    onnx.checker.check_model(model, full_check=True)
+    return model
+
+
+def shape_of(method: Method, parameter: str) -> Shape:
+    """Shape of a parameter of the step."""
+    if parameter.startswith("history_"):
+        return method.history[parameter.removeprefix("history_")]
+    return TENSORS[parameter]
+
+
+def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
+    """Noise of the right shapes and ranges; what it shows does not matter to the trace."""
+    sizes = dict(
+        zip((*RENDER, *DISPLAY, *PREVIOUS), (*render[::-1], *display[::-1], *previous[::-1]), strict=True)
+    )
+    names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
+    noise = {
+        name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])
+        for name in names
+    }
+    return [torch.tensor(display) if name == "display_size" else noise[name] for name in names]
+
+
+def check_portable(model: onnx.ModelProto) -> None:
+    """Raise ExportError unless the graph is at opset 17 and every operator is on the portable list."""
+    opsets = {opset.domain: opset.version for opset in model.opset_import}
+    if opsets.get("") != OPSET or set(opsets) - {""}:
+        raise ExportError(f"the exporter handed back opsets {opsets}; want {OPSET} and no other domain")
+    strange = {node.op_type for node in model.graph.node} - PORTABLE_OPERATORS
+    if strange:
+        raise ExportError(
+            f"operators {sorted(strange)} are not on the portable list; rewrite the step without"
+        )
+    for node in model.graph.node:
+        for attribute in node.attribute:
+            if node.op_type == "GridSample" and attribute.name == "mode" and attribute.s == b"bicubic":
+                raise ExportError("GridSample bicubic differs between providers; use nine bilinear reads")
+
+
+def _declare_outputs(model: onnx.ModelProto, method: Method) -> None:
+    """Give the outputs the symbolic shapes of the contract, in place of the exporter's own names."""
+    current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
+    shapes = [TENSORS["image"], *method.history.values()]
+    for output, shape in zip(model.graph.output, shapes, strict=True):
+        symbols = [current.get(n, n) if isinstance(n, str) else n for n in shape]
+        output.CopyFrom(onnx.helper.make_tensor_value_info(output.name, onnx.TensorProto.FLOAT, symbols))
+    del model.graph.value_info[:]
+    for node in model.graph.node:
+        del node.metadata_props[:]
+    del model.graph.metadata_props[:]
+
+
+@contextlib.contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the exporter's progress and advice off the screen; its errors still come through."""
+    logger = logging.getLogger("torch.onnx")
+    level = logger.level
+    logger.setLevel(logging.ERROR)
+    try:
+        with (
+            warnings.catch_warnings(),
+            contextlib.redirect_stdout(io.StringIO()),
+            contextlib.redirect_stderr(io.StringIO()),
+        ):
+            warnings.simplefilter("ignore")
+            yield
+    finally:
+        logger.setLevel(level)

@@ -1,0 +1,105 @@
+"""The parity gate: ONNX Runtime must draw the pictures that torch draws, frame after frame."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import onnxruntime as ort
+import torch
+from torch import Tensor
+
+from supersampler_export.graph import ExportError, history_name
+from supersampler_model.color import tone
+from supersampler_model.method import Method, Size
+
+SIZES: Sequence[tuple[Size, Size]] = (
+    (Size(26, 18), Size(52, 37)),  # as traced
+    (Size(80, 45), Size(160, 90)),
+    (Size(61, 47), Size(92, 71)),  # odd, at a ratio of 1.5
+    (Size(33, 17), Size(33, 17)),  # native
+    (Size(21, 13), Size(84, 52)),
+    (Size(1, 1), Size(1, 1)),
+    (Size(1, 9), Size(3, 28)),
+    (Size(240, 135), Size(480, 270)),
+)
+"""(render, display) sizes of the gate; only the first was traced."""
+
+FRAMES = 4
+TOLERANCE = 1e-4
+SHARE = 0.999
+"""At this share of the pixels the toned pictures differ by no more than TOLERANCE.
+
+The rest are pixels where a rounding error decides a comparison (closest of two equal depths, floor of a
+position on a sample), which noise, the content of the gate, has many of.
+"""
+
+
+@dataclass(frozen=True)
+class Parity:
+    """Difference between torch and ONNX Runtime on one pair of sizes, of pictures toned to [0, 1)."""
+
+    render: Size
+    display: Size
+    median: float
+    difference: float  # at SHARE of the values
+    largest: float
+
+
+def check_parity(method: Method, graph: bytes) -> list[Parity]:
+    """Run both over all sizes.
+
+    Raises:
+        ExportError: they differ by more than the tolerance at some size.
+    """
+    options = ort.SessionOptions()
+    options.log_severity_level = 3
+    session = ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
+    results = [compare(method, session, render, display) for render, display in SIZES]
+    for result in results:
+        if not result.difference <= TOLERANCE:
+            raise ExportError(
+                f"{method.name} at {tuple(result.render)} -> {tuple(result.display)}: ONNX Runtime is off by "
+                f"{result.difference:.1e}; want {TOLERANCE:.0e}"
+            )
+    return results
+
+
+def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
+    """Step FRAMES noisy frames through both, each with its own history."""
+    ours = theirs = method.first_history(display, render)
+    differences = []
+    for frame in noise(render, display):
+        arguments = [frame[name] for name in method.inputs()]
+        with torch.no_grad():
+            image, *ours = method(*arguments, *ours)
+        names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
+        feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
+        other, *theirs = (torch.from_numpy(array) for array in session.run(None, feeds))
+        differences.append((tone(image) - tone(other)).abs().numpy().ravel())
+    difference = np.concatenate(differences)
+    median, at_share = np.quantile(difference, [0.5, SHARE])
+    return Parity(render, display, float(median), float(at_share), float(difference.max()))
+
+
+def noise(render: Size, display: Size) -> Iterator[dict[str, Tensor]]:
+    """Frames of smooth colour with noise on it, sloping depth with steps, motion of a few pixels."""
+    random = np.random.default_rng(render.width * 1000 + render.height)
+    y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
+    for _ in range(FRAMES):
+        a, b, c = random.uniform(0.05, 0.4, 3)
+        waves = np.stack([np.sin(a * x + b * y), np.cos(b * x - c * y), np.sin(c * x + a * y)])
+        color = np.exp(waves + 0.2 * random.standard_normal(waves.shape))
+        depth = 0.02 + 0.01 * (waves[:1] > 0.3) + 1e-4 * x + 1e-5 * random.random(x.shape)
+        motion = 2.3 * waves[:2] + 0.31
+        yield {
+            "color": _tensor(color),
+            "depth": _tensor(depth),
+            "motion": _tensor(motion),
+            "jitter": torch.tensor(random.uniform(-0.5, 0.5, (1, 2)).astype(np.float32)),
+            "exposure": torch.zeros(1),
+            "display_size": torch.tensor(display),
+        }
+
+
+def _tensor(array: "np.ndarray[tuple[int, ...], np.dtype[np.floating]]") -> Tensor:
+    return torch.from_numpy(np.ascontiguousarray(array, np.float32))[None]

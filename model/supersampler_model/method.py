@@ -1,0 +1,80 @@
+"""What a method is: a pure function step(frame inputs, history) -> (image, history), as one torch module.
+
+The signature of `forward` is the contract: its parameters name the inputs that the method asks for, those
+that begin with `history_` the tensors it wants back from the frame before. Each has the shape in `TENSORS`
+or in the method's own `history`. An all-zero history means no past.
+"""
+
+import inspect
+from collections.abc import Mapping
+from typing import ClassVar, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+Shape = tuple[int | str, ...]
+
+RENDER = ("render_height", "render_width")
+PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
+DISPLAY = ("display_height", "display_width")
+
+TENSORS: Mapping[str, Shape] = {
+    "color": (1, 3, *RENDER),
+    "depth": (1, 1, *RENDER),
+    "motion": (1, 2, *RENDER),
+    "jitter": (1, 2),
+    "exposure": (1,),  # 0 asks the graph to measure it
+    "display_size": (2,),  # int64 (width, height)
+    "image": (1, 3, *DISPLAY),
+}
+
+
+class Size(NamedTuple):
+    """Width and height of an image; symbolic while a graph is exported."""
+
+    width: int
+    height: int
+
+
+class Method(nn.Module):
+    """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
+
+    Attributes:
+        name: as in `Upscaler(name)` and in the model folder.
+        source: the paper or definition it follows.
+        history: shape of each tensor handed from one frame to the next, without the `history_` prefix.
+    """
+
+    name: ClassVar[str]
+    source: ClassVar[str]
+    history: ClassVar[Mapping[str, Shape]] = {}
+    ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
+
+    @classmethod
+    def inputs(cls) -> list[str]:
+        """Names of the frame inputs that the step asks for, in order."""
+        return [name for name in cls._parameters_of_step() if not name.startswith("history_")]
+
+    @classmethod
+    def _parameters_of_step(cls) -> list[str]:
+        return [name for name in inspect.signature(cls.forward).parameters if name != "self"]
+
+    def first_history(self, display: Size, render: Size) -> list[Tensor]:
+        """All zeros: no past."""
+        sizes = dict(zip((*DISPLAY, *PREVIOUS), (*display[::-1], *render[::-1]), strict=True))
+        return [
+            torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
+        ]
+
+
+def render_size_of(image: Tensor) -> Size:
+    """Size of an NCHW tensor."""
+    return Size(image.shape[3], image.shape[2])
+
+
+def display_size_of(display_size: Tensor) -> Size:
+    """Read (width, height) from the graph's int64 input, as sizes that an exporter can trace."""
+    width, height = int(display_size[0].item()), int(display_size[1].item())
+    torch._check(width >= 1)  # type: ignore[no-untyped-call]
+    torch._check(height >= 1)  # type: ignore[no-untyped-call]
+    return Size(width, height)

@@ -1,0 +1,94 @@
+"""Following motion into the past: dilation, where each display pixel was, warping the history."""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from supersampler_model.method import Size
+from supersampler_model.sampling import neighbours, sum_of
+
+UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
+
+
+def usable_motion(motion: Tensor) -> Tensor:
+    """NaN and Inf become no motion; a finite vector of any length stays (it leads off screen)."""
+    return torch.where(motion.abs() <= 1e6, motion, torch.zeros_like(motion))
+
+
+def usable_depth(depth: Tensor) -> Tensor:
+    """NaN, Inf and negative depth become UNKNOWN_DEPTH."""
+    return torch.where((depth >= 0.0) & (depth <= 1e30), depth, torch.full_like(depth, UNKNOWN_DEPTH))
+
+
+def closest(depth: Tensor, motion: Tensor) -> Tensor:
+    """Motion of the closest of the 3x3 samples, so that edges move with what is in front."""
+    best, chosen = depth, motion
+    for d, m in zip(neighbours(depth), neighbours(motion), strict=True):
+        closer = d > best
+        best, chosen = torch.where(closer, d, best), torch.where(closer, m, chosen)
+    return chosen
+
+
+def longest(motion: Tensor) -> Tensor:
+    """Longest of the 3x3 motion vectors, to track the fastest feature (Salvi 2016)."""
+    best, chosen = squared_length(motion), motion
+    for m in neighbours(motion):
+        length = squared_length(m)
+        longer = length > best
+        best, chosen = torch.where(longer, length, best), torch.where(longer, m, chosen)
+    return chosen
+
+
+def squared_length(vector: Tensor) -> Tensor:
+    """(1, 2, h, w) -> (1, 1, h, w)."""
+    return vector[:, :1] * vector[:, :1] + vector[:, 1:2] * vector[:, 1:2]
+
+
+class Past(NamedTuple):
+    """Where each display pixel was in the frame before, in pixels of that image (0 is a pixel's centre)."""
+
+    x: Tensor  # (1, 1, H, W)
+    y: Tensor
+    on_screen: Tensor  # 1 inside the image, else 0
+    motion: Tensor  # (1, 2, H, W) display pixels
+
+
+def past_of(motion: Tensor, display: Size, render: Size) -> Past:
+    """Follow `motion`, (1, 2, H, W) in render pixels."""
+    across = motion[:, :1] * display.width / render.width
+    down = motion[:, 1:2] * display.height / render.height
+    x = torch.arange(display.width, device=motion.device) + across
+    y = torch.arange(display.height, device=motion.device)[:, None] + down
+    right, bottom = display.width - 0.5, display.height - 0.5
+    on_screen = (x > -0.5) & (x < right) & (y > -0.5) & (y < bottom)
+    return Past(
+        x.clamp(-2.0, right + 1.5),
+        y.clamp(-2.0, bottom + 1.5),
+        on_screen.float(),
+        torch.cat([across, down], 1),
+    )
+
+
+def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
+    """Sample `image` at pixel positions (1, 1, H, W), clamped at the border."""
+    w, h = image.shape[3], image.shape[2]
+    grid = torch.cat([(2.0 * x + 1.0) / w - 1.0, (2.0 * y + 1.0) / h - 1.0], dim=1).permute(0, 2, 3, 1)
+    return F.grid_sample(image, grid, mode=mode, padding_mode="border", align_corners=False)
+
+
+def read_catmull_rom(image: Tensor, x: Tensor, y: Tensor) -> Tensor:
+    """Catmull-Rom, sixteen samples by nine bilinear reads: the two middle samples of an axis share one."""
+    columns, rows = _catmull_rom_reads(x), _catmull_rom_reads(y)
+    return sum_of([wx * wy * read(image, at_x, at_y) for at_y, wy in rows for at_x, wx in columns])
+
+
+def _catmull_rom_reads(position: Tensor) -> list[tuple[Tensor, Tensor]]:
+    whole = position.floor()
+    t = position - whole
+    before = ((-0.5 * t + 1.0) * t - 0.5) * t
+    second = ((-1.5 * t + 2.0) * t + 0.5) * t
+    after = (0.5 * t - 0.5) * t * t
+    middle = 1.0 - before - after
+    return [(whole - 1.0, before), (whole + second / middle, middle), (whole + 2.0, after)]

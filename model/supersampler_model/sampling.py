@@ -1,0 +1,119 @@
+"""Where display pixels look, and how images are read there: separable upsampling and history warps.
+
+Every image is (1, channels, height, width). The grid is DESIGN.md section 3: display pixel p looks at
+(p + 0.5) / r - 0.5 - jitter in the render-size input, per axis, with r = display / render; its past is at
+p + r * motion in display pixels. align_corners is False everywhere.
+"""
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from supersampler_model.method import Size
+
+Kernel = Callable[[Tensor], Tensor]
+"""Weight of a sample at a distance, elementwise."""
+
+
+class Grid(NamedTuple):
+    """Where display pixels look in the render-size input: real positions and nearest samples per axis."""
+
+    x: Tensor  # (W,) render pixels, 0 is the centre of sample 0
+    y: Tensor  # (H,)
+    column: Tensor  # (W,) int64
+    row: Tensor  # (H,) int64
+
+
+def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
+    """Grid of one frame; `jitter` is (1, 2) render pixels."""
+    x = positions(display.width, render.width, jitter[0, :1])
+    y = positions(display.height, render.height, jitter[0, 1:])
+    return Grid(x, y, nearest(x, render.width), nearest(y, render.height))
+
+
+class Taps(NamedTuple):
+    """What each of n display pixels reads along one axis: indices and weights, a pair of (n,) per tap."""
+
+    indices: list[Tensor]
+    weights: list[Tensor]
+
+    def normalised(self) -> "Taps":
+        """The same with weights that sum to one."""
+        total = self.total()
+        return Taps(self.indices, [weight / total for weight in self.weights])
+
+    def total(self) -> Tensor:
+        """(n,) sum of the weights."""
+        return torch.stack(self.weights).sum(0)
+
+
+def positions(display: int, render: int, jitter: Tensor) -> Tensor:
+    """(display,) positions in render pixels where the display pixels of one axis look; `jitter` is (1,)."""
+    pixel = torch.arange(display, dtype=torch.float32, device=jitter.device)
+    return (pixel + 0.5) * render / display - 0.5 - jitter
+
+
+def taps(position: Tensor, size: int, kernel: Kernel, *, reach: int = 2, scale: float = 1.0) -> Taps:
+    """Read the `reach` samples to either side of each `position` along an axis, clamped at the border.
+
+    The kernel sees the signed distance in render pixels times `scale`.
+    """
+    first = position.floor() - float(reach - 1)
+    indices, weights = [], []
+    for k in range(2 * reach):
+        sample = first + float(k)
+        indices.append(sample.long().clamp(0, size - 1))
+        weights.append(kernel((sample - position) * scale))
+    return Taps(indices, weights)
+
+
+def nearest(position: Tensor, size: int) -> Tensor:
+    """(n,) index of the sample nearest to each position, ties upwards."""
+    return (position + 0.5).floor().long().clamp(0, size - 1)
+
+
+def resample(image: Tensor, x: Taps, y: Taps) -> Tensor:
+    """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x)."""
+    rows = sum_of([image.index_select(3, i) * w for i, w in zip(*x, strict=True)])
+    return sum_of([rows.index_select(2, i) * w[:, None] for i, w in zip(*y, strict=True)])
+
+
+def pick(image: Tensor, grid: Grid) -> Tensor:
+    """Read the sample nearest to each display pixel: (1, c, h, w) -> (1, c, H, W)."""
+    return image.index_select(3, grid.column).index_select(2, grid.row)
+
+
+def sum_of(terms: list[Tensor]) -> Tensor:
+    """Left-to-right sum, so that torch, ONNX and the host kernels add in one order."""
+    total = terms[0]
+    for term in terms[1:]:
+        total = total + term
+    return total
+
+
+def linear(distance: Tensor) -> Tensor:
+    """Tent: bilinear interpolation."""
+    return (1.0 - distance.abs()).clamp(min=0.0)
+
+
+def catmull_rom(distance: Tensor) -> Tensor:
+    """Catmull-Rom cubic (a = -0.5): interpolates, reproduces quadratics, support 2."""
+    d = distance.abs()
+    near = (1.5 * d - 2.5) * d * d + 1.0
+    far = ((-0.5 * d + 2.5) * d - 4.0) * d + 2.0
+    return torch.where(d < 1.0, near, torch.where(d < 2.0, far, torch.zeros_like(d)))
+
+
+def gaussian(sigma: float) -> Kernel:
+    """Gaussian of height one."""
+    return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
+
+
+def neighbours(image: Tensor) -> list[Tensor]:
+    """The nine 3x3 neighbours of every pixel, edges repeated, row by row; the fifth is `image` itself."""
+    wide = torch.cat([image[..., :1], image, image[..., -1:]], dim=3)
+    tall = torch.cat([wide[:, :, :1], wide, wide[:, :, -1:]], dim=2)
+    h, w = image.shape[2], image.shape[3]
+    return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]

@@ -1,0 +1,204 @@
+"""`Model`: one exported method in one ONNX Runtime session. Pure: it remembers nothing between calls."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime as ort
+
+from supersampler.errors import ArgumentError, FrameError, ModelError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.model_info import ModelInfo, TensorInfo, find_model, read_model_info
+from supersampler.providers import check_provider_in_use, resolve_providers
+
+_DEVICES = {
+    "CUDAExecutionProvider": "cuda",
+    "TensorrtExecutionProvider": "cuda",
+    "DmlExecutionProvider": "dml",
+}
+
+
+@dataclass(eq=False)
+class History:
+    """What one frame leaves for the next: tensors on the device of the model, all zeros for no past.
+
+    Attributes:
+        display_size: (width, height) of the images that it belongs to.
+        render_size: (width, height) of the frame that left it.
+        tensors: by graph input name.
+    """
+
+    display_size: Size
+    render_size: Size
+    tensors: dict[str, ort.OrtValue]
+
+    def to_numpy(self) -> dict[str, Float32]:
+        """Copies of all tensors on the host."""
+        return {name: np.array(tensor.numpy()) for name, tensor in self.tensors.items()}
+
+
+class Model:
+    """An exported method, ready to run; shareable between threads and Upscalers.
+
+    Attributes:
+        info: what its model.json says.
+        providers: execution providers of ONNX Runtime in use, in order.
+    """
+
+    def __init__(self, info: ModelInfo, session: ort.InferenceSession) -> None:
+        self.info = info
+        self.providers: list[str] = session.get_providers()
+        self._session = session
+        self._device = _DEVICES.get(self.providers[0], "cpu")
+
+    @classmethod
+    def load(
+        cls, name_or_path: str | Path, *, providers: str | Sequence[str] = "auto", threads: int = 0
+    ) -> "Model":
+        """Load a shipped model by name, or a model folder by path.
+
+        Args:
+            name_or_path: one of `supersampler.model_names()`, or a folder with a model.json.
+            providers: "auto" (CUDA, DirectML, else CPU), a provider's name ("cpu", "cuda", "directml", ... or
+                ONNX Runtime's own), or several in order of preference.
+            threads: threads of the CPU provider; 0 takes every core.
+
+        Raises:
+            ModelError: no such model, a damaged folder, or another contract.
+            ProviderError: a provider was asked for and cannot be had.
+        """
+        info = read_model_info(find_model(name_or_path))
+        names = resolve_providers(providers)
+        options = ort.SessionOptions()
+        options.log_severity_level = 3  # errors only; the rest would print over a progress bar
+        options.intra_op_num_threads = threads
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        options.add_session_config_entry("session.set_denormal_as_zero", "1")
+        try:
+            session = ort.InferenceSession(str(info.step_path), options, providers=names)
+        except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
+            raise ModelError(f"{info.step_path}: ONNX Runtime cannot load it: {error}") from error
+        check_provider_in_use(names[0], session.get_providers())
+        return cls(info, session)
+
+    def first_history(self, display_size: Size, render_size: Size) -> History:
+        """No past: all zeros."""
+        tensors = {
+            h.input.name: self._zeros(h.input, render_size, display_size, render_size)
+            for h in self.info.history
+        }
+        return History(display_size, render_size, tensors)
+
+    def run(
+        self,
+        frame: Frame,
+        history: History,
+        *,
+        out: Float32 | None = None,
+        history_out: History | None = None,
+    ) -> tuple[Float32, History]:
+        """Upscale one frame to the display size of `history`.
+
+        Args:
+            frame: its `reset` is not looked at; hand in `first_history` for a frame without a past.
+            history: what the frame before left; not changed.
+            out: (H, W, 3) float32 to write the image to; a new array where None.
+            history_out: buffers of an older history to write to; new ones where None.
+
+        Returns:
+            The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame.
+
+        Raises:
+            FrameError: the frame lacks an input, or its size does not fit.
+            ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
+        """
+        self._check_fits(frame, history.display_size)
+        if history_out is history:
+            raise ArgumentError("history_out", got="history itself", want="other buffers")
+        width, height = history.display_size
+        image = _checked_out(out, (height, width, 3))
+        planes = np.empty((1, 3, height, width), np.float32)
+        history_out = self._prepared(history_out, history.display_size, frame.size)
+
+        binding = self._session.io_binding()
+        for name, array in self._inputs(frame, history.display_size).items():
+            binding.bind_cpu_input(name, array)
+        for h in self.info.history:
+            binding.bind_ortvalue_input(h.input.name, history.tensors[h.input.name])
+            binding.bind_ortvalue_output(h.output, history_out.tensors[h.input.name])
+        binding.bind_ortvalue_output(self.info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
+        self._session.run_with_iobinding(binding)
+        np.copyto(image, planes[0].transpose(1, 2, 0))
+        return image, history_out
+
+    def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
+        """Put copies made by `History.to_numpy` back on the device."""
+        history = self.first_history(display_size, render_size)
+        for name, tensor in history.tensors.items():
+            if name not in arrays or list(arrays[name].shape) != list(tensor.shape()):
+                raise ArgumentError(
+                    "state", got=f"without a fitting {name!r}", want=f"one saved by {self.info.method!r}"
+                )
+            tensor.update_inplace(np.ascontiguousarray(arrays[name], np.float32))
+        return history
+
+    def _check_fits(self, frame: Frame, display_size: Size) -> None:
+        if frame.color is None:
+            raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
+        low, high = self.info.ratios
+        for axis, name in enumerate(("width", "height")):
+            ratio = display_size[axis] / frame.size[axis]
+            slack = 1.0 / frame.size[axis]  # display sizes are rounded to whole pixels
+            if not low - slack <= ratio <= high + slack:
+                raise FrameError(
+                    "size",
+                    got=f"{frame.size}, {ratio:.3g} times less in {name} than the display's {display_size}",
+                    want=f"a ratio from {low} to {high}",
+                    hint="Sizes are (width, height).",
+                )
+
+    def _inputs(self, frame: Frame, display_size: Size) -> dict[str, np.ndarray[Any, Any]]:
+        """Frame inputs that the graph takes, as contiguous NCHW."""
+        values: dict[str, Any] = {
+            "color": frame.color,
+            "depth": frame.depth,
+            "motion": frame.motion,
+            "jitter": np.array([frame.jitter], np.float32),
+            "exposure": np.array([frame.exposure or 0.0], np.float32),
+            "display_size": np.array(display_size, np.int64),
+        }
+        return {t.name: _planes(values[t.name], t) for t in self.info.inputs}
+
+    def _prepared(self, history: History | None, display: Size, render: Size) -> History:
+        """Buffers that this frame's history fits in, those of `history` where they do."""
+        tensors = {}
+        for h in self.info.history:
+            old = None if history is None else history.tensors[h.input.name]
+            shape = h.input.shape_for(render=render, display=display, previous=render)
+            fits = old is not None and list(old.shape()) == list(shape)
+            tensors[h.input.name] = old if fits else self._zeros(h.input, render, display, render)
+        return History(display, render, tensors)
+
+    def _zeros(self, tensor: TensorInfo, render: Size, display: Size, previous: Size) -> ort.OrtValue:
+        shape = tensor.shape_for(render=render, display=display, previous=previous)
+        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self._device, 0)
+
+
+def _planes(value: np.ndarray[Any, Any], tensor: TensorInfo) -> np.ndarray[Any, Any]:
+    """(h, w, c) or (h, w) to (1, c, h, w) of the tensor's type; small vectors as they are."""
+    if len(tensor.shape) == 4:
+        value = value.transpose(2, 0, 1)[None] if value.ndim == 3 else value[None, None]
+    return np.ascontiguousarray(value, np.dtype(tensor.type))
+
+
+def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:
+    if out is None:
+        return np.empty(shape, np.float32)
+    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float32:
+        got = f"{out.shape} {out.dtype}" if isinstance(out, np.ndarray) else type(out).__name__
+        raise ArgumentError("out", got=got, want=f"{shape} float32 numpy array")
+    if not out.flags.writeable:
+        raise ArgumentError("out", got="read-only", want="a writable array")
+    return out

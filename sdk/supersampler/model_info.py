@@ -1,0 +1,163 @@
+"""model.json: what a model folder holds, which tensors its graph takes, and how far it is trusted."""
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from supersampler.errors import ModelError
+from supersampler.frame import Size
+
+CONTRACT = 1
+"""Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
+
+
+@dataclass(frozen=True)
+class TensorInfo:
+    """One input, output or history tensor of a graph.
+
+    Attributes:
+        name: its name in the graph.
+        type: numpy's name of its element type.
+        shape: numbers, and names for what varies: render_width, display_height, previous_width, ...
+    """
+
+    name: str
+    type: str
+    shape: tuple[int | str, ...]
+
+    def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
+        """Its shape at the given (width, height) sizes."""
+        named = {
+            "render_width": render[0],
+            "render_height": render[1],
+            "display_width": display[0],
+            "display_height": display[1],
+            "previous_width": previous[0],
+            "previous_height": previous[1],
+        }
+        return tuple(named[n] if isinstance(n, str) else n for n in self.shape)
+
+
+@dataclass(frozen=True)
+class HistoryInfo:
+    """One history tensor: goes in under `input.name`, comes out under `output`, all zeros for no past."""
+
+    input: TensorInfo
+    output: str
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What model.json says; see `supersampler info MODEL`."""
+
+    folder: Path
+    contract: int
+    method: str
+    source: str
+    ratios: tuple[float, float]
+    inputs: tuple[TensorInfo, ...]
+    history: tuple[HistoryInfo, ...]
+    image: TensorInfo
+    files: Mapping[str, str]
+    config: Mapping[str, Any]
+    parity: Mapping[str, Any]
+    licence: str
+    attributions: tuple[str, ...]
+    versions: Mapping[str, str]
+
+    @property
+    def step_path(self) -> Path:
+        """The graph of the whole recurrent step."""
+        return self.folder / "step.onnx"
+
+    def wants(self, name: str) -> bool:
+        """Whether the graph takes the frame input `name`."""
+        return any(tensor.name == name for tensor in self.inputs)
+
+
+def model_names() -> list[str]:
+    """Names of the models that ship with this package."""
+    return sorted(path.name for path in _shipped().iterdir() if (path / "model.json").is_file())
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """Folder of a shipped model by name, or of any model by path.
+
+    Raises:
+        ModelError: neither exists.
+    """
+    path = Path(name_or_path)
+    if (path / "model.json").is_file():
+        return path
+    shipped = _shipped() / str(name_or_path)
+    if str(name_or_path) in model_names():
+        return shipped
+    raise ModelError(
+        f"no model {str(name_or_path)!r}: it is neither one of {', '.join(model_names())} "
+        "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
+    )
+
+
+def read_model_info(folder: Path) -> ModelInfo:
+    """Read and check `folder`/model.json and the hashes of the files it names.
+
+    Raises:
+        ModelError: it is damaged, or of a contract that this runtime does not drive.
+    """
+    path = folder / "model.json"
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+        if data["contract"] != CONTRACT:
+            raise ModelError(
+                f"{path}: model contract is {data['contract']}; this runtime drives {CONTRACT}. "
+                "Export the method again with this version of `supersampler export`."
+            )
+        info = _parse(folder, data)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        if isinstance(error, ModelError):
+            raise
+        raise ModelError(f"{path}: not a model description ({type(error).__name__}: {error})") from error
+    for name, digest in info.files.items():
+        if not (folder / name).is_file():
+            raise ModelError(f"{folder}: {name} is missing. Export or copy the whole folder again.")
+        if sha256(folder / name) != digest:
+            raise ModelError(
+                f"{folder / name}: its content is not what model.json describes (sha256 differs)"
+            )
+    return info
+
+
+def sha256(path: Path) -> str:
+    """Hex digest of a file."""
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _parse(folder: Path, data: Mapping[str, Any]) -> ModelInfo:
+    return ModelInfo(
+        folder=folder,
+        contract=data["contract"],
+        method=data["method"],
+        source=data["source"],
+        ratios=(data["ratios"][0], data["ratios"][1]),
+        inputs=tuple(_tensor(t) for t in data["inputs"]),
+        history=tuple(HistoryInfo(_tensor(t), t["output"]) for t in data["history"]),
+        image=_tensor(data["image"]),
+        files=data["files"],
+        config=data["config"],
+        parity=data["parity"],
+        licence=data["licence"],
+        attributions=tuple(data["attributions"]),
+        versions=data["versions"],
+    )
+
+
+def _tensor(data: Mapping[str, Any]) -> TensorInfo:
+    return TensorInfo(data["name"], data["type"], tuple(data["shape"]))
+
+
+def _shipped() -> Path:
+    return Path(str(resources.files("supersampler"))) / "models"

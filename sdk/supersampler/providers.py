@@ -1,0 +1,79 @@
+"""Which ONNX Runtime execution provider runs a graph; asked for by name, never replaced in silence."""
+
+from collections.abc import Sequence
+from importlib import metadata
+
+from supersampler.errors import ProviderError
+
+NAMES = {
+    "cpu": "CPUExecutionProvider",
+    "cuda": "CUDAExecutionProvider",
+    "tensorrt": "TensorrtExecutionProvider",
+    "directml": "DmlExecutionProvider",
+    "rocm": "ROCMExecutionProvider",
+    "migraphx": "MIGraphXExecutionProvider",
+    "openvino": "OpenVINOExecutionProvider",
+    "coreml": "CoreMLExecutionProvider",
+    "webgpu": "WebGpuExecutionProvider",
+}
+"""Short names; ONNX Runtime's own are taken too."""
+
+AUTOMATIC = ("cuda", "directml", "cpu")
+"""What "auto" looks for, in this order: the providers that run every operator of our graphs at once."""
+
+_DISTRIBUTIONS = (
+    "onnxruntime",
+    "onnxruntime-gpu",
+    "onnxruntime-directml",
+    "onnxruntime-rocm",
+    "onnxruntime-openvino",
+)
+
+
+def resolve_providers(providers: str | Sequence[str]) -> list[str]:
+    """Return ONNX Runtime's names for `providers`: "auto", one name, or several in order of preference.
+
+    Raises:
+        ProviderError: one of them is not in this installation; lists those that are.
+    """
+    import onnxruntime
+
+    check_one_distribution()
+    available = onnxruntime.get_available_providers()
+    if providers == "auto":
+        return [NAMES[name] for name in AUTOMATIC if NAMES[name] in available][:1]
+    wanted = [providers] if isinstance(providers, str) else list(providers)
+    names = [NAMES.get(name.lower(), name) for name in wanted]
+    for asked, name in zip(wanted, names, strict=True):
+        if name not in available:
+            raise ProviderError(
+                f"execution provider {asked!r} is not in this installation of ONNX Runtime; "
+                f"available: {', '.join(available)}. Other providers come with other distributions: "
+                "uninstall onnxruntime, then install onnxruntime-gpu or onnxruntime-directml."
+            )
+    return names
+
+
+def check_provider_in_use(wanted: str, used: Sequence[str]) -> None:
+    """Raise ProviderError if ONNX Runtime fell back to another provider, as it does when libraries lack."""
+    if wanted not in used:
+        raise ProviderError(
+            f"{wanted} is installed but could not start; ONNX Runtime fell back to {', '.join(used)}. "
+            "Its libraries (CUDA and cuDNN for CUDAExecutionProvider) are missing or of another version."
+        )
+
+
+def check_one_distribution() -> None:
+    """Raise ProviderError if two distributions of ONNX Runtime overwrite each other's files."""
+    found = []
+    for name in _DISTRIBUTIONS:
+        try:
+            metadata.distribution(name)
+        except metadata.PackageNotFoundError:
+            continue
+        found.append(name)
+    if len(found) > 1:
+        raise ProviderError(
+            f"{' and '.join(found)} are installed at once and overwrite each other's files. "
+            f"Uninstall all of them (pip uninstall {' '.join(found)}), then install the one you want."
+        )

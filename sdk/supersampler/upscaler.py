@@ -1,0 +1,212 @@
+"""`Upscaler`: a Model and the history of one view. One per camera; frames go in one after the other."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import TracebackType
+from typing import Literal
+
+import numpy as np
+
+from supersampler.checks import FrameChecker
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.model import History, Model
+
+
+@dataclass(frozen=True)
+class State:
+    """A copy of an Upscaler's history; plain arrays and numbers, so it can be pickled or sent elsewhere."""
+
+    method: str
+    display_size: Size | None
+    render_size: Size | None
+    history: Mapping[str, Float32] | None
+
+
+@dataclass(frozen=True)
+class Stats:
+    """What an Upscaler has done since it was made.
+
+    Attributes:
+        frames: frames stepped.
+        resets: times that the history was dropped, the first frame's included.
+        seconds: wall time spent in `step`.
+    """
+
+    frames: int = 0
+    resets: int = 0
+    seconds: float = 0.0
+
+
+class Upscaler:
+    """Turns the frames of one camera, in order, into clean frames at display size.
+
+    >>> upscaler = Upscaler("taau", display_size=(1920, 1080))
+    >>> for frame in shot:
+    ...     image = upscaler.step(frame)  # (1080, 1920, 3) float32, linear RGB
+
+    Not for use from two threads at once; several Upscalers may share one Model and step in parallel.
+
+    Args:
+        model: a `Model`, the name of a shipped one, or a model folder.
+        display_size: (width, height) of the images.
+        scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
+        render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
+            fixes the display size before the first frame. Frames of other sizes are taken too.
+        providers: see `Model.load`; not with a `Model`.
+        threads: see `Model.load`; not with a `Model`.
+        validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
+            the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
+
+    Raises:
+        ArgumentError: sizes are missing or contradict each other.
+        ModelError, ProviderError: see `Model.load`.
+    """
+
+    def __init__(
+        self,
+        model: Model | str | Path = "taau",
+        *,
+        display_size: Size | None = None,
+        scale: float | None = None,
+        render_size: Size | None = None,
+        providers: str | Sequence[str] = "auto",
+        threads: int = 0,
+        validate: Literal["off", "warn", "strict"] = "warn",
+    ) -> None:
+        if (display_size is None) == (scale is None):
+            got = "neither" if scale is None else "both"
+            raise ArgumentError("display_size or scale", got=got, want="one of the two")
+        self._display_size = None if display_size is None else _checked_size("display_size", display_size)
+        self._scale = 1.0 if scale is None else _checked_scale(scale)
+        self._render_size = None if render_size is None else _checked_size("render_size", render_size)
+        self._checker = FrameChecker(validate)
+        if isinstance(model, Model):
+            if providers != "auto" or threads:
+                raise ArgumentError(
+                    "providers or threads", got="set beside a Model", want="set in Model.load"
+                )
+            self.model = model
+        else:
+            self.model = Model.load(model, providers=providers, threads=threads)
+        if self._render_size is not None and self._display_size is None:
+            self._display_size = self._scaled(self._render_size)
+        self._history: History | None = None
+        self._spare: History | None = None
+        self._closed = False
+        self.stats = Stats()
+
+    @property
+    def display_size(self) -> Size | None:
+        """(width, height) of the images; with `scale` None until the first frame."""
+        return self._display_size
+
+    def step(self, frame: Frame, *, out: Float32 | None = None) -> Float32:
+        """Upscale the next frame.
+
+        Args:
+            frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
+            out: (H, W, 3) float32 to write the image to.
+
+        Returns:
+            (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
+
+        Raises:
+            FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
+            ArgumentError: `out` has the wrong shape or type.
+        """
+        started = time.perf_counter()
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
+        display_size = self._display_size or self._scaled(frame.size)
+        self._checker.check(frame, display_size)
+        history, fresh = self._history, False
+        if history is None or frame.reset:
+            history, fresh = self.model.first_history(display_size, frame.size), True
+        image, left = self.model.run(frame, history, out=out, history_out=self._spare)
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self.stats = Stats(
+            self.stats.frames + 1,
+            self.stats.resets + fresh,
+            self.stats.seconds + time.perf_counter() - started,
+        )
+        return image
+
+    def reset(self) -> None:
+        """Forget the past, as `Frame.reset` does."""
+        self._history = None
+        self._checker.reset()
+
+    def warm_up(self, render_size: Size | None = None) -> None:
+        """Run once on a black frame, so that the first `step` pays for no start-up; the history is untouched.
+
+        Raises:
+            ArgumentError: `render_size` was given neither here nor to the constructor.
+        """
+        size = render_size or self._render_size
+        if size is None:
+            raise ArgumentError("render_size", got=None, want="(width, height)")
+        width, height = _checked_size("render_size", size)
+        zeros = np.zeros((height, width, 3), np.float32)
+        frame = Frame(color=zeros, depth=zeros[..., 0], motion=zeros[..., :2], jitter=(0.0, 0.0))
+        display_size = self._display_size or self._scaled(size)
+        self.model.run(frame, self.model.first_history(display_size, size))
+
+    def save_state(self) -> State:
+        """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""
+        if self._history is None:
+            return State(self.model.info.method, self._display_size, None, None)
+        history = self._history
+        return State(self.model.info.method, history.display_size, history.render_size, history.to_numpy())
+
+    def load_state(self, state: State) -> None:
+        """Continue from `state`.
+
+        Raises:
+            ArgumentError: it is of another method or display size; the history stays as it was.
+        """
+        if state.method != self.model.info.method:
+            raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {self.model.info.method!r}")
+        if self._display_size not in (None, state.display_size):
+            raise ArgumentError("state", got=f"at {state.display_size}", want=f"at {self._display_size}")
+        history = None
+        if state.history is not None and state.display_size and state.render_size:
+            history = self.model.load_history(state.display_size, state.render_size, state.history)
+        self._history, self._spare = history, None
+        self._display_size = state.display_size
+        self._checker.reset()
+
+    def close(self) -> None:
+        """Free the history; `step` raises afterwards."""
+        self._history = self._spare = None
+        self._closed = True
+
+    def __enter__(self) -> "Upscaler":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def _scaled(self, render_size: Size) -> Size:
+        return round(render_size[0] * self._scale), round(render_size[1] * self._scale)
+
+
+def _checked_scale(scale: float) -> float:
+    if not 1.0 <= scale < float("inf"):
+        raise ArgumentError("scale", got=scale, want="a number >= 1: display size over render size")
+    return float(scale)
+
+
+def _checked_size(name: str, size: Size) -> Size:
+    try:
+        width, height = (int(n) for n in size)
+    except (TypeError, ValueError):
+        raise ArgumentError(name, got=repr(size), want="(width, height) in pixels") from None
+    if width < 1 or height < 1:
+        raise ArgumentError(name, got=(width, height), want="(width, height), each at least 1")
+    return width, height
