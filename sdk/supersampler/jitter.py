@@ -20,7 +20,7 @@ RATIOS: Mapping[str, float] = {
     "xess_native_aa": 1.0, "xess_ultra_quality_plus": 1.3, "xess_ultra_quality": 1.5, "xess_quality": 1.7,
     "xess_balanced": 2.0, "xess_performance": 2.3, "xess_ultra_performance": 3.0,
 }  # fmt: skip
-"""Display size / render size per axis, by vendor and mode. Frozen; XeSS is as of 1.3, which renumbered them."""
+"""Display size / render size per axis, by vendor and mode. Frozen; XeSS as of 1.3, which renumbered."""
 
 
 def jitter_phase_count(scale: float) -> int:

@@ -1,0 +1,240 @@
+"""Whose signs, units and spaces a frame is in, as one value that can be stored beside the frames."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, fields
+from math import isfinite
+from typing import Any, Literal, Self, get_args
+
+from supersampler.conventions.converter import Converter
+from supersampler.conventions.depth import DepthKind
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+
+Unit = Literal["pixels", "uv", "ndc"]
+Direction = Literal["previous_minus_current", "current_minus_previous"]
+Resolution = Literal["render", "display"]
+
+_CHOICES: Mapping[str, tuple[str, ...]] = {
+    "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
+    "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
+}  # fmt: skip
+_SWITCHES = ("motion_flip_y", "motion_jittered", "jitter_flip_y", "bottom_up", "srgb")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, repr=False)
+class Conventions:
+    """How to read an engine's frame. The defaults are this package's own conventions, those of `Frame`.
+
+    Units: "pixels" are those of the buffer's own grid; "uv" spans the image from 0 to 1, "ndc" from -1 to 1.
+    x points right in all of them; y points down, but up in "ndc"; a `flip_y` turns it round once more.
+
+    Attributes:
+        motion_unit: unit of the vectors after `motion_scale`.
+        motion_scale: (x, y), not 0. Multiplied in first: FSR's motionVectorScale, Streamline's mvecScale,
+            XeSS's velocity scale.
+        motion_direction: "previous_minus_current" vectors are added to a pixel to find its past,
+            "current_minus_previous" ones are subtracted.
+        motion_flip_y: True where the vectors' y points the other way than their unit says.
+        motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
+            takes the one at its centre + jitter.
+        motion_jittered: True where the vectors contain the move of the jitter between the two frames.
+        depth: "reversed_infinite" near / distance; "reversed" 1 at the near plane, 0 at the far plane;
+            "forward" 0 at the near plane, 1 at the far plane; "forward_infinite" 1 - near / distance;
+            "linear" distance along the view axis.
+        near: distance of the near plane, > 0, also where depth is reversed. It matters with a finite far
+            plane and, as a constant factor that changes no picture, with linear depth.
+        far: distance of the far plane, > near. "reversed" and "forward" need it; for "linear", surfaces at
+            this distance and beyond are sky.
+        jitter_unit: unit of the jitter.
+        jitter_sign: +1: the sample is taken at the pixel's centre + jitter; -1: at centre - jitter (which is
+            the same as: the image moves by + jitter).
+        jitter_flip_y: True where the jitter's y points the other way than its unit says.
+        bottom_up: True where row 0 is the bottom row. This is about rows only, not about any y above.
+        srgb: True where colour is sRGB-encoded; it is decoded to linear.
+
+    Raises:
+        ArgumentError: a field has a value that is not listed, or contradicts another.
+    """
+
+    motion_unit: Unit = "pixels"
+    motion_scale: tuple[float, float] = (1.0, 1.0)
+    motion_direction: Direction = "previous_minus_current"
+    motion_flip_y: bool = False
+    motion_resolution: Resolution = "render"
+    motion_jittered: bool = False
+    depth: DepthKind = "reversed_infinite"
+    near: float = 0.1
+    far: float | None = None
+    jitter_unit: Unit = "pixels"
+    jitter_sign: int = 1
+    jitter_flip_y: bool = False
+    bottom_up: bool = False
+    srgb: bool = False
+
+    def __post_init__(self) -> None:
+        for name, choices in _CHOICES.items():
+            if getattr(self, name) not in choices:
+                raise ArgumentError(name, got=repr(getattr(self, name)), want=" or ".join(map(repr, choices)))
+        for name in _SWITCHES:
+            if not isinstance(getattr(self, name), bool):
+                raise ArgumentError(name, got=repr(getattr(self, name)), want="True or False")
+        if self.jitter_sign not in (1, -1):
+            raise ArgumentError("jitter_sign", got=repr(self.jitter_sign), want="+1 or -1")
+        object.__setattr__(self, "motion_scale", _checked_scale(self.motion_scale))
+        self._check_planes()
+
+    def _check_planes(self) -> None:
+        if not _is_finite(self.near) or self.near <= 0:
+            hint = "near is the distance of the near plane, also where depth is reversed."
+            raise ArgumentError("near", got=self.near, want="a finite distance > 0", hint=hint)
+        if self.far is None:
+            if self.depth in ("reversed", "forward"):
+                hint = f"Without a far plane it is depth='{self.depth}_infinite'."
+                raise ArgumentError(
+                    "far", got=None, want=f"a distance, as depth is '{self.depth}'", hint=hint
+                )
+            return
+        if not _is_finite(self.far) or self.far <= self.near:
+            hint = "far is the farther plane, also where depth is reversed."
+            raise ArgumentError(
+                "far", got=self.far, want=f"finite and > near = {self.near}, or None", hint=hint
+            )
+        if self.depth.endswith("infinite"):
+            raise ArgumentError("far", got=self.far, want=f"None, as depth is '{self.depth}'")
+
+    def __repr__(self) -> str:
+        """Return the call that makes this value, without what is as by default."""
+        changed = (f for f in fields(self) if getattr(self, f.name) != f.default)
+        return f"Conventions({', '.join(f'{f.name}={getattr(self, f.name)!r}' for f in changed)})"
+
+    def converter(self, *, display_size: Size | None = None) -> Converter:
+        """Return a converter for one sequence of frames; it must see them all, in order.
+
+        Args:
+            display_size: (width, height), needed only by `Converter.from_frame` with motion at display size.
+        """
+        return Converter(self, display_size=display_size)
+
+    def to_json(self) -> dict[str, Any]:
+        """Return all fields as a plain dict of strings, numbers, lists and None."""
+        return {**asdict(self), "motion_scale": list(self.motion_scale)}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> Self:
+        """Return the conventions of a dict as `to_json` writes it; what is missing is as by default.
+
+        Raises:
+            ArgumentError: a key is unknown, or a value is not one of its field.
+        """
+        return cls._preset({}, content)
+
+    @classmethod
+    def _preset(cls, preset: Mapping[str, Any], overrides: Mapping[str, Any]) -> Self:
+        known = [field.name for field in fields(cls)]
+        for name in overrides:
+            if name not in known:
+                raise ArgumentError("conventions", got=f"given {name!r}", want=f"one of {', '.join(known)}")
+        return cls(**{**preset, **overrides})
+
+    @classmethod
+    def fsr(cls, **overrides: Any) -> Self:
+        """AMD FSR 2 and 3, Arm ASR, as their code is: motion pixels to be added, image moved by + jitter.
+
+        `motion_scale` is motionVectorScale: (W, H) for vectors in UV, and (0.5 W, -0.5 H) for NDC, where
+        FSR's README shows (W, H), which makes them twice too long and upside down. Depth is as FSR
+        recommends it, reversed with an infinite far plane; without its flags depth="forward", near=, far=.
+
+        Sources: FidelityFX-FSR2 README "Camera jitter" (translation by 2 x / W, -2 y / H on the left of the
+        projection); ffx_fsr2.cpp (motionVectorScale / target size); ffx_fsr2_upsample.h (sample at - jitter);
+        ffx_fsr2_callbacks_hlsl.h (jittered motion is cancelled by previous minus current jitter).
+        """
+        return cls._preset({"jitter_sign": -1}, overrides)
+
+    @classmethod
+    def xess(cls, **overrides: Any) -> Self:
+        """Intel XeSS: motion pixels to be added, depth forward, image moved by + jitter.
+
+        XESS_INIT_FLAG_USE_NDC_VELOCITY is motion_unit="ndc", HIGH_RES_MV motion_resolution="display",
+        JITTERED_MV motion_jittered=True, INVERTED_DEPTH depth="reversed_infinite"; `motion_scale` is
+        xessSetVelocityScale. XeSS wants no planes, we do: give depth="forward", near=, far= for a finite one.
+
+        Source: intel/xess doc/xess_sr_developer_guide_english.md, "Jitter" (P[2][0] += 2 x / W and
+        P[2][1] -= 2 y / H on row vectors; "the effective jitter is negated"), "Motion Vectors", "Depth".
+        """
+        return cls._preset({"jitter_sign": -1, "depth": "forward_infinite"}, overrides)
+
+    @classmethod
+    def streamline(cls, **overrides: Any) -> Self:
+        """NVIDIA Streamline (DLSS): motion in screens after mvecScale, jitter in pixels as FSR's.
+
+        `motion_scale` is sl::Constants::mvecScale, (1 / w, 1 / h) for vectors in pixels; depthInverted
+        eFalse is depth="forward_infinite" or "forward", motionVectorsJittered is motion_jittered=True. NGX
+        itself takes pixels: motion_unit="pixels" and InMVScale as `motion_scale`.
+
+        Sources: Streamline sl_consts.h, ProgrammingGuideDLSS.md section 6. The jitter's sign is not written
+        there; it is seen from outside: OptiScaler hands NGX's Jitter_Offset to FSR 2 and XeSS unchanged.
+        """
+        return cls._preset({"motion_unit": "uv", "jitter_sign": -1}, overrides)
+
+    @classmethod
+    def unreal(cls, **overrides: Any) -> Self:
+        """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels as FSR's.
+
+        Decode the velocity buffer first: (v - 32767 / 65535) / 0.2495. SceneDepth as exported is depth="linear".
+
+        Sources: SceneVisibility.cpp, HackAddTemporalAAProjectionJitter(2 x / W, -2 y / H); snapdragon-gsr
+        (decoding, and previous = uv - 0.5 v); Arm's capture plugin (v (0.5, -0.5) is current minus previous).
+        """
+        preset = {"motion_unit": "ndc", "motion_direction": "current_minus_previous", "jitter_sign": -1}
+        return cls._preset(preset, overrides)
+
+    @classmethod
+    def unity(cls, **overrides: Any) -> Self:
+        """Unity HDRP: motion UV, current minus previous; taaJitter in pixels with y up, of the camera.
+
+        In URP the jitter moves the image instead: jitter_sign=-1. Motion has y down where textures start at
+        the top (Direct3D, Metal, Vulkan); else motion_flip_y=True. ReadPixels gives bottom_up=True. Set near
+        and far to the camera's; these are Unity's defaults.
+
+        Sources: HDRP CameraMotionVectors.shader; HDCamera.cs, GetJitteredProjectionMatrix (the frustum's
+        planes move by + jitter); URP TemporalAA.cs, CalculateJitterMatrix (translation by 2 x / W, 2 y / H).
+        """
+        preset = {
+            "motion_unit": "uv", "motion_direction": "current_minus_previous", "jitter_flip_y": True,
+            "depth": "reversed", "near": 0.3, "far": 1000.0,
+        }  # fmt: skip
+        return cls._preset(preset, overrides)
+
+    @classmethod
+    def blender(cls, **overrides: Any) -> Self:
+        """Blender's Cycles passes: Vector's X and Y in pixels, y up, previous minus current; Z is distance.
+
+        The sky's Z is 1e10. Blender has no jitter of its own: a camera with shift_x = x / max(w, h) and
+        shift_y = -y / max(w, h) samples at the pixel's centre + (x, y), which is this package's sign.
+
+        Source: rendered and measured; a converged picture warped so matches the next to 0.01 pixel.
+        """
+        return cls._preset({"motion_flip_y": True, "depth": "linear", "far": 1e10}, overrides)
+
+    @classmethod
+    def arm_gym(cls, **overrides: Any) -> Self:
+        """Arm's neural graphics model gym: motion_lr in pixels, current minus previous; sample at + jitter.
+
+        Turn its (y, x) order of motion and jitter round first. ReverseZ is depth="reversed_infinite"; a
+        finite zFar is depth="forward", near=, far=.
+
+        Sources: nss_dataset_specification.md; dense_warp_utils.py (grid - flow); graphics_utils.py and
+        pre_process.slang (unjitter_uv = uv - jitter).
+        """
+        preset = {"motion_direction": "current_minus_previous", "depth": "forward_infinite"}
+        return cls._preset(preset, overrides)
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+
+
+def _checked_scale(scale: object) -> tuple[float, float]:
+    if isinstance(scale, tuple | list) and len(scale) == 2 and all(_is_finite(v) and v != 0 for v in scale):
+        return float(scale[0]), float(scale[1])
+    raise ArgumentError("motion_scale", got=repr(scale), want="(x, y), two finite numbers that are not 0")

@@ -1,0 +1,226 @@
+"""`RawFrame` to `Frame` and back, following the frames of one sequence."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
+from supersampler.conventions.raw_frame import RawFrame
+from supersampler.conventions.srgb import srgb_decoded, srgb_encoded
+from supersampler.errors import ArgumentError, FrameError
+from supersampler.frame import Array, Frame, Size, as_array
+
+if TYPE_CHECKING:
+    from supersampler.conventions.conventions import Conventions
+
+_Pair = tuple[float, float]
+
+
+class Converter:
+    """Converts the frames of one sequence, in order; made by `Conventions.converter`.
+
+    It remembers one thing: the jitter of the frame before, as cancelling jittered motion needs it. A frame
+    that is refused does not count as seen. The two directions are independent of each other.
+    """
+
+    def __init__(self, conventions: Conventions, *, display_size: Size | None = None) -> None:
+        self.conventions, self.display_size = conventions, display_size
+        self._previous_in: _Pair | None = None  # in UV, as the render size may change
+        self._previous_out: _Pair | None = None
+
+    def to_frame(self, raw: RawFrame) -> Frame:
+        """Return the frame in this package's conventions. Arrays that need no change are not copied.
+
+        Raises:
+            FrameError: an input has a shape, type or range that these conventions do not allow.
+        """
+        depth = self._rows(_floating("depth", raw.depth))
+        size = _render_size(depth)
+        jitter = self._jitter_in(raw.jitter, size)
+        shift = self._shift(jitter, size, None if raw.reset else self._previous_in)
+        frame = Frame(
+            color=None if raw.color is None else self._color(_floating("color", raw.color)),
+            depth=self._depth(depth),
+            motion=self._motion_in(self._rows(_floating("motion", raw.motion)), size, jitter, shift),
+            jitter=jitter,
+            reset=raw.reset,
+            exposure=raw.exposure,
+            gbuffer=self._gbuffer(raw.gbuffer),
+            gbuffer_display=self._gbuffer(raw.gbuffer_display),
+            carry=None if raw.carry is None else self._rows(_floating("carry", raw.carry)),
+        )
+        self._previous_in = _in_uv(jitter, size)
+        return frame
+
+    def from_frame(self, frame: Frame) -> RawFrame:
+        """Return the frame as these conventions have it: the inverse of `to_frame`.
+
+        Raises:
+            FrameError: the depth has surfaces beyond the far plane.
+            ArgumentError: motion is at display size and `display_size` was not given.
+        """
+        shift = self._shift(frame.jitter, frame.size, None if frame.reset else self._previous_out)
+        raw = RawFrame(
+            color=None if frame.color is None else self._color(frame.color, encode=True),
+            depth=self._rows(self._depth(frame.depth, encode=True)),
+            motion=self._rows(self._motion_out(frame, shift)),
+            jitter=self._jitter_out(frame),
+            reset=frame.reset,
+            exposure=frame.exposure,
+            gbuffer=self._gbuffer(frame.gbuffer, encode=True),
+            gbuffer_display=self._gbuffer(frame.gbuffer_display, encode=True),
+            carry=None if frame.carry is None else self._rows(frame.carry),
+        )
+        self._previous_out = _in_uv(frame.jitter, frame.size)
+        return raw
+
+    def _rows(self, array: Array) -> Array:
+        return np.ascontiguousarray(array[::-1]) if self.conventions.bottom_up else array
+
+    def _color(self, color: Array, *, encode: bool = False) -> Array:
+        rows = self._rows(color)
+        if not self.conventions.srgb:
+            return rows
+        return srgb_encoded(rows) if encode else srgb_decoded(rows)
+
+    def _depth(self, depth: Array, *, encode: bool = False) -> NDArray[np.float32]:
+        kind = self.conventions
+        convert = from_reversed_infinite if encode else to_reversed_infinite
+        return convert(depth, kind.depth, kind.near, kind.far)
+
+    def _gbuffer(
+        self, buffers: Mapping[str, Array] | None, *, encode: bool = False
+    ) -> Mapping[str, Array] | None:
+        if buffers is None:
+            return None
+        converted = {name: self._rows(_floating(name, array)) for name, array in buffers.items()}
+        if "depth" in converted:
+            converted["depth"] = self._depth(converted["depth"], encode=encode)
+        return converted
+
+    def _jitter_in(self, jitter: _Pair | None, size: Size) -> _Pair:
+        x, y = (0.0, 0.0) if jitter is None else jitter
+        scale_x, scale_y = self._jitter_factor(size)
+        return _snapped(x * scale_x), _snapped(y * scale_y)
+
+    def _jitter_out(self, frame: Frame) -> _Pair:
+        scale_x, scale_y = self._jitter_factor(frame.size)
+        return frame.jitter[0] / scale_x, frame.jitter[1] / scale_y
+
+    def _jitter_factor(self, size: Size) -> _Pair:
+        x, y = _pixels_per_unit(self.conventions.jitter_unit, size, size)
+        sign = self.conventions.jitter_sign
+        return sign * x, sign * (-y if self.conventions.jitter_flip_y else y)
+
+    def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
+        """What jitter adds to a vector, in render pixels.
+
+        The image is drawn at p - jitter, so previous minus current gains - previous jitter + current jitter.
+        """
+        if not self.conventions.motion_jittered or previous is None:
+            return 0.0, 0.0
+        return jitter[0] - previous[0] * size[0], jitter[1] - previous[1] * size[1]
+
+    def _motion_in(self, motion: Array, size: Size, jitter: _Pair, shift: _Pair) -> Array:
+        own_size = _checked_motion_size(motion, size, self.conventions.motion_resolution)
+        if self.conventions.motion_resolution == "display":
+            columns = _nearest((np.arange(size[0]) + 0.5 + jitter[0]) * own_size[0] / size[0], own_size[0])
+            rows = _nearest((np.arange(size[1]) + 0.5 + jitter[1]) * own_size[1] / size[1], own_size[1])
+            motion = motion[rows[:, None], columns]
+        factor = self._motion_factor(size, own_size)
+        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
+            return motion
+        pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor) - _vector(shift)
+        return pixels
+
+    def _motion_out(self, frame: Frame, shift: _Pair) -> Array:
+        size = own_size = frame.size
+        motion = frame.motion
+        if self.conventions.motion_resolution == "display":
+            own_size = self._display_size(frame)
+            columns = (np.arange(own_size[0]) + 0.5) * size[0] / own_size[0] - frame.jitter[0]
+            rows = (np.arange(own_size[1]) + 0.5) * size[1] / own_size[1] - frame.jitter[1]
+            motion = motion[_nearest(rows, size[1])[:, None], _nearest(columns, size[0])]
+        factor = self._motion_factor(size, own_size)
+        if factor == (1.0, 1.0) and shift == (0.0, 0.0):
+            return motion
+        own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
+        return own
+
+    def _motion_factor(self, size: Size, own_size: Size) -> _Pair:
+        """What a vector is multiplied by to be in render pixels, y down, previous minus current."""
+        x, y = _pixels_per_unit(self.conventions.motion_unit, size, own_size)
+        sign = 1.0 if self.conventions.motion_direction == "previous_minus_current" else -1.0
+        scale_x, scale_y = self.conventions.motion_scale
+        return sign * scale_x * x, sign * scale_y * (-y if self.conventions.motion_flip_y else y)
+
+    def _display_size(self, frame: Frame) -> Size:
+        if self.display_size is None:
+            hint = "Make the converter with conventions.converter(display_size=(width, height))."
+            raise ArgumentError("display_size", got=None, want="the size of the motion vectors", hint=hint)
+        if self.display_size[0] < frame.size[0] or self.display_size[1] < frame.size[1]:
+            raise ArgumentError("display_size", got=self.display_size, want=f"at least {frame.size}")
+        return self.display_size
+
+
+def _floating(name: str, value: object) -> NDArray[Any]:
+    """Return a numpy array; float64 is taken as float32, what is not a floating type is refused."""
+    array = as_array(name, value)
+    if array.dtype == np.float64:
+        return array.astype(np.float32)
+    if array.dtype not in (np.float32, np.float16):
+        hint = "Bring integers to their range first, for example pixels.astype(np.float32) / 255."
+        raise FrameError(name, got=array.dtype, want="float32 or float16", hint=hint)
+    return array
+
+
+def _render_size(depth: NDArray[Any]) -> Size:
+    if depth.ndim != 2 or 0 in depth.shape:
+        hint = "Drop the last axis: array[..., 0]." if depth.ndim == 3 else ""
+        raise FrameError("depth", got=f"of shape {depth.shape}", want="(h, w), at least one pixel", hint=hint)
+    return depth.shape[1], depth.shape[0]
+
+
+def _checked_motion_size(motion: NDArray[Any], size: Size, resolution: str) -> Size:
+    height, width = motion.shape[:2] if motion.ndim == 3 and motion.shape[2] == 2 else (0, 0)
+    if resolution == "display" and width >= size[0] and height >= size[1]:
+        return width, height
+    if resolution == "render" and (width, height) == size:
+        return size
+    wanted = f"({size[1]}, {size[0]}, 2)"
+    larger = resolution == "render" and width >= size[0] and height >= size[1]
+    raise FrameError(
+        "motion",
+        got=f"of shape {motion.shape}",
+        want=f"{wanted}, as depth is" if resolution == "render" else f"(H, W, 2) of at least {wanted}",
+        hint="Vectors at display size want Conventions(motion_resolution='display')." if larger else "",
+    )
+
+
+def _pixels_per_unit(unit: str, size: Size, own_size: Size) -> _Pair:
+    """How many render pixels one unit is, x right and y down; `own_size` is that of the buffer."""
+    if unit == "pixels":
+        return size[0] / own_size[0], size[1] / own_size[1]
+    return (float(size[0]), float(size[1])) if unit == "uv" else (size[0] / 2.0, -size[1] / 2.0)
+
+
+def _nearest(position: NDArray[np.float64], count: int) -> NDArray[np.intp]:
+    """The cells that positions fall into, cell i covering [i, i + 1); outside, the last one."""
+    return np.clip(np.floor(position).astype(np.intp), 0, count - 1)
+
+
+def _vector(pair: _Pair) -> NDArray[np.float32]:
+    return np.array(pair, np.float32)
+
+
+def _in_uv(jitter: _Pair, size: Size) -> _Pair:
+    return jitter[0] / size[0], jitter[1] / size[1]
+
+
+def _snapped(jitter: float) -> float:
+    """Half a pixel, stored as a float32 in UV or NDC, comes back a rounding error too large."""
+    return max(-0.5, min(0.5, jitter)) if abs(jitter) <= 0.5 + 1e-4 else jitter

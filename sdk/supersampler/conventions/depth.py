@@ -1,0 +1,62 @@
+"""Every kind of depth buffer to near / view distance, and back."""
+
+from typing import Literal
+
+import numpy as np
+
+from supersampler.errors import FrameError
+from supersampler.frame import Array, Float32
+
+DepthKind = Literal["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
+
+
+def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float | None) -> Float32:
+    """Return (h, w) near / view distance, 0 at the sky. NaN stays NaN.
+
+    Args:
+        depth: (h, w) of `kind`: values of the depth buffer in [0, 1], or view distance for "linear".
+        kind: see `Conventions.depth`.
+        near: distance of the near plane, > 0, in the unit of linear depth.
+        far: distance of the far plane; None only where `kind` needs none.
+    """
+    values = depth.astype(np.float32, copy=False)
+    if kind == "reversed_infinite":
+        return values
+    if kind == "linear":
+        with np.errstate(divide="ignore"):  # a distance of 0 becomes inf, which `FrameChecker` reports
+            inverse = np.float32(near) / values
+        return inverse if far is None else np.where(values >= far, np.float32(0), inverse)
+    if kind.startswith("forward"):
+        values = np.float32(1) - values
+    ratio = np.float32(0 if far is None else near / far)
+    return np.where(values <= 0, np.float32(0), values * (1 - ratio) + ratio)
+
+
+def from_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float | None) -> Float32:
+    """Return (h, w) depth of `kind`: the inverse of `to_reversed_infinite`.
+
+    Raises:
+        FrameError: a surface lies beyond the far plane, where this kind of depth has no values.
+    """
+    values = depth.astype(np.float32, copy=False)
+    if kind == "reversed_infinite":
+        return values
+    if kind == "linear":
+        with np.errstate(divide="ignore"):
+            distance = np.float32(near) / values
+        return distance if far is None else np.where(values == 0, np.float32(far), distance)
+    if far is not None:
+        values = _with_far_plane(values, near / far)
+    return np.float32(1) - values if kind.startswith("forward") else values
+
+
+def _with_far_plane(values: Float32, ratio: float) -> Float32:
+    surfaces = values[values > 0]
+    if surfaces.size and surfaces.min() < ratio * (1 - 1e-5):  # 1e-5: rounding of a surface at the far plane
+        raise FrameError(
+            "depth",
+            got=f"as small as {surfaces.min():.3g}, beyond the far plane",
+            want=f">= near / far = {ratio:.3g}, or 0 at the sky",
+            hint="Give Conventions a larger far, or a depth with an infinite far plane.",
+        )
+    return np.where(values == 0, np.float32(0), (values - np.float32(ratio)) / np.float32(1 - ratio))
