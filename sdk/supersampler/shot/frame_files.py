@@ -119,7 +119,7 @@ def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -
 
 
 def _put(channels: dict[str, Channel], names: Sequence[str], array: Array) -> None:
-    planes = [array] if len(names) == 1 else [array[..., index] for index in range(len(names))]
+    planes = [array] if array.ndim == 2 else [array[..., index] for index in range(len(names))]
     channels.update(zip(names, planes, strict=True))
 
 

@@ -6,6 +6,8 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
@@ -127,7 +129,7 @@ class Shot:
         An error of the thread is raised where its frame is reached. The thread ends when the iterator does:
         at the last frame, at an error, or when it is dropped.
         """
-        converter = self._converter_at(start)
+        converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
         pool = ThreadPoolExecutor(1, thread_name_prefix="shot")
         try:
@@ -149,7 +151,7 @@ class Shot:
         """
         if not 0 <= index < len(self):
             raise IndexError(f"frame {index} of {len(self)}")
-        return self._load(index, self._converter_at(index))
+        return self._load(index, converter_at(self.info, self._entries, index))
 
     def read_raw(self, index: int) -> RawFrame:
         """Read one frame as stored, without its reference."""
@@ -168,9 +170,19 @@ class Shot:
             raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
 
-    def _converter_at(self, index: int) -> Converter:
-        """Return a converter that is ready for this frame: it may need the jitter of the one before."""
-        return self.conventions.converter()
+
+def converter_at(info: ShotInfo, entries: Sequence[FrameEntry], index: int) -> Converter:
+    """Return a converter that stands where it would after all frames before `index`.
+
+    All that it remembers is the jitter of the frame before, which shot.json has.
+    """
+    converter = info.conventions.converter(display_size=info.display_size)
+    if index > 0 and info.conventions.motion_jittered:
+        before = entries[index - 1]
+        width, height = before.render_size or info.render_size
+        depth, motion = np.zeros((height, width), np.float32), np.zeros((height, width, 2), np.float32)
+        converter.from_frame(converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=before.jitter)))
+    return converter
 
 
 def _check_files(folder: Path, entries: Sequence[FrameEntry]) -> None:

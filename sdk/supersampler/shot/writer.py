@@ -10,7 +10,7 @@ from supersampler.frame import Array, Frame, Size
 from supersampler.image_io import remove_partial_files, replacing, write_exr
 from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json, shot_json
 from supersampler.shot.frame_files import has_display_file, write_frame
-from supersampler.shot.shot import Shot
+from supersampler.shot.shot import Shot, converter_at
 
 
 class ShotWriter:
@@ -101,7 +101,7 @@ class ShotWriter:
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
             file=number,
-            jitter=(float(frame.jitter[0]), float(frame.jitter[1])),
+            jitter=(0.0, 0.0) if frame.jitter is None else (float(frame.jitter[0]), float(frame.jitter[1])),
             reset=bool(frame.reset),
             exposure=frame.exposure,
             display_file=f"display/{number}" if has_display_file(frame) else None,
@@ -122,7 +122,7 @@ class ShotWriter:
 
     def _to_raw(self, frame: Frame) -> RawFrame:
         if self._converter is None:
-            self._converter = self._info.conventions.converter()
+            self._converter = converter_at(self._info, self._entries, len(self._entries))
         return self._converter.from_frame(frame)
 
     def _continue(self, resume: bool) -> None:

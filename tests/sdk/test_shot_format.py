@@ -1,0 +1,106 @@
+"""Promises about shot.json: what is wrong with it is said with file, key and frame."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from supersampler import ShotError
+from supersampler.conventions import Conventions
+from supersampler.shot import FrameEntry, ShotInfo
+from supersampler.shot.format import load_shot_json, shot_json
+
+INFO = ShotInfo(
+    name="dæmo",
+    render_size=(8, 6),
+    display_size=(16, 12),
+    frame_rate=29.97,
+    conventions=Conventions.unreal(),
+    license="CC0 1.0",
+    attribution=("Ann", "Bob"),
+)
+ENTRIES = [
+    FrameEntry(
+        file="0000.exr", jitter=(1 / 3, -0.1), reset=True, exposure=0.1, reference="reference/0000.exr"
+    ),
+    FrameEntry(file="0001.exr", jitter=(0.0, 0.0), render_size=(7, 5), display_file="d.exr", shaded=False),
+]
+
+
+def write(folder: Path, **changes: object) -> Path:
+    """Write the shot.json of INFO and ENTRIES with keys changed; None takes a key out."""
+    content: dict[str, Any] = json.loads(shot_json(INFO, ENTRIES))
+    for key, value in changes.items():
+        target = content["frames"][1] if key in ENTRY_KEYS else content
+        target[key] = value
+        if value is None:
+            del target[key]
+    path = folder / "shot.json"
+    path.write_text(json.dumps(content), encoding="utf-8")
+    return path
+
+
+ENTRY_KEYS = ("file", "jitter", "reset", "exposure", "reference", "typo")
+
+
+@pytest.mark.parametrize("display_size", [None, (16, 12)])
+def test_what_is_written_is_read(tmp_path: Path, display_size: tuple[int, int] | None) -> None:
+    info = replace(INFO, display_size=display_size)
+    (tmp_path / "shot.json").write_text(shot_json(info, ENTRIES), encoding="utf-8")
+    assert load_shot_json(tmp_path / "shot.json") == (info, ENTRIES)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"version": 2}, "is of version 2; this package reads 1. .*update supersampler"),
+        ({"version": None}, 'the file has no "version"'),
+        ({"render_size": None}, 'the file has no "render_size"'),
+        ({"render_size": [8, 0]}, r'"render_size" of the file is \[8, 0\]; want \[width, height\], both > 0'),
+        ({"display_size": [8.5, 3]}, r'"display_size" of the file is \[8.5, 3\]'),
+        ({"frame_rate": 0}, '"frame_rate" of the file is 0.0; want frames a second, > 0'),
+        ({"attribution": [1]}, '"attribution" of the file is .*; want a list of strings'),
+        ({"conventions": {"no_such": 1}}, '"conventions" will not do: '),
+        ({"frames": {}}, '"frames" of the file is {}; want list'),
+        ({"frames": [3]}, r"frame 0 is 3; want an object"),
+        ({"fps": 3}, 'the file has the unknown key "fps"'),
+        ({"jitter": None}, 'frame 1 has no "jitter"'),
+        ({"jitter": [0.1]}, r'"jitter" of frame 1 is \[0.1\]; want \[x, y\]'),
+        ({"jitter": ["a", 0]}, r'"jitter" of frame 1 is .*; want \[x, y\]'),
+        ({"reset": 1}, '"reset" of frame 1 is 1; want bool'),
+        ({"exposure": "auto"}, '"exposure" of frame 1 is "auto"; want float'),
+        ({"file": ""}, '"file" of frame 1 is ""; want a file inside'),
+        ({"file": "../0001.exr"}, '"file" of frame 1 is "../0001.exr"; want a file inside'),
+        ({"file": "/etc/passwd"}, '"file" of frame 1 is "/etc/passwd"; want a file inside'),
+        ({"file": "C:\\a.exr"}, '"file" of frame 1 is .*with forward slashes'),
+        ({"file": "0000.exr"}, "0000.exr is listed twice: in frame 0 and frame 1"),
+        ({"reference": "reference/0000.exr"}, "reference/0000.exr is listed twice"),
+        ({"typo": 1}, 'frame 1 has the unknown key "typo"'),
+    ],
+)
+def test_what_is_wrong_is_named(tmp_path: Path, changes: dict[str, object], message: str) -> None:
+    path = write(tmp_path, **changes)
+    with pytest.raises(ShotError, match=message) as caught:
+        load_shot_json(path)
+    assert caught.value.path == path
+
+
+@pytest.mark.parametrize(
+    ("content", "message"),
+    [
+        (b"{", r"is not JSON \(Expecting .*line 1"),
+        (b"\xff\xfe\x00", "is not JSON"),
+        (b"[]", r"the file is \[\]; want an object"),
+    ],
+)
+def test_a_file_that_is_not_json_is_named(tmp_path: Path, content: bytes, message: str) -> None:
+    (tmp_path / "shot.json").write_bytes(content)
+    with pytest.raises(ShotError, match=rf"shot\.json: {message}"):
+        load_shot_json(tmp_path / "shot.json")
+
+
+def test_a_folder_without_shot_json_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match=r"shot\.json: there is no such file"):
+        load_shot_json(tmp_path / "shot.json")
