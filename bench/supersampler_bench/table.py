@@ -1,0 +1,111 @@
+"""One table for people: on the terminal, and between two marks of a Markdown file."""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from rich.table import Table
+
+from supersampler.errors import ArgumentError
+from supersampler.image_io import replacing
+from supersampler.shot import Shot
+from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MethodScores
+
+
+@dataclass(frozen=True)
+class Column:
+    """How one metric is shown: times `scale`, with so many digits after the point."""
+
+    metric: str
+    heading: str
+    digits: int
+    higher_is_better: bool
+    scale: float = 1.0
+
+
+COLUMNS = (
+    Column("psnr", "PSNR dB ↑", 2, True),
+    Column("ssim", "SSIM ↑", 4, True),
+    Column("flip", "FLIP ↓", 4, False),
+    Column("tpsnr", "tPSNR dB ↑", 2, True),
+    Column("warped_error_difference", "warped error 1e-3 ↓", 2, False, 1000.0),
+    Column("psnr_disoccluded", "PSNR dB, disoccluded ↑", 2, True),
+    Column("psnr_moving", "PSNR dB, moving ↑", 2, True),
+)
+
+
+def cells(results: Sequence[MethodScores], bold: str) -> list[list[str]]:
+    """Return one row a method: its name and its figures, the best of each column within `bold` marks.
+
+    Args:
+        results: the summaries without warm-up and border are shown.
+        bold: such as "**{}**".
+    """
+    columns = [_column(column, results, bold) for column in COLUMNS]
+    return [
+        [result.method, *figures] for result, figures in zip(results, zip(*columns, strict=True), strict=True)
+    ]
+
+
+def _column(column: Column, results: Sequence[MethodScores], bold: str) -> list[str]:
+    values = [result.summary()[column.metric] * column.scale for result in results]
+    figures = ["–" if math.isnan(value) else f"{value:.{column.digits}f}" for value in values]
+    known = [float(figure) for figure in figures if figure != "–"]  # as shown: equal figures are equally good
+    best = (max if column.higher_is_better else min)(known, default=None)
+    return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
+
+
+def caption(shot: Shot, results: Sequence[MethodScores]) -> str:
+    """Say in one line what was measured."""
+    width, height = shot.render_size
+    large_width, large_height = shot.display_size or (0, 0)
+    scored = sum(frame.frame >= WARM_UP_FRAMES for frame in results[0].frames)
+    return (
+        f"{shot.name}, {width}x{height} to {large_width}x{large_height}: {scored} reference frames of "
+        f"{len(shot)}, without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+    )
+
+
+def rich_table(shot: Shot, results: Sequence[MethodScores]) -> Table:
+    """Return the table for a terminal."""
+    table = Table(caption=caption(shot, results))
+    table.add_column("method", no_wrap=True)
+    for column in COLUMNS:
+        table.add_column(column.heading, justify="right")
+    for row in cells(results, "[bold]{}[/bold]"):
+        table.add_row(*row)
+    return table
+
+
+def markdown_table(shot: Shot, results: Sequence[MethodScores]) -> str:
+    """Return the table as Markdown, with its caption."""
+    heading = ["method", *(column.heading for column in COLUMNS)]
+    rows = [heading, ["---", *(["---:"] * len(COLUMNS))], *cells(results, "**{}**")]
+    return "\n".join([*("| " + " | ".join(row) + " |" for row in rows), "", caption(shot, results) + "."])
+
+
+def update_block(path: Path, name: str, text: str) -> None:
+    """Replace what stands between `<!-- bench:quality NAME -->` and `<!-- /bench -->`, whole or not at all.
+
+    Raises:
+        ArgumentError: the file cannot be read, or has not exactly one such block.
+        ShotError: it cannot be written.
+    """
+    opening, closing = f"<!-- bench:quality {name} -->", "<!-- /bench -->"
+    try:
+        with path.open(encoding="utf-8", newline="") as file:  # line ends stay as they are
+            before = file.read()
+    except OSError as error:
+        raise ArgumentError("update", got=f"{path} ({error})", want="a Markdown file") from error
+    block = re.compile(re.escape(opening) + r".*?" + re.escape(closing), re.DOTALL)
+    found = len(block.findall(before))
+    if found != 1:
+        hint = f"Write the lines {opening} and {closing} where the table should stand."
+        raise ArgumentError("update", got=f"{path} with {found} blocks of {name!r}", want="one", hint=hint)
+    end = "\r\n" if "\r\n" in before else "\n"
+    lines = [opening, *text.split("\n"), closing]
+    after = block.sub(lambda _: end.join(lines), before)
+    with replacing(path) as partial:
+        partial.write_text(after, encoding="utf-8", newline="")

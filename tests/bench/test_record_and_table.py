@@ -1,0 +1,98 @@
+"""What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
+
+import json
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import ArgumentError, __version__
+from supersampler.shot import shipped_shot
+from supersampler_bench import quality
+from supersampler_bench.cli import app
+from supersampler_bench.quality import FrameScores, MethodScores
+from supersampler_bench.record import quality_record, write_json
+from supersampler_bench.table import cells, markdown_table, update_block
+
+README = "# Title\n<!-- bench:quality courtyard -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
+
+
+def result(method: str, psnr: float, flip: float) -> MethodScores:
+    scores = dict.fromkeys(quality.METRICS, float("nan"))
+    scores |= {"psnr": psnr, "flip": flip, "pixels_moving": 0.0, "pixels_disoccluded": 0.0}
+    scores["warped_error_difference"] = 0.00123
+    return MethodScores(method, [FrameScores(8, full=scores, cropped=scores)])
+
+
+RESULTS = [result("worse", 20.001, 0.2), result("better", 21.0, 0.1)]
+
+
+def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> None:
+    worse, better = cells(RESULTS, "*{}*")
+    assert worse[:4] == ["worse", "20.00", "–", "0.2000"]
+    assert better[:4] == ["better", "*21.00*", "–", "*0.1000*"]
+    assert worse[5] == better[5] == "*1.23*"
+
+
+def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
+    file = tmp_path / "README.md"
+    file.write_text(README, encoding="utf-8")
+    update_block(file, "courtyard", "new\\1\ntable")
+    assert file.read_text(encoding="utf-8") == README.replace("old", "new\\1\ntable")
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+
+
+def test_line_ends_of_windows_stay(tmp_path: Path) -> None:
+    file = tmp_path / "README.md"
+    file.write_bytes(README.replace("\n", "\r\n").encode())
+    update_block(file, "courtyard", "a\nb")
+    assert file.read_bytes() == README.replace("old", "a\nb").replace("\n", "\r\n").encode()
+
+
+@pytest.mark.parametrize(("text", "found"), [("no marks", 0), (README + README, 2)])
+def test_a_file_without_one_block_is_left_alone_and_told_what_to_write(
+    tmp_path: Path, text: str, found: int
+) -> None:
+    file = tmp_path / "README.md"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ArgumentError, match=rf"{found} blocks .*Write the lines <!-- bench:"):
+        update_block(file, "courtyard", "new")
+    assert file.read_text(encoding="utf-8") == text
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"README\.md"):
+        update_block(tmp_path / "README.md", "courtyard", "new")
+
+
+def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
+    file = tmp_path / "results" / "quality.json"
+    write_json(quality_record(shipped_shot(), RESULTS), file)
+    record = json.loads(file.read_text(encoding="utf-8"))
+    assert record["versions"]["supersampler"] == __version__
+    assert record["machine"]["cores"] >= 1
+    assert len(record["shot"]["shot_json_sha256"]) == 64
+    assert record["shot"]["reference_frames"][0] == 8
+    assert record["methods"][1]["summary"]["warm_cropped"]["psnr"] == 21.0
+    assert record["methods"][1]["summary"]["all_full"]["tpsnr"] is None
+    assert record["methods"][0]["frames"][0]["cropped"]["psnr"] == 20.001
+
+
+def test_only_the_date_differs_between_records_of_one_measurement() -> None:
+    first, second = (quality_record(shipped_shot(), RESULTS) for _ in range(2))
+    assert first.pop("date")
+    assert second.pop("date")
+    assert repr(first) == repr(second)
+
+
+def test_the_markdown_table_says_what_was_measured() -> None:
+    lines = markdown_table(shipped_shot(), RESULTS).split("\n")
+    assert len({line.count("|") for line in lines[:4]}) == 1
+    assert lines[-1].startswith("courtyard, 320x180 to 640x360: 1 reference frames of 32, without the")
+
+
+def test_the_command_teaches_its_options() -> None:
+    answer = CliRunner().invoke(app, ["quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
+    assert answer.exit_code == 0
+    for word in ("--methods", "--json", "--update", "courtyard"):
+        assert word in answer.stdout
