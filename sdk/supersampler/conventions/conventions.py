@@ -180,7 +180,8 @@ class Conventions:
     def unreal(cls, **overrides: Any) -> Self:
         """Unreal Engine: velocity in NDC, current minus previous; TemporalJitterPixels as FSR's.
 
-        Decode the velocity buffer first: (v - 32767 / 65535) / 0.2495. SceneDepth as exported is depth="linear".
+        Decode the velocity buffer first: (v - 32767 / 65535) / 0.2495. An exported SceneDepth is
+        depth="linear".
 
         Sources: SceneVisibility.cpp, HackAddTemporalAAProjectionJitter(2 x / W, -2 y / H); snapdragon-gsr
         (decoding, and previous = uv - 0.5 v); Arm's capture plugin (v (0.5, -0.5) is current minus previous).
