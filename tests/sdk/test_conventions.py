@@ -20,10 +20,305 @@ PRESETS: list[Callable[..., Conventions]] = [
     Conventions, Conventions.fsr, Conventions.xess, Conventions.streamline, Conventions.unreal,
     Conventions.unity, Conventions.blender, Conventions.arm_gym,
 ]  # fmt: skip
+KINDS: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
 NEAR, FAR = 0.1, 100.0
 
 
 @st.composite
 def any_conventions(draw: st.DrawFn) -> Conventions:
-    kinds: list[DepthKind] = ["reversed_infinite", "reversed", "forward_infinite", "forward", "linear"]
-    depth = draw(st.sampled_from(kinds))
+    depth = draw(st.sampled_from(KINDS))
+    scale = st.sampled_from([1.0, -1.0, 0.5, 320.0])
+    return Conventions(
+        motion_unit=draw(st.sampled_from(["pixels", "uv", "ndc"])),
+        motion_scale=(draw(scale), draw(scale)),
+        motion_direction=draw(st.sampled_from(["previous_minus_current", "current_minus_previous"])),
+        motion_flip_y=draw(st.booleans()),
+        motion_resolution=draw(st.sampled_from(["render", "display"])),
+        motion_jittered=draw(st.booleans()),
+        depth=depth,
+        near=NEAR,
+        far=FAR if depth in ("reversed", "forward") else None,
+        jitter_unit=draw(st.sampled_from(["pixels", "uv", "ndc"])),
+        jitter_sign=draw(st.sampled_from([1, -1])),
+        jitter_flip_y=draw(st.booleans()),
+        bottom_up=draw(st.booleans()),
+        srgb=draw(st.booleans()),
+    )
+
+
+def make_frame(seed: int, size: Size, *, reset: bool = False) -> Frame:
+    """A frame of noise with every field set; a tenth is sky, the rest from twice near to half of far."""
+    random = np.random.default_rng(seed)
+    w, h = size
+    distance = random.uniform(2 * NEAR, FAR / 2, (h, w))
+    depth = np.where(random.random((h, w)) < 0.1, 0.0, NEAR / distance).astype(np.float32)
+    return Frame(
+        color=random.random((h, w, 3), np.float32) * 4,
+        depth=depth,
+        motion=random.normal(0, 3, (h, w, 2)).astype(np.float32),
+        jitter=(random.uniform(-0.49, 0.49), random.uniform(-0.49, 0.49)),
+        reset=reset,
+        exposure=1.5,
+        gbuffer={"roughness": random.random((h, w), np.float32)},
+        gbuffer_display={"depth": depth},
+        carry=random.random((h, w, 2), np.float32),
+    )
+
+
+def assert_same(got: Frame, want: Frame) -> None:
+    assert got.color is not None
+    assert want.color is not None
+    np.testing.assert_allclose(got.color, want.color, rtol=2e-5, atol=1e-6)
+    np.testing.assert_allclose(got.depth, want.depth, rtol=1e-5, atol=2e-7)
+    np.testing.assert_array_equal(got.depth == 0, want.depth == 0)
+    np.testing.assert_allclose(got.motion, want.motion, rtol=1e-5, atol=1e-5)
+    assert got.jitter == pytest.approx(want.jitter, abs=1e-9)
+    assert (got.reset, got.exposure) == (want.reset, want.exposure)
+    assert got.gbuffer is not None
+    assert got.gbuffer_display is not None
+    assert want.gbuffer is not None
+    np.testing.assert_array_equal(got.gbuffer["roughness"], want.gbuffer["roughness"])
+    np.testing.assert_allclose(got.gbuffer_display["depth"], want.depth, rtol=1e-5, atol=2e-7)
+    assert got.carry is not None
+    np.testing.assert_array_equal(got.carry, want.carry)
+
+
+@settings(deadline=None, max_examples=150)
+@given(any_conventions(), st.integers(1, 9), st.integers(1, 9), st.integers(0, 99))
+def test_a_sequence_comes_back_as_it_was_under_any_conventions(
+    conventions: Conventions, width: int, height: int, seed: int
+) -> None:
+    display_size = (2 * width + 1, 2 * height + 1)
+    there, back = conventions.converter(display_size=display_size), conventions.converter()
+    for index in range(3):
+        frame = make_frame(seed + index, (width, height), reset=index == 0)
+        assert_same(back.to_frame(there.from_frame(frame)), frame)
+
+
+@settings(deadline=None, max_examples=50)
+@given(any_conventions())
+def test_json_and_repr_keep_every_field(conventions: Conventions) -> None:
+    text = json.dumps(conventions.to_json(), allow_nan=False)
+    assert Conventions.from_json(json.loads(text)) == conventions
+    assert eval(repr(conventions)) == conventions  # noqa: S307 - repr is documented to be the call
+
+
+@pytest.mark.parametrize("preset", PRESETS)
+def test_presets_take_overrides_and_survive_json(preset: Callable[..., Conventions]) -> None:
+    conventions = preset(srgb=True, motion_scale=(2, -2))
+    assert conventions == replace(preset(), srgb=True, motion_scale=(2.0, -2.0))
+    assert Conventions.from_json(conventions.to_json()) == conventions
+
+
+def test_the_default_copies_nothing() -> None:
+    frame = make_frame(0, (5, 3))
+    raw = Conventions().converter().from_frame(frame)
+    again = Conventions().converter().to_frame(raw)
+    assert again.color is frame.color
+    assert again.depth is frame.depth
+    assert again.motion is frame.motion
+
+
+def one_pixel(conventions: Conventions, size: Size = (8, 4), **raw: Any) -> Frame:
+    """Convert a frame whose pixels are all alike; a motion given is that of each pixel."""
+    w, h = size
+    depth = np.full((h, w), raw.pop("depth", 0.5), np.float32)
+    motion = np.tile(np.array(raw.pop("motion", (0.0, 0.0)), np.float32), (h, w, 1))
+    return conventions.converter().to_frame(RawFrame(depth=depth, motion=motion, **raw))
+
+
+PROJECTION = np.array([[1.1, 0, 0, 0], [0, 1.9, 0, 0], [0, 0, 0, 0.1], [0, 0, -1.0, 0]])
+NOW, BEFORE = np.array([0.4, -0.3, -2.0, 1.0]), np.array([0.1, 0.2, -2.5, 1.0])
+
+
+def ndc(point: Any, jitter: tuple[float, float], size: Size) -> Any:
+    clip = jittered_projection(PROJECTION, jitter, size) @ point
+    return clip[:2] / clip[3]
+
+
+def test_motion_of_a_projected_point_in_every_unit_is_the_same_pixels() -> None:
+    size, still = (8, 4), (0.0, 0.0)
+    difference = ndc(BEFORE, still, size) - ndc(NOW, still, size)
+    pixels = difference * [size[0] / 2, -size[1] / 2]  # NDC y points up, pixels' y down
+    for conventions, vector in (
+        (Conventions(), pixels),
+        (Conventions(motion_unit="uv"), pixels / size),
+        (Conventions(motion_unit="ndc"), difference),
+        (Conventions(motion_unit="ndc", motion_direction="current_minus_previous"), -difference),
+        (Conventions(motion_unit="uv", motion_flip_y=True), pixels / size * [1, -1]),
+        (Conventions(motion_scale=(0.5, 2.0)), pixels * [2.0, 0.5]),
+    ):
+        np.testing.assert_allclose(
+            one_pixel(conventions, size, motion=vector).motion[0, 0], pixels, rtol=1e-5
+        )
+
+
+def test_fsr_wants_half_the_size_and_a_flip_for_ndc_where_its_readme_says_the_size() -> None:
+    size = (8, 4)
+    vector = ndc(BEFORE, (0, 0), size) - ndc(NOW, (0, 0), size)
+    right = one_pixel(Conventions(motion_unit="ndc"), size, motion=vector).motion[0, 0]
+    by_code = one_pixel(Conventions.fsr(motion_scale=(0.5 * 8, -0.5 * 4)), size, motion=vector).motion[0, 0]
+    by_readme = one_pixel(Conventions.fsr(motion_scale=(8, 4)), size, motion=vector).motion[0, 0]
+    np.testing.assert_allclose(by_code, right, rtol=1e-6)
+    np.testing.assert_allclose(by_readme, right * [2, -2], rtol=1e-6)  # twice too long, upside down
+
+
+def test_jittered_motion_of_a_projected_point_loses_its_jitter() -> None:
+    size, previous, current = (8, 4), (0.25, -0.4), (-0.3, 0.1)
+    converter = Conventions(motion_unit="ndc", motion_jittered=True).converter()
+    vector = ndc(BEFORE, previous, size) - ndc(NOW, current, size)
+    true = (ndc(BEFORE, (0, 0), size) - ndc(NOW, (0, 0), size)) * [4, -2]
+    depth, motion = np.full((4, 8), 0.5, np.float32), np.tile(vector.astype(np.float32), (4, 8, 1))
+    converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=previous, reset=True))
+    frame = converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=current))
+    np.testing.assert_allclose(frame.motion[2, 3], true, atol=1e-6)
+
+
+def test_jittered_motion_leads_to_the_same_colour_in_the_jittered_picture() -> None:
+    """The picture is a ramp that moves by (2, 1); a pixel's colour is the ramp at its centre + jitter."""
+    x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
+
+    def picture(jitter: tuple[float, float], moved: tuple[float, float]) -> Any:
+        return (x + jitter[0] - moved[0]) + 10 * (y + jitter[1] - moved[1])
+
+    previous, current = (0.25, -0.375), (-0.5, 0.125)
+    before, now = picture(previous, (0, 0)), picture(current, (2, 1))
+    there = Conventions(motion_jittered=True).converter()
+    depth, motion = np.ones((7, 9), np.float32), np.tile(np.array((-2, -1), np.float32), (7, 9, 1))
+    there.from_frame(Frame(color=None, depth=depth, motion=motion, jitter=previous))
+    raw = there.from_frame(Frame(color=None, depth=depth, motion=motion, jitter=current))
+    ramp_at_past = before[3, 4] + raw.motion[3, 4, 0] + 10 * raw.motion[3, 4, 1]
+    assert ramp_at_past == pytest.approx(now[3, 4], abs=1e-5)
+
+
+def test_the_previous_jitter_is_in_pixels_of_its_own_size() -> None:
+    converter = Conventions(motion_jittered=True).converter()
+    for size in ((4, 4), (8, 8)):
+        depth, motion = np.ones(size, np.float32), np.zeros((*size, 2), np.float32)
+        frame = converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=(0.25, 0.0)))
+    np.testing.assert_allclose(frame.motion[0, 0], (0.25, 0.0))  # 0.5 then and 0.25 now, in pixels of now
+
+
+def test_a_refused_frame_does_not_count_as_seen() -> None:
+    converter = Conventions(motion_jittered=True).converter()
+    depth, motion = np.ones((2, 2), np.float32), np.zeros((2, 2, 2), np.float32)
+    good = RawFrame(depth=depth, motion=motion, jitter=(0.25, 0))
+    converter.to_frame(good)
+    with pytest.raises(FrameError, match="exposure"):
+        converter.to_frame(replace(good, jitter=(0.5, 0.5), exposure=-1.0))
+    np.testing.assert_array_equal(converter.to_frame(good).motion, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("conventions", "jitter", "want"),
+    [
+        (Conventions(), (0.25, -0.125), (0.25, -0.125)),
+        (Conventions(jitter_unit="uv"), (0.03125, -0.03125), (0.25, -0.125)),
+        (Conventions(jitter_unit="ndc"), (0.0625, 0.0625), (0.25, -0.125)),
+        (Conventions(jitter_flip_y=True), (0.25, 0.125), (0.25, -0.125)),
+        (Conventions.fsr(), (-0.25, 0.125), (0.25, -0.125)),
+        (Conventions.unity(), (0.25, 0.125), (0.25, -0.125)),
+        (Conventions(jitter_unit="ndc"), (np.float32(1 / 8) * 1.00001, 0.0), (0.5, 0.0)),
+        (Conventions(), None, (0.0, 0.0)),
+    ],
+)
+def test_jitter_becomes_where_the_sample_is(
+    conventions: Conventions, jitter: Any, want: tuple[float, float]
+) -> None:
+    assert one_pixel(conventions, jitter=jitter).jitter == pytest.approx(want, abs=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("conventions", "stored"),
+    [
+        (Conventions(), NEAR / 4),
+        (Conventions(depth="forward_infinite"), 1 - NEAR / 4),
+        (Conventions(depth="reversed", far=FAR), NEAR * (FAR - 4) / (4 * (FAR - NEAR))),
+        (Conventions(depth="forward", far=FAR), FAR * (4 - NEAR) / (4 * (FAR - NEAR))),
+        (Conventions(depth="linear"), 4.0),
+    ],
+)
+def test_depth_of_every_kind_is_near_over_distance(conventions: Conventions, stored: float) -> None:
+    assert one_pixel(conventions, depth=stored).depth[0, 0] == pytest.approx(NEAR / 4, rel=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("conventions", "sky"),
+    [
+        (Conventions(), 0.0),
+        (Conventions(depth="forward_infinite"), 1.0),
+        (Conventions(depth="reversed", far=FAR), 0.0),
+        (Conventions(depth="forward", far=FAR), 1.0),
+        (Conventions(depth="linear"), np.inf),
+        (Conventions(depth="linear", far=FAR), FAR),
+        (Conventions.blender(), 1e10),
+    ],
+)
+def test_the_sky_is_zero(conventions: Conventions, sky: float) -> None:
+    assert one_pixel(conventions, depth=sky).depth[0, 0] == 0.0
+
+
+def test_motion_at_display_size_is_read_at_the_pixels_sample() -> None:
+    motion = np.zeros((2, 12, 2), np.float32)
+    motion[..., 0] = np.arange(12)  # render pixel 1 spans the columns 4 to 7 of the display
+    for jitter, column in ((-0.4, 4), (0.0, 6), (0.4, 7)):
+        raw = RawFrame(depth=np.ones((2, 3), np.float32), motion=motion, jitter=(jitter, 0.0))
+        frame = Conventions(motion_resolution="display").converter().to_frame(raw)
+        assert frame.motion[0, 1, 0] == pytest.approx(column / 4)  # display pixels to render pixels
+
+
+def test_bottom_up_turns_rows_only() -> None:
+    depth = np.arange(6, dtype=np.float32).reshape(3, 2) / 10
+    motion = np.ones((3, 2, 2), np.float32)
+    frame = Conventions(bottom_up=True).converter().to_frame(RawFrame(depth=depth, motion=motion))
+    np.testing.assert_array_equal(frame.depth, depth[::-1])
+    np.testing.assert_array_equal(frame.motion, motion)
+
+
+def test_srgb_colour_becomes_linear() -> None:
+    frame = one_pixel(Conventions(srgb=True), color=np.full((4, 8, 3), 0.5, np.float32))
+    assert frame.color is not None
+    np.testing.assert_allclose(frame.color, 0.214041, rtol=1e-5)
+
+
+def test_what_cannot_be_converted_names_the_field() -> None:
+    converter = Conventions().converter()
+    depth, motion = np.ones((2, 3), np.float32), np.zeros((2, 3, 2), np.float32)
+    frame = Frame(color=None, depth=depth * 0.01, motion=motion, jitter=(0, 0))
+    with pytest.raises(FrameError, match=r"frame\.color is uint8; .* / 255"):
+        converter.to_frame(RawFrame(depth=depth, motion=motion, color=np.zeros((2, 3, 3), np.uint8)))
+    with pytest.raises(
+        FrameError, match=r"frame\.motion is of shape \(4, 6, 2\).*motion_resolution='display'"
+    ):
+        converter.to_frame(RawFrame(depth=depth, motion=np.zeros((4, 6, 2), np.float32)))
+    with pytest.raises(FrameError, match=r"frame\.depth is of shape \(2, 3, 1\).*Drop the last axis"):
+        converter.to_frame(RawFrame(depth=depth[..., None], motion=motion))
+    with pytest.raises(FrameError, match=r"frame\.jitter"):
+        converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=(3.0, 0.0)))
+    with pytest.raises(FrameError, match=r"frame\.depth is as small as 0\.01, beyond the far plane"):
+        Conventions(depth="reversed", near=1.0, far=10.0).converter().from_frame(frame)
+    with pytest.raises(ArgumentError, match="display_size is None"):
+        Conventions(motion_resolution="display").converter().from_frame(frame)
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("motion_unit", "texels", "motion_unit is 'texels'; want 'pixels' or 'uv' or 'ndc'"),
+        ("motion_scale", (0.0, 1.0), "motion_scale is .*two finite numbers that are not 0"),
+        ("motion_jittered", 1, "motion_jittered is 1; want True or False"),
+        ("depth", "reversed", "far is None; want a distance.*reversed_infinite"),
+        ("near", 0.0, "near is 0.0; want a finite distance > 0"),
+        ("far", 10.0, "far is 10.0; want None, as depth is 'reversed_infinite'"),
+        ("jitter_sign", 0, r"jitter_sign is 0; want \+1 or -1"),
+        ("jitter", "pixels", "conventions is given 'jitter'; want one of motion_unit"),
+    ],
+)
+def test_a_wrong_field_is_named(field: str, value: object, message: str) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        Conventions.from_json({field: value})
+
+
+def test_every_field_is_explained() -> None:
+    assert Conventions.__doc__
+    assert [f.name for f in fields(Conventions) if f"        {f.name}: " not in Conventions.__doc__] == []
