@@ -5,6 +5,8 @@ import sys
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, SupersamplerError
@@ -104,15 +106,29 @@ def test_tpsnr_forgives_a_fixed_error_and_sees_flicker() -> None:
     assert metrics.tpsnr(after + 0.05, before - 0.05, after, before) == pytest.approx(20.0)
 
 
-def test_warp_fetches_from_p_plus_motion_between_pixels_too() -> None:
-    ramp = np.broadcast_to(np.arange(8.0)[None, :, None], (4, 8, 1))
-    motion = np.zeros((4, 8, 2))
-    motion[..., 0] = -1.25
-    warped, inside = metrics.warp(ramp, motion)
-    np.testing.assert_allclose(warped[2, 2:, 0], np.arange(2, 8) - 1.25)
-    assert inside.tolist() == [[False] + [True] * 7] * 4  # -0.25 still lies in the first pixel
-    motion[...] = (0.0, np.nan)
-    assert not metrics.warp(ramp, motion)[1].any()
+@given(
+    x=st.floats(-4, 4, width=32),
+    y=st.floats(-4, 4, width=32),
+    width=st.integers(1, 9),
+    height=st.integers(1, 7),
+)
+def test_warp_fetches_from_p_plus_motion_between_pixels_too(
+    x: float, y: float, width: int, height: int
+) -> None:
+    rows, columns = np.indices((height, width))
+    ramp = (10.0 * rows + columns)[..., None]
+    warped, inside = metrics.warp(ramp, np.broadcast_to((x, y), (height, width, 2)))
+    from_x, from_y = columns + x, rows + y
+    on_screen = (np.abs(from_x - (width - 1) / 2) <= width / 2) & (
+        np.abs(from_y - (height - 1) / 2) <= height / 2
+    )
+    np.testing.assert_array_equal(inside, on_screen)
+    between = (from_x >= 0) & (from_x <= width - 1) & (from_y >= 0) & (from_y <= height - 1)
+    np.testing.assert_allclose(warped[between, 0], (10 * from_y + from_x)[between], atol=1e-9)
+
+
+def test_motion_that_is_not_a_number_has_no_past() -> None:
+    assert not metrics.warp(noise(0), np.full((20, 24, 2), np.nan))[1].any()
 
 
 def test_warped_error_is_zero_for_a_pan_and_the_change_otherwise() -> None:

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
+from analytic import Plane, checker
 from supersampler import ArgumentError, __version__
-from supersampler.shot import shipped_shot
+from supersampler.shot import ShotWriter, shipped_shot
 from supersampler_bench import quality
 from supersampler_bench.cli import app
 from supersampler_bench.quality import FrameScores, MethodScores
@@ -89,6 +90,23 @@ def test_the_markdown_table_says_what_was_measured() -> None:
     lines = markdown_table(shipped_shot(), RESULTS).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
     assert lines[-1].startswith("courtyard, 320x180 to 640x360: 1 reference frames of 32, without the")
+
+
+def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
+    readme, values = tmp_path / "README.md", tmp_path / "values.json"
+    readme.write_text(README.replace("courtyard", "small"), encoding="utf-8")
+    scene = Plane(checker, velocity=(1.0, 0.0))
+    with ShotWriter(tmp_path / "shot", name="small", display_size=(80, 60), frame_rate=30) as writer:
+        for index in range(10):
+            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
+    options = ["--methods", "bilinear, bicubic", "--json", str(values), "--update", str(readme)]
+    answer = CliRunner().invoke(app, ["quality", str(tmp_path / "shot"), *options])
+    assert answer.exit_code == 0, answer.output
+    record = json.loads(values.read_text(encoding="utf-8"))
+    psnr = f"{record['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
+    assert psnr in answer.stdout
+    assert psnr in readme.read_text(encoding="utf-8")
+    assert [len(method["frames"]) for method in record["methods"]] == [10, 10]
 
 
 def test_the_command_teaches_its_options() -> None:
