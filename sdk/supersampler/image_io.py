@@ -191,24 +191,22 @@ def _read_part(
     if window != full:
         problem = f"holds a part of its picture: (x, y, w, h) {window} of {full}"
         raise ShotError(path, problem, "Render without a crop region and without overscan.")
-    pixels = source.read_image(part, 0, 0, spec.nchannels, "float")
+    indices = [index for index, name in enumerate(names) if wanted is None or name in wanted]
+    begin = indices[0]
+    pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
         raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
-    return {
-        name: _plane(source, part, index, pixels)
-        for index, name in enumerate(names)
-        if wanted is None or name in wanted
-    }
+    return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
 
 
-def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[np.float32]) -> Channel:
+def _plane(source: ImageInput, part: int, index: int, pixels: NDArray[Any]) -> Channel:
     """One channel, of the type it has in the file; half values pass through float32 unharmed."""
     kind = str(source.spec().channelformat(index))
     if kind == "uint":  # as float they would be fractions of 2^32
         whole = source.read_image(part, 0, index, index + 1, "uint")
         if whole is not None:
             return whole[..., 0]
-    plane = np.ascontiguousarray(pixels[..., index])
+    plane = np.ascontiguousarray(pixels)
     return plane.astype(np.float16) if kind == "half" else plane
 
 

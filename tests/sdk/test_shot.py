@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 from analytic import Plane, checker
-from supersampler import ArgumentError, Frame, ShotError
+from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.image_io import read_exr, write_exr
 from supersampler.shot import Shot, ShotWriter, copy_shot, shipped_shot
@@ -270,7 +270,8 @@ def test_a_shot_is_not_resumed_with_other_properties(tmp_path: Path) -> None:
 def test_a_write_that_fails_leaves_the_shot_as_it_was_and_can_be_repeated(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    writer = ShotWriter(tmp_path, name="test", display_size=DISPLAY_SIZE, frame_rate=24)
+    jittered = Conventions(motion_jittered=True)  # the writer must not have moved on to the failed frame
+    writer = ShotWriter(tmp_path, name="t", display_size=None, frame_rate=24, conventions=jittered)
     writer.write(frame(0))
     before = sorted(path.name for path in tmp_path.rglob("*"))
 
@@ -284,7 +285,17 @@ def test_a_write_that_fails_leaves_the_shot_as_it_was_and_can_be_repeated(
     assert sorted(path.name for path in tmp_path.rglob("*")) == before
     assert len(writer) == len(Shot.open(tmp_path)) == 1
     writer.write(frame(1))
-    assert_same(Shot.open(tmp_path).read(1).frame, frame(1))
+    assert_same(Shot.open(tmp_path).read(1).frame, frame(1), tolerance=1e-6)
+
+
+def test_a_frame_that_could_not_be_read_again_is_not_written(tmp_path: Path) -> None:
+    writer = ShotWriter(tmp_path, name="test", display_size=None, frame_rate=24)
+    flat = np.zeros((9, 16), np.float32)
+    with pytest.raises(FrameError, match=r"frame\.motion is of shape \(9, 16\)"):
+        writer.write(RawFrame(depth=flat, motion=flat))
+    with pytest.raises(FrameError, match=r"frame\.jitter is \(3\.0, 0\.0\)"):
+        writer.write(RawFrame(depth=flat, motion=np.zeros((9, 16, 2), np.float32), jitter=(3.0, 0.0)))
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_arrays_of_the_wrong_display_size_are_refused(tmp_path: Path) -> None:

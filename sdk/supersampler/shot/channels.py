@@ -61,11 +61,14 @@ def import_channels(
         ArgumentError: the map has an unknown name or a wrong number of channels.
     """
     files = _MappedFiles(Path(folder), channel_map)
-    offsets = read_jitter(files.folder, jitter, len(files.numbers))
+    count = len(files.numbers)
+    if not set(cuts) <= set(range(count)):
+        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {count - 1}")
+    offsets = read_jitter(files.folder, jitter, count)
     first = files.read_raw(0, offsets[0], reset=True)
     height, width = first.depth.shape
     if display_size is None and files.references:
-        picture = files.read_reference(files.numbers.index(min(files.references)))
+        picture = files.read_reference(files.numbers.index(next(iter(files.references))))
         display_size = (picture.shape[1], picture.shape[0])
     info = ShotInfo(
         name=name or files.folder.resolve().name,
@@ -96,15 +99,20 @@ def import_described_channels(folder: Path | str) -> Shot:
     """
     folder = Path(folder)
     keys = JsonKeys(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
+    channel_map, conventions = keys.take("channels", dict), keys.take("conventions", dict)
+    display_size = keys.take_size("display_size") if "display_size" in keys else None
+    frame_rate, cuts = keys.take_or("frame_rate", float, 24.0), keys.take_or("cuts", list, [])
+    name = keys.take("name", str) if "name" in keys else None
+    keys.check_no_more()
     try:
         return import_channels(
             folder,
-            keys.take("channels", dict),
-            conventions=Conventions.from_json(keys.take("conventions", dict)),
-            display_size=keys.take_size("display_size") if "display_size" in keys else None,
-            frame_rate=keys.take_or("frame_rate", float, 24.0),
-            cuts=keys.take_or("cuts", list, []),
-            name=keys.take("name", str) if "name" in keys else None,
+            channel_map,
+            conventions=Conventions.from_json(conventions),
+            display_size=display_size,
+            frame_rate=frame_rate,
+            cuts=cuts,
+            name=name,
         )
     except ArgumentError as error:
         raise ShotError(keys.path, f"will not do: {error}") from error
@@ -125,11 +133,11 @@ class _MappedFiles:
         self.folder = folder
         self.sources = _parsed(channel_map)
         reference = self.sources.pop("reference", None)
-        self.references = {} if reference is None else numbered_files(folder, reference.pattern)
-        self._reference_channels = () if reference is None else reference.channels
         patterns = dict.fromkeys(source.pattern for source in self.sources.values())
         self.files = {pattern: numbered_files(folder, pattern) for pattern in patterns}
         self.numbers = _common_numbers(folder, self.files)
+        self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
+        self._reference_channels = () if reference is None else reference.channels
 
     def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
         number = self.numbers[index]
@@ -167,7 +175,7 @@ class _MappedFiles:
 
 
 def _read_file(path: Path, sources: Mapping[str, _Source], render_size: Size | None) -> dict[str, Array]:
-    channels = read_exr(path)
+    channels = read_exr(path, only=[name for source in sources.values() for name in source.channels])
     if set(sources) != {"motion"}:  # motion vectors of their own file may be of display size
         check_size(path, channels, render_size)
     return {name: take(path, channels, source.channels) for name, source in sources.items()}
@@ -179,7 +187,7 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
         if name not in _COUNTS and name != "carry":
             want = f"one of {', '.join(_COUNTS)}, carry"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
-        texts = [value] if isinstance(value, str) else list(value)
+        texts = list(value) if isinstance(value, list | tuple) else [str(value)]
         count = _COUNTS.get(name, len(texts))
         if len(texts) != count or not all(isinstance(text, str) for text in texts):
             raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
@@ -213,3 +221,13 @@ def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[
                 folder, f"frame {number} is among {have} and not among {lack}", "Render it again."
             )
     return list(leader)
+
+
+def _references(folder: Path, pattern: str, numbers: Sequence[int]) -> dict[int, Path]:
+    """Return the references of the frames that have one, by number."""
+    files = numbered_files(folder, pattern)
+    found = {number: files[number] for number in numbers if number in files}
+    if not found:
+        problem = f"no reference {pattern} has the number of a frame, {numbers[0]} to {numbers[-1]}"
+        raise ShotError(folder, problem, "Give a reference the number of its frame.")
+    return found

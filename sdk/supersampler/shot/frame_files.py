@@ -8,7 +8,7 @@ import numpy as np
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Array, Float32, Size
-from supersampler.image_io import Channel, read_exr, write_exr
+from supersampler.image_io import Channel, read_exr, read_exr_channels, write_exr
 from supersampler.shot.format import FrameEntry
 
 COLOR = ("R", "G", "B")
@@ -100,7 +100,7 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
     """
     for name in names:
         if name not in channels:
-            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(channels) or 'none'}.")
+            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_exr_channels(path))}.")
         if channels[name].dtype not in (np.float16, np.float32):
             problem = f"channel {name} is {channels[name].dtype}; want half or float"
             raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")

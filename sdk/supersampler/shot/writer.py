@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
 
-from supersampler.conventions import Conventions, Converter, RawFrame
+from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Frame, Size
 from supersampler.image_io import remove_partial_files, replacing, write_exr
@@ -69,7 +69,6 @@ class ShotWriter:
         if (self.path / FILE_NAME).exists():
             self._continue(resume)
         remove_partial_files(self.path)
-        self._converter: Converter | None = None
 
     def __len__(self) -> int:
         """Return how many frames are complete."""
@@ -83,33 +82,34 @@ class ShotWriter:
     ) -> None:
         """Nothing is left to do: each frame was finished by `write`."""
 
-    def write(self, raw: RawFrame | Frame, *, reference: Array | None = None) -> None:
+    def write(self, frame: RawFrame | Frame, *, reference: Array | None = None) -> None:
         """Write the next frame.
 
         Args:
-            raw: a RawFrame in the shot's conventions, or a Frame, which is converted to them.
+            frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them.
             reference: (H, W, 3) display size, linear RGB: what a perfect upscaler would return.
 
         Raises:
-            ShotError: the disk refused, or an array cannot be stored. The shot stays as it was.
+            ShotError: the disk refused, or an array is float64. After any error the shot is as it was.
+            FrameError: the frame breaks the contract.
             ArgumentError: a display-size array is not of the shot's display size.
         """
-        frame = self._to_raw(raw) if isinstance(raw, Frame) else raw
-        height, width = frame.depth.shape
+        raw = self._checked(frame)
+        height, width = raw.depth.shape
         info = self._info if self._entries else replace(self._info, render_size=(width, height))
-        self._check_display(frame, reference)
+        self._check_display(raw, reference)
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
             file=number,
-            jitter=(0.0, 0.0) if frame.jitter is None else (float(frame.jitter[0]), float(frame.jitter[1])),
-            reset=bool(frame.reset),
-            exposure=frame.exposure,
-            display_file=f"display/{number}" if has_display_file(frame) else None,
+            jitter=(0.0, 0.0) if raw.jitter is None else (float(raw.jitter[0]), float(raw.jitter[1])),
+            reset=bool(raw.reset),
+            exposure=raw.exposure,
+            display_file=f"display/{number}" if has_display_file(raw) else None,
             reference=None if reference is None else f"reference/{number}",
             render_size=None if (width, height) == info.render_size else (width, height),
-            shaded=frame.color is not None,
+            shaded=raw.color is not None,
         )
-        write_frame(self.path, entry, frame, self._compression)
+        write_frame(self.path, entry, raw, self._compression)
         if reference is not None:
             write_exr(self.path / str(entry.reference), reference, compression=self._reference_compression)
         self._publish(info, [*self._entries, entry])
@@ -120,10 +120,13 @@ class ShotWriter:
             partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
         self._info, self._entries = info, entries
 
-    def _to_raw(self, frame: Frame) -> RawFrame:
-        if self._converter is None:
-            self._converter = converter_at(self._info, self._entries, len(self._entries))
-        return self._converter.from_frame(frame)
+    def _checked(self, frame: RawFrame | Frame) -> RawFrame:
+        """Return the frame in the shot's conventions, once it is known that it can be read again."""
+        converter = converter_at(self._info, self._entries, len(self._entries))
+        if isinstance(frame, Frame):
+            return converter.from_frame(frame)
+        converter.to_frame(frame)
+        return frame
 
     def _continue(self, resume: bool) -> None:
         """Take over the frames that are there."""
