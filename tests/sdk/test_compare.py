@@ -1,0 +1,128 @@
+"""The page is one file that needs nothing else, appears only when complete, and shows what it was given."""
+
+import base64
+import json
+import re
+from contextlib import suppress
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from supersampler.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
+from supersampler.errors import ArgumentError
+from supersampler.frame import Frame
+
+ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))
+
+
+def picture(seed: int, width: int = 8, height: int = 6) -> NDArray[np.uint8]:
+    return np.random.default_rng(seed).integers(0, 256, (height, width, 3), np.uint8)
+
+
+def summary(html: str) -> dict[str, object]:
+    [text] = re.findall(r'<script type="application/json" id="page">(.*?)</script>', html)
+    content: dict[str, object] = json.loads(text)
+    return content
+
+
+def pictures(html: str) -> dict[str, tuple[str, bytes]]:
+    found = re.findall(r'<script type="text/plain" id="(.*?)">data:image/(\w+);base64,(.*?)</script>', html)
+    return {name: (kind, base64.b64decode(data)) for name, kind, data in found}
+
+
+@pytest.fixture
+def html(tmp_path: Path) -> str:
+    with compare_page(tmp_path / "compare.html", ABOUT) as page:
+        page.add(3, {"input": picture(1), "output": picture(2)})
+        page.add(5, {"input": picture(3), "output": picture(4), "class map": picture(5)}, {"dB": 30.0})
+    return (tmp_path / "compare.html").read_text(encoding="utf-8")
+
+
+def test_the_page_asks_for_nothing_from_outside(html: str) -> None:
+    assert re.findall(r"https?:|//\w|<link|\bsrc=|@import|\bfetch\(|XMLHttpRequest", html) == []
+
+
+def test_the_summary_lists_frames_layers_and_numbers(html: str) -> None:
+    content = summary(html)
+    assert content["layers"] == ["input", "output", "class map"]
+    assert content["numbers"] == ["dB"]
+    assert content["frames"] == [
+        {"index": 3, "layers": ["input", "output"], "numbers": {}},
+        {"index": 5, "layers": ["input", "output", "class map"], "numbers": {"dB": 30.0}},
+    ]
+
+
+def test_text_from_a_shot_cannot_become_markup(html: str) -> None:
+    assert summary(html)["title"] == ABOUT.title
+    assert ABOUT.title not in html
+
+
+def test_small_pictures_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
+    kind, data = pictures(html)["5/class map"]
+    (tmp_path / "back.png").write_bytes(data)
+    assert kind == "png"
+    np.testing.assert_array_equal(
+        oiio.ImageInput.open(str(tmp_path / "back.png")).read_image("uint8"), picture(5)
+    )
+
+
+def test_large_pictures_are_jpeg(tmp_path: Path) -> None:
+    with compare_page(tmp_path / "compare.html", ABOUT) as page:
+        page.add(0, {"output": picture(0, 640, 360)})
+    kind, _ = pictures((tmp_path / "compare.html").read_text(encoding="utf-8"))["0/output"]
+    assert kind == "jpeg"
+
+
+def test_a_run_that_stops_leaves_the_page_that_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "compare.html"
+    path.write_text("the old one")
+    with suppress(KeyboardInterrupt), compare_page(path, ABOUT) as page:
+        page.add(0, {"output": picture(0)})
+        raise KeyboardInterrupt
+    assert path.read_text() == "the old one"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_a_page_without_frames_is_not_written(tmp_path: Path) -> None:
+    want = "frames is none; want at least one"
+    with pytest.raises(ArgumentError, match=want), compare_page(tmp_path / "compare.html", ABOUT):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_frames_out_of_order_are_refused(tmp_path: Path) -> None:
+    with compare_page(tmp_path / "compare.html", ABOUT) as page:
+        page.add(2, {"output": picture(0)})
+        with pytest.raises(ArgumentError, match="index is 2; want frames in order, more than 2"):
+            page.add(2, {"output": picture(0)})
+
+
+def test_error_and_psnr_are_those_of_the_shown_pictures() -> None:
+    color = np.zeros((3, 4, 3), np.float32)
+    frame = Frame(color=color, depth=color[..., 0], motion=color[..., :2], jitter=(0.0, 0.0))
+    layers, numbers = compare_layers(
+        frame, np.zeros((6, 8, 3), np.float32), np.ones((6, 8, 3), np.float32), 1.0
+    )
+    shown = 0.735357  # sRGB of 1 / (1 + 1)
+    assert list(layers) == ["input", "output", "reference", "error"]
+    assert numbers[PSNR] == pytest.approx(-20 * np.log10(shown), abs=1e-4)
+    np.testing.assert_array_equal(layers["error"], false_color(np.full((6, 8), shown / ERROR_SCALE)))
+
+
+def test_a_frame_without_a_reference_has_no_error() -> None:
+    color = np.zeros((3, 4, 3), np.float32)
+    frame = Frame(color=None, depth=color[..., 0], motion=color[..., :2], jitter=(0.0, 0.0))
+    layers, numbers = compare_layers(frame, color, None, 1.0)
+    assert (list(layers), numbers) == (["output"], {})
+
+
+def test_false_colours_grow_lighter_evenly() -> None:
+    values = np.linspace(-0.1, 1.1, 49)[None]
+    encoded = false_color(values)[0] / 255.0
+    linear = np.where(encoded <= 0.04045, encoded / 12.92, ((encoded + 0.055) / 1.055) ** 2.4)
+    luminance = linear @ np.array([0.2126, 0.7152, 0.0722])
+    lightness = np.where(luminance > 0.008856, 116 * np.cbrt(luminance) - 16, 903.3 * luminance)
+    assert (np.diff(lightness[4:45]) > 0).all()
+    assert np.abs(lightness[4:45] - np.linspace(0, lightness[-1], 41)).max() < 8  # of 100
