@@ -88,6 +88,7 @@ def write_exr(
     if len(set(kinds)) > 1:  # where all are equal, OpenImageIO looks at the image's type alone
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
+    spec.attribute("DateTime", "")  # or OpenImageIO stores the time, and equal pictures are different files
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)
 
