@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from OpenImageIO import ImageInput
 
 from supersampler.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 from supersampler.errors import ArgumentError
