@@ -1,15 +1,18 @@
 """Promises about shot.json: what is wrong with it is said with file, key and frame."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from supersampler import ShotError
 from supersampler.conventions import Conventions
-from supersampler.shot import FrameEntry, ShotInfo
+from supersampler.image_io import write_exr
+from supersampler.shot import FrameEntry, ShotInfo, import_described_channels
 from supersampler.shot.format import load_shot_json, shot_json
 
 INFO = ShotInfo(
@@ -104,3 +107,22 @@ def test_a_file_that_is_not_json_is_named(tmp_path: Path, content: bytes, messag
 def test_a_folder_without_shot_json_is_named(tmp_path: Path) -> None:
     with pytest.raises(ShotError, match=r"shot\.json: there is no such file"):
         load_shot_json(tmp_path / "shot.json")
+
+
+def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
+    text = (Path(__file__).parents[2] / "docs" / "shots.md").read_text(encoding="utf-8")
+    shot, channels = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
+    (tmp_path / "shot.json").write_text(shot)
+    info, entries = load_shot_json(tmp_path / "shot.json")
+    assert (info.name, len(entries), entries[2].render_size) == ("courtyard", 3, (288, 162))
+    (tmp_path / "channels.json").write_text(channels)
+    for name in ("depth", "motion", "reference"):
+        write_exr(tmp_path / name / "0001.exr", np.ones((2, 2, 3), np.float32))
+    with pytest.raises(ShotError, match=r"has no file \*\.exr"):  # all is right but the colour's files
+        import_described_channels(tmp_path)
+    for number in range(49):
+        for folder in (".", "depth", "motion"):
+            write_exr(
+                tmp_path / folder / f"{number:04d}.exr", np.ones((2, 2, 3), np.float32), compression="none"
+            )
+    assert import_described_channels(tmp_path).read(48).frame.reset

@@ -59,7 +59,7 @@ class ShotWriter:
         self._info = ShotInfo(
             name=name,
             render_size=(0, 0),  # of the first frame
-            display_size=display_size,
+            display_size=None if display_size is None else (display_size[0], display_size[1]),
             frame_rate=float(frame_rate),
             conventions=Conventions() if conventions is None else conventions,
             license=license,
@@ -103,7 +103,7 @@ class ShotWriter:
             file=number,
             jitter=(0.0, 0.0) if raw.jitter is None else (float(raw.jitter[0]), float(raw.jitter[1])),
             reset=bool(raw.reset),
-            exposure=raw.exposure,
+            exposure=None if raw.exposure is None else float(raw.exposure),
             display_file=f"display/{number}" if has_display_file(raw) else None,
             reference=None if reference is None else f"reference/{number}",
             render_size=None if (width, height) == info.render_size else (width, height),
