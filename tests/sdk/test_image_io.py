@@ -1,5 +1,7 @@
 """Promises of supersampler.image_io."""
 
+import subprocess
+import sys
 import tempfile
 from pathlib import Path
 
@@ -171,6 +173,32 @@ def test_a_write_that_fails_leaves_the_old_file_and_no_other(tmp_path: Path) -> 
         write_half_and_stop(path)
     assert [file.name for file in tmp_path.iterdir()] == ["image.exr"]
     np.testing.assert_array_equal(read_exr(path)["R"], PIXELS[..., 0])
+
+
+FULL_DISK = """
+import resource, sys
+import numpy as np
+from supersampler.errors import ShotError
+from supersampler.image_io import write_exr, write_png
+resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
+noise = np.random.default_rng(0).random((100, 100, 3), np.float32)
+for write, name, image in ((write_exr, "a.exr", noise), (write_png, "a.png", (noise * 255).astype(np.uint8))):
+    try:
+        write(f"{sys.argv[1]}/{name}", image)
+    except ShotError as error:
+        print(error)
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no limit on the size of files to set")
+def test_a_full_disk_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", FULL_DISK, str(tmp_path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    exr, png = done.stdout.splitlines()
+    for line, name in ((exr, "a.exr"), (png, "a.png")):  # OpenImageIO's PNG writer says that all went well
+        assert line.startswith(f"{tmp_path / name}: cannot be written (")
+        assert "partial" not in line
+    assert list(tmp_path.iterdir()) == []
 
 
 def test_a_folder_that_is_a_file_is_named_in_the_error(tmp_path: Path) -> None:

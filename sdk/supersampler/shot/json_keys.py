@@ -46,7 +46,7 @@ class JsonKeys:
         value = self._left.pop(key)
         if kind is float and type(value) is int:
             value = float(value)
-        if not isinstance(value, kind) or type(value) is not kind:
+        if not isinstance(value, kind) or type(value) is not kind:  # True is an int, and is not meant as one
             raise self.wrong(key, value, kind.__name__)
         return value
 
