@@ -7,12 +7,12 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from supersampler.shot import open_source, shipped_shot
+from supersampler.cli.arguments import ShotArgument, open_shot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import quality_record, write_json
 from supersampler_bench.table import markdown_table, rich_table, update_block
 
-app = typer.Typer(help="Measure methods.", no_args_is_help=True)
+app = typer.Typer(no_args_is_help=True)
 
 
 @app.callback()
@@ -22,9 +22,7 @@ def bench() -> None:
 
 @app.command()
 def quality(
-    shot: Annotated[
-        str, typer.Argument(help="A shot's folder or file, or the name of a shipped one: courtyard.")
-    ],
+    shot: ShotArgument,
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
     ] = "bilinear,bicubic,taa,taau",
@@ -41,7 +39,7 @@ def quality(
 
     Example: supersampler bench quality courtyard --methods bilinear,taau --update README.md
     """
-    opened = open_source(shot) if Path(shot).exists() else shipped_shot(shot)
+    opened = open_shot(shot)
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(opened.name, total=len(opened))
         names = [method.strip() for method in methods.split(",")]

@@ -8,9 +8,9 @@ from typer.testing import CliRunner
 
 from analytic import Plane, checker
 from supersampler import ArgumentError, __version__
+from supersampler.cli import app
 from supersampler.shot import ShotWriter, shipped_shot
 from supersampler_bench import quality
-from supersampler_bench.cli import app
 from supersampler_bench.quality import FrameScores, MethodScores
 from supersampler_bench.record import quality_record, write_json
 from supersampler_bench.table import cells, markdown_table, update_block
@@ -100,7 +100,7 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
         for index in range(10):
             writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
     options = ["--methods", "bilinear, bicubic", "--json", str(values), "--update", str(readme)]
-    answer = CliRunner().invoke(app, ["quality", str(tmp_path / "shot"), *options])
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
     assert answer.exit_code == 0, answer.output
     record = json.loads(values.read_text(encoding="utf-8"))
     psnr = f"{record['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
@@ -110,7 +110,7 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
 
 
 def test_the_command_teaches_its_options() -> None:
-    answer = CliRunner().invoke(app, ["quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
+    answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
     assert answer.exit_code == 0
     for word in ("--methods", "--json", "--update", "courtyard"):
         assert word in answer.stdout
