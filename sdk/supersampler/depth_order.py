@@ -1,0 +1,100 @@
+"""Which kind of depth a buffer holds, told from its own shape and from what moves before what."""
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Array
+
+Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+DepthOrder = Literal["reversed", "forward", "linear"]
+ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")
+
+_SKY = {"reversed": 0.0, "forward": 1.0}
+_FAR_AWAY = 1e6  # linear depth marks the sky by inf or a large number
+_GAP = 1.05  # surfaces this much apart are two surfaces
+_PART = 400  # pixels of the square in the middle that `bend` looks at
+_BITS = 2e-6  # some ulps of a float32 in [0, 1]: what rounding bends
+
+
+def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
+    """Return 1 / distance up to a factor, and for a finite far plane an addend; NaN at the sky."""
+    values = depth.astype(np.float64)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        if order == "linear":
+            inverse = np.where(values < _FAR_AWAY, 1 / values, np.nan)
+        else:
+            inverse = values if order == "reversed" else 1 - values
+        return np.where((inverse > 0) & np.isfinite(inverse), inverse, np.nan)
+
+
+def bend(depth: Array, order: DepthOrder) -> float:
+    """Return how far surfaces are from planes: 1 / distance is linear on the screen along a plane.
+
+    It is the median second difference in parts of the first, above what rounding explains, in the middle of
+    the picture; NaN where no neighbours differ.
+    """
+    height, width = depth.shape
+    top, left = max(0, height // 2 - _PART // 2), max(0, width // 2 - _PART // 2)
+    inverse = inverse_distance(depth[top : top + _PART, left : left + _PART], order)
+    parts = []
+    for axis in (0, 1):
+        first = np.diff(inverse, axis=axis)
+        before, after = (np.delete(first, end, axis=axis) for end in (-1, 0))
+        slope = np.abs(before) + np.abs(after)
+        excess = np.abs(after - before) - _BITS * np.nanmax(inverse, initial=0.0)
+        known = slope > 20 * _BITS * np.nanmax(inverse, initial=0.0)
+        parts.append(np.maximum(excess[known], 0) / slope[known])
+    values = np.concatenate(parts)
+    return float(np.median(values)) if values.size else float("nan")
+
+
+def sky_share(depth: Array, order: DepthOrder) -> float:
+    """Return which part of the pixels has the value that this order has at the sky."""
+    if order == "linear":
+        return float(np.mean(depth >= _FAR_AWAY))
+    return float(np.mean(depth == _SKY[order]))
+
+
+def uncovered(
+    now: Array, before: Array, order: DepthOrder, places: Places, offset: NDArray[np.floating[Any]]
+) -> tuple[int, int]:
+    """Count places whose past shows another surface: (closer, farther) than their own.
+
+    What is seen now and was not before was hidden by something closer. Farther ones should not exist.
+
+    Args:
+        now: (h, w) depth.
+        before: (h, w) depth of the frame before.
+        order: what both are read as.
+        places: rows and columns (n,) of the frame now.
+        offset: (n, 2) pixels from each place to where it is read in the frame before.
+    """
+    height, width = now.shape
+    rows, columns = places
+    inside = np.isfinite(offset).all(axis=1)
+    offset = np.where(inside[:, None], offset, 0)
+    past_rows = np.rint(rows + offset[:, 1]).astype(np.intp)
+    past_columns = np.rint(columns + offset[:, 0]).astype(np.intp)
+    inside &= (past_rows >= 0) & (past_rows < height) & (past_columns >= 0) & (past_columns < width)
+    lowest, highest = _range(now, order, rows, columns)
+    past_lowest, past_highest = _range(before, order, past_rows, past_columns)
+    with np.errstate(invalid="ignore"):
+        closer = inside & (past_lowest > _GAP * highest)
+        farther = inside & (lowest > _GAP * past_highest)
+    return int(closer.sum()), int(farther.sum())
+
+
+def _range(
+    depth: Array, order: DepthOrder, rows: NDArray[np.intp], columns: NDArray[np.intp]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Least and greatest 1 / distance of each place's 3 x 3 neighbourhood, NaN where it holds sky."""
+    height, width = depth.shape
+    near = [
+        depth[np.clip(rows + dy, 0, height - 1), np.clip(columns + dx, 0, width - 1)]
+        for dy in (-1, 0, 1)
+        for dx in (-1, 0, 1)
+    ]
+    inverse = inverse_distance(np.stack(near), order)
+    return inverse.min(axis=0), inverse.max(axis=0)

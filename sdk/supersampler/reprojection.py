@@ -1,0 +1,104 @@
+"""How well a motion field explains a picture by the one before: one measure for the checks and the detector.
+
+The error is the median difference of luminance, compressed to [0, 1], between a pixel and where it is said
+to have been. A median, as some pixels were hidden and some shine differently; at some thousand places only,
+so that the cost does not grow with the picture. Both pictures are read through the same small filter: read at
+whole pixels they would else be sharper and noisier than between pixels, and wrong motion would win by blur.
+"""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Array, Float32
+
+MIN_PLACES = 400
+"""Fewer places with texture (or motion) say nothing: the error of a median of 400 is some 5 %."""
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+_TEXTURE = 0.01  # change of the compressed luminance from one pixel to the next
+
+
+def luminance(color: Array) -> Float32:
+    """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Pair` leaves them out
+        values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
+    return values
+
+
+class Pair:
+    """Two neighbouring frames, ready to be asked how well motion explains the second.
+
+    Attributes:
+        rows, columns: (n,) the places, where the picture has texture.
+    """
+
+    def __init__(self, now: Float32, before: Float32, *, places: int = 12_000) -> None:
+        """Choose at most about `places` places in two (h, w) luminances of equal size."""
+        self._before = before
+        rows, columns = grid((now.shape[1], now.shape[0]), places)
+        known = now[rows, columns]
+        known = known[np.isfinite(known) & (known > 0)]
+        self._middle = float(np.median(known)) if known.size else 1.0
+        here = self._read(now, columns, rows)
+        change = np.maximum(
+            np.abs(self._read(now, columns + 1, rows) - here),
+            np.abs(self._read(now, columns, rows + 1) - here),
+        )
+        textured = change > _TEXTURE  # False where NaN
+        self.rows, self.columns, self._now = rows[textured], columns[textured], here[textured]
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
+        """Return the median difference, in [0, 1]; inf where less than half of the places are on screen.
+
+        Args:
+            offset: (n, 2) or (2,) pixels from each place to where it is read in the frame before.
+            where: (n,) which places to ask, all by default; at least one.
+        """
+        offset = np.broadcast_to(offset, (len(self), 2))
+        use = slice(None) if where is None else where
+        past = self._read(self._before, self.columns[use] + offset[use, 0], self.rows[use] + offset[use, 1])
+        difference = np.abs(past - self._now[use])
+        difference = difference[np.isfinite(difference)]
+        return float(np.median(difference)) if 2 * len(difference) > len(past) else float("inf")
+
+    def _read(self, picture: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float64]:
+        """Return compressed luminance at (x, y) through a quadratic B-spline, 3 x 3 pixels; NaN outside."""
+        height, width = picture.shape
+        inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
+        x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
+        column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
+        total = np.zeros(x.shape)
+        for dy, weight_y in zip((-1, 0, 1), _spline(y - row), strict=True):
+            line = np.clip(row + dy, 0, height - 1)
+            for dx, weight_x in zip((-1, 0, 1), _spline(x - column), strict=True):
+                value = np.maximum(picture[line, np.clip(column + dx, 0, width - 1)], 0)
+                with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
+                    total += weight_y * weight_x * (value / (value + self._middle))
+        return np.where(inside, total, np.nan)
+
+
+def grid(size: tuple[int, int], places: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
+    step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
+    rows, columns = np.meshgrid(
+        np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"
+    )
+    return rows.ravel(), columns.ravel()
+
+
+def moving(motion: Array) -> NDArray[np.bool_]:
+    """Return (n,) which of (n, 2) vectors of any unit count as motion: a tenth of the longest, or more."""
+    length = np.abs(motion).max(axis=1) if len(motion) else np.zeros(0)
+    length = np.where(np.isfinite(length), length, 0)
+    longest = np.percentile(length, 99) if length.size else 0.0
+    moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * longest)
+    return moves
+
+
+def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:
+    return 0.5 * (0.5 - fraction) ** 2, 0.75 - fraction**2, 0.5 * (0.5 + fraction) ** 2
