@@ -1,0 +1,22 @@
+"""The `supersampler` command. One file per command; each imports what it needs only when it runs.
+
+An error that this package raises on purpose is one line on stderr and exit code 1; Ctrl-C is exit code 130; a
+wrong command line is exit code 2. Anything else keeps its traceback, since it is a bug.
+"""
+
+from supersampler.cli.app import app, bench, export, main
+from supersampler.cli.check import check
+from supersampler.cli.demo import demo
+from supersampler.cli.import_ import import_shot
+from supersampler.cli.info import info
+from supersampler.cli.upscale import upscale
+
+app.command()(demo)
+app.command()(upscale)
+app.command()(info)
+app.command()(check)
+app.command("import")(import_shot)
+app.command()(export)
+app.command()(bench)
+
+__all__ = ["app", "main"]

@@ -1,0 +1,90 @@
+"""The top of the command: global options, errors in one line, and commands that live in other packages."""
+
+import sys
+from importlib import import_module
+from typing import Annotated, Any
+
+import typer
+from typer.core import TyperGroup
+
+from supersampler import __version__
+from supersampler.errors import SupersamplerError
+
+TOOLS = {"export": "supersampler_export.cli", "bench": "supersampler_bench.cli"}
+"""Commands of the training side, by the module whose `app` they are; imported only when they are called."""
+
+EXTRAS = {"torch": "train", "onnx": "train", "onnxscript": "train", "flip_evaluator": "bench"}
+"""Packages that a runtime-only install lacks, and the extra that brings each."""
+
+
+class Commands(TyperGroup):
+    """Finds commands of other packages, and turns expected errors into one line."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
+        """Take a tool's own command instead of its line in `--help`."""
+        if args and args[0] in TOOLS:
+            command = typer.main.get_command(import_module(TOOLS[args[0]]).app)
+            return args[0], command, args[1:]
+        return super().resolve_command(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Run a command."""
+        try:
+            return super().invoke(ctx)
+        except (SupersamplerError, ModuleNotFoundError) as error:
+            line = _line(error)
+            if line is None or ctx.params.get("debug"):
+                raise
+            typer.echo(f"error: {line}", err=True)
+            raise typer.Exit(1) from None
+        except KeyboardInterrupt:
+            typer.echo("stopped", err=True)
+            raise typer.Exit(130) from None
+
+
+app = typer.Typer(cls=Commands, no_args_is_help=True, add_completion=False, rich_markup_mode=None)
+
+
+def main() -> None:
+    """Run the command line and exit."""
+    typer.main.get_command(app)(prog_name="supersampler")
+
+
+def _line(error: SupersamplerError | ModuleNotFoundError) -> str | None:
+    """The one line for an error; None for a module whose lack is a bug."""
+    if isinstance(error, SupersamplerError):
+        return str(error)
+    package = (error.name or "").partition(".")[0]
+    if package not in EXTRAS:
+        return None
+    install = f'pip install "supersampler[{EXTRAS[package]}]"'
+    return f"this command needs {package}, which the runtime does not. Install it: {install}"
+
+
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        typer.echo(f"supersampler {__version__}, Python {sys.version.split()[0]}")
+        raise typer.Exit
+
+
+@app.callback(epilog="Start with: supersampler demo")
+def supersampler(
+    debug: Annotated[bool, typer.Option("--debug", help="Show the traceback of errors.")] = False,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print versions.", callback=_print_version, is_eager=True)
+    ] = False,
+) -> None:
+    """Turn aliased, jittered, low-resolution rendered frames into clean high-resolution ones.
+
+    SHOT is a folder with shot.json and EXR frames, a folder of Blender's multilayer EXR frames, EXR frames
+    with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: courtyard. Sizes
+    are width x height in pixels.
+    """
+
+
+def export() -> None:
+    """Write a method as a model folder for ONNX Runtime. Needs torch."""
+
+
+def bench() -> None:
+    """Measure methods against references. Needs flip-evaluator."""

@@ -1,0 +1,66 @@
+"""Arguments that several commands share, and how their texts are read."""
+
+import re
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+
+if TYPE_CHECKING:
+    from supersampler.shot import Shot
+
+ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
+
+
+class Validate(StrEnum):
+    """How much of each frame is checked."""
+
+    off = "off"
+    warn = "warn"
+    strict = "strict"
+
+
+class Format(StrEnum):
+    """Files to write pictures as."""
+
+    exr = "exr"
+    png = "png"
+
+
+def open_shot(text: str) -> "Shot":
+    """Open a shot of any layout, or the shipped one of that name.
+
+    Raises:
+        ShotError: nothing that is known lies there.
+    """
+    from supersampler.shot import open_source, shipped_shot
+
+    is_name = not Path(text).exists() and Path(text).name == text
+    if is_name:
+        try:
+            return shipped_shot(text)
+        except ArgumentError as error:
+            hint = "That is neither a file or folder here nor a shipped shot."
+            raise ArgumentError("SHOT", got=repr(text), want=f"a path, or {error.want}", hint=hint) from error
+    return open_source(text)
+
+
+def parse_size(text: str) -> Size:
+    """Read "1920x1080" as (1920, 1080).
+
+    Raises:
+        ArgumentError: it is not two whole numbers >= 1 with an x between.
+    """
+    found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
+    if found is None:
+        raise ArgumentError("--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, 1920x1080 say")
+    return int(found[1]), int(found[2])
+
+
+def size_text(size: Size | None) -> str:
+    """Write (1920, 1080) as "1920x1080"."""
+    return "none" if size is None else f"{size[0]}x{size[1]}"

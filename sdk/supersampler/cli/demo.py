@@ -1,0 +1,27 @@
+"""`supersampler demo`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+
+def demo(
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
+    method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "taau",
+) -> None:
+    """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
+
+    Writes EXR frames (linear), PNG frames (as a screen shows them) and compare.html, one page that needs no
+    network: drag the split, step through the frames, zoom.
+    """
+    from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.shot import shipped_shot
+
+    job = UpscaleJob(
+        shot=shipped_shot(), output=output, model=method, scale=2.0, formats=("exr", "png"), compare=True
+    )
+    results = run_job(job)
+    typer.echo(f"EXR frames: {results.place('exr')}")
+    typer.echo(f"PNG frames: {results.place('png')}")
+    typer.echo(f"Open in a browser: {output / 'compare.html'}")

@@ -1,0 +1,89 @@
+"""`supersampler info`."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supersampler.cli.arguments import open_shot, size_text
+
+if TYPE_CHECKING:
+    from supersampler.model_info import ModelInfo, TensorInfo
+    from supersampler.shot import Shot
+
+
+def info(
+    what: Annotated[
+        str | None, typer.Argument(metavar="MODEL|SHOT", help="A model's name or folder, or a shot.")
+    ] = None,
+) -> None:
+    """Say what a model takes and gives, or what a shot holds. Without an argument: what ships.
+
+    \b
+    Examples:
+      supersampler info taau
+      supersampler info renders/kitchen
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.model_info import find_model, model_names, read_model_info
+
+    if what is None:
+        _print_rows({"models": ", ".join(model_names()), "shots": "courtyard"})
+    elif what in model_names() or (Path(what) / "model.json").is_file():
+        _print_rows(_model_rows(read_model_info(find_model(what))))
+    else:
+        _print_rows(_shot_rows(open_shot(what)))
+
+
+def _print_rows(rows: dict[str, str]) -> None:
+    width = max(map(len, rows))
+    for name, value in rows.items():
+        for number, line in enumerate(value.split("\n")):
+            typer.echo(f"{name if number == 0 else '':{width}}  {line}".rstrip())
+
+
+def _model_rows(model: "ModelInfo") -> dict[str, str]:
+    ratio = "only {}".format if model.ratios[0] == model.ratios[1] else "{} to {}".format
+    return {
+        "method": model.method,
+        "source": model.source,
+        "folder": str(model.folder),
+        "contract": str(model.contract),
+        "ratios": f"{ratio(*model.ratios)} (display over render size, each axis)",
+        "inputs": "\n".join(map(_tensor_text, model.inputs)),
+        "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",
+        "image": _tensor_text(model.image),
+        "settings": ", ".join(map(_fact, model.config.items())) or "none",
+        "agreement": ", ".join(map(_fact, model.parity.items())),
+        "files": "\n".join(f"{name}  sha256 {digest}" for name, digest in model.files.items()),
+        "licence": model.licence,
+        "attribution": "\n".join(model.attributions) or "none",
+        "made with": ", ".join(map(_fact, model.versions.items())),
+    }
+
+
+def _fact(item: tuple[str, object]) -> str:
+    name, value = item
+    return f"{len(value)} {name}" if isinstance(value, list) else f"{name} {value}"
+
+
+def _tensor_text(tensor: "TensorInfo") -> str:
+    return f"{tensor.name}  {tensor.type} ({', '.join(map(str, tensor.shape))})"
+
+
+def _shot_rows(shot: "Shot") -> dict[str, str]:
+    frame = shot.read(0).frame
+    extras = [*(frame.gbuffer or {}), *(f"{name} (display)" for name in frame.gbuffer_display or {})]
+    if frame.carry is not None:
+        extras.append(f"carry ({frame.carry.shape[2]} channels)")
+    return {
+        "shot": shot.name,
+        "folder": str(shot.path),
+        "frames": f"{len(shot)} at {shot.frame_rate:g} a second",
+        "render size": size_text(shot.render_size),
+        "display size": size_text(shot.display_size),
+        "references": f"{len(shot.reference_indices)} frames",
+        "conventions": repr(shot.conventions),
+        "more buffers": ", ".join(extras) or "none",
+        "licence": shot.license or "not stated",
+        "attribution": "\n".join(shot.attribution) or "none",
+    }

@@ -1,0 +1,199 @@
+"""Upscale a shot into a folder, one frame at a time, resumably: what `upscale` and `demo` run."""
+
+import time
+import warnings
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import typer
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    Task,
+    TextColumn,
+    TimeRemainingColumn,
+)
+from rich.text import Text
+
+from supersampler import __version__
+from supersampler.cli.arguments import size_text
+from supersampler.cli.results import Results
+from supersampler.compare import About, ComparePage, compare_layers, compare_page, versions
+from supersampler.display import ExposureMeter
+from supersampler.errors import FrameWarning
+from supersampler.frame import Size
+from supersampler.model import Model
+from supersampler.shot import Shot
+from supersampler.upscaler import Upscaler
+
+COMPARE_FRAMES = 64
+"""A page holds the last so many frames: with more, browsers load it slowly."""
+
+_NOTES = (
+    "Pictures as a screen shows them: exposure, c / (1 + max(r, g, b)), sRGB; JPEG of quality 92, small ones "
+    "PNG. The input is as rendered, with its jitter.",
+    "error: mean over r, g, b of |output − reference| of these pictures. PSNR: of the same before they are "
+    "rounded to 8 bits, whole frame.",
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class UpscaleJob:
+    """What to upscale, how, and to where; sizes are (width, height).
+
+    Without `display_size` and `scale` the pictures are of the shot's display size, or 2x where it has none.
+    """
+
+    shot: Shot
+    output: Path
+    model: str | Path = "taau"
+    display_size: Size | None = None
+    scale: float | None = None
+    formats: Sequence[str] = ("exr",)
+    compare: bool = False
+    providers: str | Sequence[str] = "auto"
+    threads: int = 0
+    validate: Literal["off", "warn", "strict"] = "warn"
+    overwrite: bool = False
+    console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
+
+
+def run_job(job: UpscaleJob) -> Results:
+    """Upscale what is not there yet, and say how it went.
+
+    Raises:
+        typer.Exit: 130 after Ctrl-C; the frames that are complete stay.
+        SupersamplerError: a frame, a file or the model will not do.
+    """
+    results, count = Results(job.output, job.formats), len(job.shot)
+    with _open_upscaler(job) as upscaler, _warnings_in_one_line(job.console):
+        first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
+        if first == count and not job.compare:
+            job.console.print(f"All {count} frames are there already.")
+            return results
+        try:
+            _upscale(job, upscaler, results, first)
+        except KeyboardInterrupt:
+            complete = results.count_complete(count)
+            job.console.print(f"Stopped: {complete} of {count} frames are complete.")
+            job.console.print("The same command, given again, continues.")
+            raise typer.Exit(130) from None
+    return results
+
+
+def _open_upscaler(job: UpscaleJob) -> Upscaler:
+    size = job.display_size or (job.shot.display_size if job.scale is None else None)
+    return Upscaler(
+        Model.load(job.model, providers=job.providers, threads=job.threads),
+        display_size=size,
+        scale=None if size else job.scale or 2.0,
+        render_size=job.shot.render_size,
+        validate=job.validate,
+    )
+
+
+def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
+    """All that the pictures follow from. The number of frames is not in it: a shot may still be growing."""
+    return {
+        "supersampler": __version__,
+        "shot": str(job.shot.path.resolve()),
+        "render size": size_text(job.shot.render_size),
+        "conventions": job.shot.conventions.to_json(),
+        "method": upscaler.model.info.method,
+        "model files": dict(upscaler.model.info.files),
+        "providers": list(upscaler.model.providers),
+        "display size": size_text(upscaler.display_size),
+        "formats": list(job.formats),
+    }
+
+
+def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) -> None:
+    """Step through the frames; those before `first` rebuild the history and fill the page."""
+    count = len(job.shot)
+    page_start = max(0, count - COMPARE_FRAMES) if job.compare else count
+    start = _last_cut(job.shot, min(first, page_start))
+    meter, began = ExposureMeter(), time.perf_counter()
+    with _page(job, upscaler) as page, _progress(job.console) as progress:
+        task = progress.add_task("", total=count - start)
+        for item in job.shot.frames(start):
+            progress.update(task, description="upscaling" if item.index >= first else "replaying")
+            frame, image = item.frame, upscaler.step(item.frame)
+            exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+            if item.index >= first:
+                results.write(item.index, image, exposure)
+            if page is not None and item.index >= page_start:
+                page.add(item.index, *compare_layers(frame, image, item.reference, exposure))
+            progress.advance(task)
+    stats, seconds = upscaler.stats, time.perf_counter() - began
+    rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
+    job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
+
+
+def _last_cut(shot: Shot, index: int) -> int:
+    """The last frame up to `index` that forgets what was before it: the history can be rebuilt from there."""
+    while 0 < index < len(shot) and not shot.read_raw(index).reset:
+        index -= 1
+    return index
+
+
+def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[ComparePage | None]:
+    if not job.compare:
+        return nullcontext()
+    shot, info = job.shot, upscaler.model.info
+    display_size = upscaler.display_size or shot.render_size
+    sizes = f"{size_text(shot.render_size)} to {size_text(display_size)}".replace("x", " × ")
+    provider = upscaler.model.providers[0].removesuffix("ExecutionProvider")
+    facts = {"method": info.method, "size": sizes, "runs on": provider, "frames": str(len(shot))}
+    sources = [f"Shot: {line}" for line in (*shot.attribution, shot.license) if line]
+    about = About(
+        title=shot.name,
+        method=info.method,
+        display_size=display_size,
+        frame_rate=shot.frame_rate,
+        facts=facts,
+        notes=[*_NOTES, *sources, versions()],
+    )
+    return compare_page(job.output / "compare.html", about)
+
+
+class _FramesPerSecond(ProgressColumn):
+    def render(self, task: Task) -> Text:
+        speed = task.finished_speed or task.speed
+        return Text("" if speed is None else f"{speed:.1f} frames/s")
+
+
+def _progress(console: Console) -> Progress:
+    return Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        _FramesPerSecond(),
+        TimeRemainingColumn(),
+        TextColumn("left"),
+        console=console,
+        transient=True,
+    )
+
+
+@contextmanager
+def _warnings_in_one_line(console: Console) -> Iterator[None]:
+    """Print FrameWarnings above the progress bar; Python's own way shows a line of source code with each."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("always", FrameWarning)
+        usual = warnings.showwarning
+
+        def show(message, category, *where, **more):  # type: ignore[no-untyped-def]
+            if issubclass(category, FrameWarning):
+                console.print(f"[yellow]warning[/yellow] {escape(str(message))}")
+            else:
+                usual(message, category, *where, **more)
+
+        warnings.showwarning = show
+        yield

@@ -1,0 +1,87 @@
+"""`supersampler upscale`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from supersampler.cli.arguments import Format, ShotArgument, Validate, open_shot, parse_size
+from supersampler.errors import ArgumentError
+
+
+def upscale(
+    shot: ShotArgument,
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    method: Annotated[str | None, typer.Option(help="A shipped model by name.", show_default="taau")] = None,
+    model: Annotated[Path | None, typer.Option(help="A model folder, instead of --method.")] = None,
+    display_size: Annotated[
+        str | None,
+        typer.Option(
+            metavar="WxH", help="Size of the results, 1920x1080 say.", show_default="the shot's, or 2x"
+        ),
+    ] = None,
+    scale: Annotated[
+        float | None,
+        typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0."),
+    ] = None,
+    format: Annotated[  # noqa: A002  # the option's name
+        list[Format] | None,
+        typer.Option(
+            help="exr: linear half floats. png: exposed, tone mapped, sRGB. Twice for both, in two folders.",
+            show_default="exr",
+        ),
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
+    ] = False,
+    providers: Annotated[
+        str,
+        typer.Option(
+            help="ONNX Runtime providers in order, commas between: cuda,cpu. auto takes a GPU if any."
+        ),
+    ] = "auto",
+    threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 takes every core.")] = 0,
+    validate: Annotated[
+        Validate,
+        typer.Option(
+            help="off: check shapes. warn: read pixels after each cut. strict: every frame, and stop."
+        ),
+    ] = Validate.warn,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Start over where results are already.")
+    ] = False,
+) -> None:
+    """Upscale SHOT, frame by frame, into a folder of pictures.
+
+    A run that was stopped continues when the same command is given again: frames that are complete are not
+    written anew, the history is rebuilt by replaying the frames since the last cut.
+
+    \b
+    Examples:
+      supersampler upscale courtyard -o out --compare
+      supersampler upscale renders/kitchen -o out --display-size 3840x2160
+      supersampler upscale shot -o out --model my_model --scale 1.5 --format exr --format png
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.cli.run import UpscaleJob, run_job
+
+    if method is not None and model is not None:
+        raise ArgumentError("--method and --model", got="both given", want="one of the two")
+    if display_size is not None and scale is not None:
+        raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
+    names = [name.strip() for name in providers.split(",")]
+    job = UpscaleJob(
+        shot=open_shot(shot),
+        output=output,
+        model=model or method or "taau",
+        display_size=None if display_size is None else parse_size(display_size),
+        scale=scale,
+        formats=tuple(sorted({item.value for item in format or [Format.exr]})),
+        compare=compare,
+        providers=names[0] if len(names) == 1 else names,
+        threads=threads,
+        validate=validate.value,
+        overwrite=overwrite,
+    )
+    run_job(job)
+    if compare:
+        typer.echo(f"Open in a browser: {output / 'compare.html'}")
