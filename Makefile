@@ -1,0 +1,37 @@
+# make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
+# make test   all tests
+# make check  style and types
+# PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
+PYTHON ?= python3
+
+RUNTIME := .venv/installed
+DEVELOPMENT := .venv-dev/installed
+SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json')
+
+.PHONY: demo test check clean
+
+demo: $(RUNTIME)
+	.venv/bin/supersampler demo -o out
+
+test: $(DEVELOPMENT)
+	.venv-dev/bin/pytest -q
+
+check: $(DEVELOPMENT)
+	.venv-dev/bin/ruff check .
+	.venv-dev/bin/ruff format --check .
+	.venv-dev/bin/mypy
+
+clean:
+	rm -rf .venv .venv-dev out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+
+# A copy of the package as users get it: made anew when a source changes.
+$(RUNTIME): pyproject.toml $(SOURCES)
+	test -d .venv || $(PYTHON) -m venv .venv
+	.venv/bin/pip install -q --disable-pip-version-check .
+	touch $@
+
+# Editable: only new dependencies make it anew.
+$(DEVELOPMENT): pyproject.toml
+	test -d .venv-dev || $(PYTHON) -m venv .venv-dev
+	.venv-dev/bin/pip install -q --disable-pip-version-check -e '.[dev]'
+	touch $@
