@@ -78,17 +78,18 @@ def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
     return F.grid_sample(image, grid, mode=mode, padding_mode="border", align_corners=False)
 
 
-def read_catmull_rom(image: Tensor, x: Tensor, y: Tensor) -> Tensor:
-    """Catmull-Rom, sixteen samples by nine bilinear reads: the two middle samples of an axis share one."""
-    columns, rows = _catmull_rom_reads(x), _catmull_rom_reads(y)
+def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> Tensor:
+    """Cubic (0.5 is Catmull-Rom): sixteen samples by nine reads, as the middle two of an axis share one."""
+    columns, rows = _cubic_reads(x, sharpness), _cubic_reads(y, sharpness)
     return sum_of([wx * wy * read(image, at_x, at_y) for at_y, wy in rows for at_x, wx in columns])
 
 
-def _catmull_rom_reads(position: Tensor) -> list[tuple[Tensor, Tensor]]:
+def _cubic_reads(position: Tensor, sharpness: float) -> list[tuple[Tensor, Tensor]]:
+    """(position, weight) of three bilinear reads along one axis."""
     whole = position.floor()
     t = position - whole
-    before = ((-0.5 * t + 1.0) * t - 0.5) * t
-    second = ((-1.5 * t + 2.0) * t + 0.5) * t
-    after = (0.5 * t - 0.5) * t * t
+    s = 1.0 - t
+    before, after = -sharpness * t * s * s, -sharpness * s * t * t
+    second = (((sharpness - 2.0) * t + 3.0 - 2.0 * sharpness) * t + sharpness) * t
     middle = 1.0 - before - after
     return [(whole - 1.0, before), (whole + second / middle, middle), (whole + 2.0, after)]

@@ -15,9 +15,9 @@ class Box(NamedTuple):
     high: Tensor
 
 
-def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor) -> Box:
-    """Box mu +- gamma sigma of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
-    reach = gamma * (second - first * first).clamp(min=0.0).sqrt()
+def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor, floor: float | Tensor = 0.0) -> Box:
+    """Box mu +- (gamma sigma + floor) of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
+    reach = gamma * (second - first * first).clamp(min=0.0).sqrt() + floor
     return Box(first - reach, first + reach)
 
 
@@ -25,11 +25,6 @@ def moments(color: Tensor) -> tuple[Tensor, Tensor]:
     """E[c] and E[c^2] over each 3x3 neighbourhood, unweighted."""
     window = neighbours(color)
     return sum_of(window) / 9.0, sum_of([c * c for c in window]) / 9.0
-
-
-def blurred(image: Tensor) -> Tensor:
-    """Mean over 3x3; on moments this widens their window without more samples (Salvi 2016, wide windows)."""
-    return sum_of(neighbours(image)) / 9.0
 
 
 def extent_box(color: Tensor) -> Box:

@@ -39,15 +39,6 @@ class Taps(NamedTuple):
     indices: list[Tensor]
     weights: list[Tensor]
 
-    def normalised(self) -> "Taps":
-        """The same with weights that sum to one."""
-        total = self.total()
-        return Taps(self.indices, [weight / total for weight in self.weights])
-
-    def total(self) -> Tensor:
-        """(n,) sum of the weights."""
-        return torch.stack(self.weights).sum(0)
-
 
 def positions(display: int, render: int, jitter: Tensor) -> Tensor:
     """(display,) positions in render pixels where the display pixels of one axis look; `jitter` is (1,)."""
@@ -117,3 +108,8 @@ def neighbours(image: Tensor) -> list[Tensor]:
     tall = torch.cat([wide[:, :, :1], wide, wide[:, :, -1:]], dim=2)
     h, w = image.shape[2], image.shape[3]
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
+
+
+def blurred(image: Tensor) -> Tensor:
+    """Mean over 3x3."""
+    return sum_of(neighbours(image)) / 9.0

@@ -20,12 +20,11 @@ from supersampler_model.method import DISPLAY, Method, display_size_of, render_s
 from supersampler_model.motion import (
     longest,
     past_of,
-    read_catmull_rom,
+    read_cubic,
     usable_motion,
 )
 from supersampler_model.rectification import (
     Box,
-    blurred,
     clamp_to,
     clip_to_center,
     clip_to_sample,
@@ -34,7 +33,7 @@ from supersampler_model.rectification import (
     moments,
     variance_box,
 )
-from supersampler_model.sampling import grid_of, linear, pick, resample, taps
+from supersampler_model.sampling import blurred, grid_of, linear, pick, resample, taps
 
 
 @dataclass(frozen=True)
@@ -122,7 +121,7 @@ class Taa(Method):
         sample = resample(toned, x, y)
         box = Box(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
         past = past_of(pick(longest(usable_motion(motion)), grid), display, render)
-        warped = read_catmull_rom(history_color, past.x, past.y)
+        warped = read_cubic(history_color, past.x, past.y)
         return Gathered(sample, self.to_space(quarantine(warped, 0.0) * exposure), past.on_screen, box)
 
     def network(self, seen: Gathered, history_exposure: Tensor) -> Tensor:

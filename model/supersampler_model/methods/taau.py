@@ -1,11 +1,16 @@
 """`taau`: the strongest temporal upscaler without a network; the fallback, and the bar for every network.
 
-Each display pixel keeps a colour and how many samples it is made of. A new frame adds its samples near that
-pixel, weighted by their distance. The past is dropped where depth says it shows another surface, and pulled
-into a variance box, losing samples as it moves, where it shows another shade. Motion bounds the number of
-samples kept, because each resampling of a moving history blurs it and each wrong one stays for as long.
+Each display pixel keeps a colour, how many samples it is made of, and how far those samples spread. A new
+frame adds its samples near that pixel, weighted by their distance. The past loses samples where
 
-Background: notes in docs/methods.md (TAAU, FSR2's confidence and depth tests, Salvi's variance clipping).
+* depth says that it shows another surface (all of it was closer than what is there now),
+* the light changed: the mean of a neighbourhood moved by more than jitter moves it,
+* its colour lies outside a variance box of this frame's colours (Salvi 2016), which is then cut to the box,
+* motion resamples it: each resampling blurs, so the more a frame blurs, the fewer samples are kept.
+
+The box also reaches as far as the pixel's own samples have been spreading over time. Without that, whatever
+is thinner than a sample's distance vanishes from the box in the frames that miss it and flickers, which Salvi
+names as the weakness of variance clipping.
 """
 
 from dataclasses import dataclass
@@ -30,45 +35,73 @@ from supersampler_model.motion import (
     closest,
     past_of,
     read,
-    read_catmull_rom,
+    read_cubic,
     squared_length,
     usable_depth,
     usable_motion,
 )
 from supersampler_model.rectification import clip_to_center, overshoot, variance_box
-from supersampler_model.sampling import Grid, gaussian, grid_of, pick, resample, taps
+from supersampler_model.sampling import (
+    Grid,
+    Kernel,
+    blurred,
+    catmull_rom,
+    gaussian,
+    grid_of,
+    pick,
+    resample,
+    taps,
+)
+
+NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
+UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
 
 
 @dataclass(frozen=True)
 class TaauConfig:
-    """Constants, found by `supersampler bench tune` on moving and still scenes (docs/methods.md).
+    """Constants; `supersampler bench quality` and the analytic scenes of the tests measure what they give.
 
     Attributes:
         frame_sigma: Gaussian that upsamples this frame alone, render pixels.
+        frame_sharpness: share of Catmull-Rom in that upsampling.
         sample_sigma: Gaussian of a sample's influence on the accumulated colour, display pixels.
+        history_sharpness: -a of the cubic that resamples the history; 0.5 is Catmull-Rom.
         moment_sigma: Gaussian window of the moments of the variance box, render pixels.
         gamma_still, gamma_moving: half size of the box in standard deviations, at rest and from `gamma_speed`
             display pixels a frame on.
-        kept_outside: share of its way into the box that a colour outside is spared.
-        count_still, count_moving: samples kept at rest and from `count_speed` display pixels a frame on.
-        forget: share of the samples dropped per half box extent of overshoot.
+        gamma_time: the same, of the standard deviation over time.
+        spread_samples: samples over which the spread over time is averaged.
+        forget: share of the samples dropped per half extent that the past lies outside the box.
+        samples: most samples kept.
+        blur_cost, speed_cost: by how much less they are, per full resampling blur and per display pixel of
+            motion: samples / (1 + blur_cost * blur + speed_cost * speed).
+        settled: samples from which on only those near a pixel's centre are added, not the whole upsampling.
         depth_margin, depth_ramp: relative depth by which all of the past must be closer before it counts as
             another surface, and over which that becomes certain.
+        change_deviation, change_relative, change_ramp: a mean that moved by more than this many standard
+            deviations plus this share of itself is a change of light, certain over the ramp.
     """
 
-    frame_sigma: float = 0.4
-    sample_sigma: float = 0.5
-    moment_sigma: float = 0.47
-    gamma_still: float = 3.2
-    gamma_moving: float = 0.5
-    gamma_speed: float = 8.0
-    kept_outside: float = 0.45
-    count_still: float = 18.0
-    count_moving: float = 0.75
-    count_speed: float = 0.14
-    forget: float = 0.2
-    depth_margin: float = 0.01
-    depth_ramp: float = 0.2
+    frame_sigma: float = 0.365
+    frame_sharpness: float = 0.25
+    sample_sigma: float = 0.455
+    history_sharpness: float = 0.7
+    moment_sigma: float = 0.4
+    gamma_still: float = 1.3
+    gamma_moving: float = 0.8
+    gamma_speed: float = 10.0
+    gamma_time: float = 1.6
+    spread_samples: float = 14.0
+    forget: float = 0.5
+    samples: float = 18.0
+    blur_cost: float = 32.0
+    speed_cost: float = 7.5
+    settled: float = 0.9
+    depth_margin: float = 0.002
+    depth_ramp: float = 0.185
+    change_deviation: float = 0.53
+    change_relative: float = 0.1
+    change_ramp: float = 0.65
 
 
 class Present(NamedTuple):
@@ -79,14 +112,19 @@ class Present(NamedTuple):
     confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]; 0 where none is usable
     first: Tensor  # (1, 3, H, W) E[c]
     second: Tensor  # (1, 3, H, W) E[c^2]
+    shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
 
 
 class Remembered(NamedTuple):
     """The warped past at display size."""
 
     color: Tensor  # (1, 3, H, W) toned YCoCg
-    samples: Tensor  # (1, 1, H, W) samples that are still of this surface
-    speed: Tensor  # (1, 1, H, W) display pixels a frame
+    samples: Tensor  # (1, 1, H, W) it is made of, 0 where there is no past
+    power: Tensor  # (1, 1, H, W) mean square of sample - past, toned luma
+    shade: Tensor  # (1, 2, H, W) as in Present
+    surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
+    speed: Tensor  # (1, 1, H, W) display pixels
+    blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
 
 
 class Blend(NamedTuple):
@@ -94,8 +132,8 @@ class Blend(NamedTuple):
 
     past: Tensor  # (1, 3, H, W) rectified
     weight: Tensor  # (1, 1, H, W) of this frame's sample
-    samples: Tensor  # (1, 1, H, W) samples after this frame
-    settled: Tensor  # (1, 1, H, W) 0 where only the smooth upsampling can be trusted
+    samples: Tensor  # (1, 1, H, W) of the past that count
+    spreads: Tensor  # (1, 1, H, W) 1 where the past's spread still holds
 
 
 class Step(NamedTuple):
@@ -103,21 +141,21 @@ class Step(NamedTuple):
 
     image: Tensor
     history_color: Tensor
-    history_count: Tensor
-    history_depth: Tensor
+    history_samples: Tensor
+    history_surface: Tensor
     history_jitter: Tensor
     history_exposure: Tensor
 
 
 class Taau(Method):
-    """Temporal upsampling with accumulated samples, depth disocclusion and variance clipping."""
+    """Temporal upsampling of accumulated samples."""
 
     name, source = "taau", "temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)"
     history: ClassVar = {
-        "color": (1, 3, *DISPLAY),
-        "count": (1, 1, *DISPLAY),
-        "depth": (1, 1, *PREVIOUS),
-        "jitter": (1, 2),
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "samples": (1, 2, *DISPLAY),  # count, and mean square of sample - past in toned luma
+        "surface": (1, 3, *PREVIOUS),  # reversed depth, mean and deviation of toned luma
+        "jitter": (1, 2),  # of `surface`
         "exposure": (1,),
     }
 
@@ -133,98 +171,154 @@ class Taau(Method):
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        history_color: Tensor,  # (1, 3, H, W) linear RGB
-        history_count: Tensor,  # (1, 1, H, W) 0: no past
-        history_depth: Tensor,  # (1, 1, h', w') reversed
-        history_jitter: Tensor,  # (1, 2) of that depth
+        history_color: Tensor,  # (1, 3, H, W)
+        history_samples: Tensor,  # (1, 2, H, W)
+        history_surface: Tensor,  # (1, 3, h', w')
+        history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
-        exposure = exposure_for(quarantine(color, 0.0), exposure, history_exposure)
+        usable, color = valid(color), quarantine(color, 0.0)
+        exposure = exposure_for(color, exposure, history_exposure)
+        toned = ycocg(tone(color * exposure)) * usable
         depth, motion = usable_depth(depth), usable_motion(motion)
+        surface = torch.cat([depth, shade_of(toned[:, :1], usable)], dim=1)
 
-        present = self.gather_present(color, exposure, grid, display, render)
+        present = self.gather_present(toned, usable, surface, grid, display, render)
         past = past_of(pick(closest(depth, motion), grid), display, render)
-        surface = self.same_surface(pick(depth, grid), past, history_depth, history_jitter, display)
-        remembered = self.gather_past(history_color, history_count * 1.0, exposure, past, surface)
+        change = exposure / torch.where(history_exposure > 0.0, history_exposure, exposure)
+        before = self.gather_surface(
+            history_surface, history_jitter, past, pick(depth, grid), display, change
+        )
+        remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
-        image = self.finish(present, blend, exposure)
-        return Step(image, image, blend.samples, depth, jitter * 1.0, exposure)
+        image, samples = self.finish(present, remembered, blend, exposure)
+        return Step(image, image, samples, surface, jitter * 1.0, exposure)
 
     def gather_present(
-        self, color: Tensor, exposure: Tensor, grid: Grid, display: Size, render: Size
+        self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size
     ) -> Present:
-        """Upsample the usable samples of this frame three ways, all separable."""
-        usable = valid(color)
-        toned = ycocg(tone(quarantine(color, 0.0) * exposure)) * usable
+        """Upsample the usable samples of this frame four ways, all separable."""
+        ratio = display.width / render.width, display.height / render.height
         samples = torch.cat([toned, usable], dim=1)
 
-        def under(image: Tensor, sigma: float, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
-            x = taps(grid.x, render.width, gaussian(sigma), scale=scale[0])
-            y = taps(grid.y, render.height, gaussian(sigma), scale=scale[1])
-            return resample(image, x, y)
+        def under(image: Tensor, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
+            x = taps(grid.x, render.width, kernel, scale=scale[0])
+            return resample(image, x, taps(grid.y, render.height, kernel, scale=scale[1]))
 
         c = self.config
-        frame = under(samples, c.frame_sigma)
-        ratio = display.width / render.width, display.height / render.height
-        near = under(samples, c.sample_sigma, ratio)
-        window = under(torch.cat([samples, toned * toned], dim=1), c.moment_sigma)
-        weight = window[:, 3:4].clamp(min=1e-6)
+        smooth = normalised(under(samples, gaussian(c.frame_sigma)))
+        sharp = normalised(under(samples, catmull_rom))
+        near = under(samples, gaussian(c.sample_sigma), ratio)
+        window = under(torch.cat([toned, toned * toned, usable], dim=1), gaussian(c.moment_sigma))
+        moments = normalised(window)
         return Present(
-            frame=frame[:, :3] / frame[:, 3:4].clamp(min=1e-6),
-            sample=near[:, :3] / near[:, 3:4].clamp(min=1e-6),
+            frame=smooth + c.frame_sharpness * (sharp - smooth),
+            sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
-            first=window[:, :3] / weight,
-            second=window[:, 4:] / weight,
+            first=moments[:, :3],
+            second=moments[:, 3:6],
+            shade=pick(surface[:, 1:3], grid),
         )
 
-    def same_surface(
-        self, depth: Tensor, past: Past, history_depth: Tensor, history_jitter: Tensor, display: Size
-    ) -> Tensor:
-        """(1, 1, H, W) 1 where the past may show what is there now, 0 where all of it was closer."""
-        before = render_size_of(history_depth)
+    def gather_surface(
+        self,
+        history_surface: Tensor,
+        history_jitter: Tensor,
+        past: Past,
+        depth: Tensor,
+        display: Size,
+        change: Tensor,
+    ) -> tuple[Tensor, Tensor]:
+        """Read where the past may show what is there now (1, 1, H, W), and its shade at this exposure."""
+        before = render_size_of(history_surface)
         x = (past.x + 0.5) * before.width / display.width - 0.5 - history_jitter[0, 0]
         y = (past.y + 0.5) * before.height / display.height - 0.5 - history_jitter[0, 1]
-        farthest = read(farthest_of_four(history_depth), x.floor(), y.floor(), mode="nearest")
+        farthest = read(farthest_of_four(history_surface[:, :1]), x.floor(), y.floor(), mode="nearest")
         closer = (farthest - depth) / torch.maximum(farthest, depth).clamp(min=1e-12)
         covered = ((closer - self.config.depth_margin) / self.config.depth_ramp).clamp(0.0, 1.0)
-        return past.on_screen * (1.0 - covered * (depth >= 0.0))
+        same = past.on_screen * (1.0 - covered * (depth >= 0.0))
+
+        shade = read(history_surface[:, 1:3], x, y)
+        mean, deviation = shade[:, :1], shade[:, 1:2]
+        dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
+        return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
     def gather_past(
-        self, history_color: Tensor, history_count: Tensor, exposure: Tensor, past: Past, surface: Tensor
+        self,
+        history_color: Tensor,
+        history_samples: Tensor,
+        past: Past,
+        surface: tuple[Tensor, Tensor],
+        exposure: Tensor,
     ) -> Remembered:
-        """Warp the history; samples of another surface do not count."""
-        warped = quarantine(read_catmull_rom(history_color, past.x, past.y), 0.0)
-        count = read(history_count, past.x, past.y) * surface
-        speed = squared_length(past.motion).sqrt()
-        return Remembered(ycocg(tone(warped * exposure)), count, speed)
+        """Warp the history."""
+        color = read_cubic(history_color, past.x, past.y, self.config.history_sharpness)
+        samples = read(history_samples, past.x, past.y)
+        across, down = past.x - past.x.floor(), past.y - past.y.floor()
+        return Remembered(
+            color=ycocg(tone(quarantine(color, 0.0) * exposure)),
+            samples=samples[:, :1],
+            power=samples[:, 1:2],
+            shade=surface[1],
+            surface=surface[0],
+            speed=squared_length(past.motion).sqrt(),
+            blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
+        )
 
     def network(self, present: Present, past: Remembered) -> Blend:
         """Decide by rules what a learned method decides by a network."""
         c = self.config
-        gamma = ramp(past.speed, c.gamma_still, c.gamma_moving, c.gamma_speed)
-        box = variance_box(present.first, present.second, gamma)
-        inside = clip_to_center(past.color, box)
-        rectified = inside + c.kept_outside * (past.color - inside)
-        remains = 1.0 - (c.forget * (overshoot(past.color, box) - 1.0)).clamp(0.0, 1.0)
-        limit = ramp(past.speed, c.count_still, c.count_moving, c.count_speed)
-        count = torch.minimum(past.samples * remains, limit)
-        weight = present.confidence / (count + present.confidence).clamp(min=1e-6)
-        return Blend(rectified, weight, count + present.confidence, count.clamp(max=1.0))
+        unchanged = 1.0 - self.change_of_light(present.shade, past.shade)
+        spread = past.power.sqrt() * unchanged
+        gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (past.speed / c.gamma_speed).clamp(max=1.0)
+        box = variance_box(present.first, present.second, gamma, floor=c.gamma_time * spread)
 
-    def finish(self, present: Present, blend: Blend, exposure: Tensor) -> Tensor:
+        inside = 1.0 - (c.forget * (overshoot(past.color, box) - 1.0)).clamp(0.0, 1.0)
+        limit = c.samples / (1.0 + c.blur_cost * past.blur + c.speed_cost * past.speed)
+        holds = past.surface * unchanged
+        samples = torch.minimum(past.samples * holds * inside, limit)
+        weight = present.confidence / (samples + present.confidence).clamp(min=1e-6)
+        return Blend(clip_to_center(past.color, box), weight, samples, holds)
+
+    def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
+        """(1, 1, H, W) 1 where the mean luma of a neighbourhood moved by more than jitter explains."""
+        c = self.config
+        moved = (now[:, :1] - before[:, :1]).abs()
+        jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
+        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + NOTICEABLE
+        return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
+
+    def finish(
+        self, present: Present, past: Remembered, blend: Blend, exposure: Tensor
+    ) -> tuple[Tensor, Tensor]:
         """Average, fall back on this frame where little is known, go back to linear RGB."""
-        sample = present.frame + blend.settled * (present.sample - present.frame)
+        settled = (blend.samples / self.config.settled).clamp(max=1.0)
+        sample = present.frame + settled * (present.sample - present.frame)
         color = blend.past + blend.weight * (sample - blend.past)
-        color = torch.where(blend.settled > 1e-3, color, present.frame)
-        return bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
+        color = torch.where(blend.samples > UNKNOWN, color, present.frame)
+        image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
+
+        off = present.sample[:, :1] - past.color[:, :1]
+        seen = blend.samples.clamp(max=self.config.spread_samples) + present.confidence
+        rate = present.confidence / seen.clamp(min=1e-6)
+        known = (blend.samples > UNKNOWN).float() * blend.spreads
+        power = known * (past.power + rate * (off * off - past.power))
+        return image, torch.cat([blend.samples + present.confidence, power], dim=1)
 
 
-def ramp(speed: Tensor, still: float, moving: float, fast: float) -> Tensor:
-    """`still` at rest, `moving` from `fast` on, linear between."""
-    return still + (moving - still) * (speed / fast).clamp(max=1.0)
+def normalised(sums: Tensor) -> Tensor:
+    """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
+    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
+
+
+def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
+    """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples."""
+    sums = normalised(blurred(torch.cat([luma, luma * luma, usable], dim=1)))
+    mean, square = sums[:, :1], sums[:, 1:2]
+    return torch.cat([mean, (square - mean * mean).clamp(min=0.0).sqrt()], dim=1)
 
 
 def farthest_of_four(depth: Tensor) -> Tensor:

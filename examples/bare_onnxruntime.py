@@ -1,0 +1,49 @@
+"""The pictures of `Upscaler` in thirty lines that do not import supersampler: what an engine's glue must do.
+
+    python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
+
+A frame goes in as NCHW float32, `next.*` of one step as `history.*` of the following one, and all zeros mean
+no past. The contract is docs/contract.md.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import onnxruntime as ort
+from OpenImageIO import ImageBuf
+
+shipped = Path(__file__).resolve().parents[1] / "sdk" / "supersampler"
+model, shot, out = map(
+    Path, sys.argv[1:] or [shipped / "models" / "taau", shipped / "shots" / "courtyard", "out"]
+)
+contract = json.loads((model / "model.json").read_text())
+description = json.loads((shot / "shot.json").read_text())  # this shot is stored in our own conventions
+session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
+(w, h), (display_w, display_h) = description["render_size"], description["display_size"]
+sizes = {"display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w}
+out.mkdir(parents=True, exist_ok=True)
+
+for entry in description["frames"]:
+    image = ImageBuf(str(shot / entry["file"]))
+    planes = dict(zip(image.spec().channelnames, image.get_pixels("float").transpose(2, 0, 1), strict=True))
+    frame = {
+        "color": np.stack([planes[c] for c in "RGB"])[None],  # (1, 3, h, w)
+        "depth": planes["depth.Z"][None, None],  # (1, 1, h, w)
+        "motion": np.stack([planes["motion.X"], planes["motion.Y"]])[None],  # (1, 2, h, w)
+        "jitter": np.array([entry["jitter"]], np.float32),
+        "exposure": np.array([entry["exposure"] or 0.0], np.float32),  # 0: the graph measures it
+        "display_size": np.array([display_w, display_h]),
+    }
+    if entry["reset"]:
+        history = {
+            t["name"]: np.zeros([sizes.get(n, n) for n in t["shape"]], np.float32)
+            for t in contract["history"]
+        }
+    wanted = {t["name"]: frame[t["name"]] for t in contract["inputs"]}
+    results = dict(
+        zip([o.name for o in session.get_outputs()], session.run(None, {**wanted, **history}), strict=True)
+    )
+    history = {t["name"]: results[t["output"]] for t in contract["history"]}
+    np.save(out / f"{Path(entry['file']).stem}.npy", results["image"][0].transpose(1, 2, 0))
