@@ -1,10 +1,16 @@
 """Temporal supersampling: aliased, jittered, low-resolution frames in, clean high-resolution frames out.
 
->>> from supersampler import Frame, Upscaler
->>> upscaler = Upscaler("taau", display_size=(1920, 1080))
->>> image = upscaler.step(frame)  # (1080, 1920, 3) float32, linear RGB
+>>> from supersampler import Upscaler, shipped_shot
+>>> upscaler = Upscaler("taau", scale=2)
+>>> for item in shipped_shot():
+...     image = upscaler.step(item.frame)  # (360, 640, 3) float32, linear RGB
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from supersampler.conventions import Conventions, Converter, RawFrame
+from supersampler.display import auto_exposure, display_transform
 from supersampler.errors import (
     ArgumentError,
     FrameError,
@@ -15,15 +21,72 @@ from supersampler.errors import (
     SupersamplerError,
 )
 from supersampler.frame import Frame
+from supersampler.jitter import (
+    halton_jitter,
+    jitter_phase_count,
+    jittered_projection,
+    mip_bias,
+    render_size_for,
+)
+from supersampler.model_info import ModelInfo, model_names
+
+if TYPE_CHECKING:
+    from supersampler.model import History, Model
+    from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
+    from supersampler.upscaler import State, Stats, Upscaler
 
 __version__ = "0.1.0"
+
 __all__ = [
     "ArgumentError",
+    "Conventions",
+    "Converter",
     "Frame",
     "FrameError",
     "FrameWarning",
+    "History",
+    "Model",
     "ModelError",
+    "ModelInfo",
     "ProviderError",
+    "RawFrame",
+    "Shot",
     "ShotError",
+    "ShotFrame",
+    "ShotWriter",
+    "State",
+    "Stats",
     "SupersamplerError",
+    "Upscaler",
+    "auto_exposure",
+    "copy_shot",
+    "display_transform",
+    "halton_jitter",
+    "jitter_phase_count",
+    "jittered_projection",
+    "mip_bias",
+    "model_names",
+    "open_source",
+    "render_size_for",
+    "shipped_shot",
 ]
+
+# These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
+_LAZY = {
+    **dict.fromkeys(("History", "Model"), "model"),
+    **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
+    **dict.fromkeys(("State", "Stats", "Upscaler"), "upscaler"),
+}
+
+
+def __getattr__(name: str) -> Any:
+    """Import what is heavy when it is first asked for."""
+    if name not in _LAZY:
+        raise AttributeError(f"module 'supersampler' has no attribute {name!r}")
+    value = getattr(import_module(f"supersampler.{_LAZY[name]}"), name)
+    globals()[name] = value
+    return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__})
