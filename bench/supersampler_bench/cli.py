@@ -10,7 +10,7 @@ from rich.progress import Progress
 from supersampler.cli.arguments import ShotArgument, open_shot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import quality_record, write_json
-from supersampler_bench.table import markdown_table, rich_table, update_block
+from supersampler_bench.table import find_block, markdown_table, rich_table, update_block
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -40,6 +40,8 @@ def quality(
     Example: supersampler bench quality courtyard --methods bilinear,taau --update README.md
     """
     opened = open_shot(shot)
+    if update is not None:
+        find_block(update, opened.name)  # fails now, not after minutes of measuring
     with Progress(console=Console(stderr=True), transient=True) as progress:
         task = progress.add_task(opened.name, total=len(opened))
         names = [method.strip() for method in methods.split(",")]

@@ -90,22 +90,33 @@ def update_block(path: Path, name: str, text: str) -> None:
     """Replace what stands between `<!-- bench:quality NAME -->` and `<!-- /bench -->`, whole or not at all.
 
     Raises:
+        ArgumentError: see `find_block`.
+        ShotError: the file cannot be written.
+    """
+    content, start, stop = find_block(path, name)
+    end = "\r\n" if "\r\n" in content else "\n"
+    inner = end.join(["", *text.split("\n"), ""])
+    with replacing(path) as partial:
+        partial.write_text(content[:start] + inner + content[stop:], encoding="utf-8", newline="")
+
+
+def find_block(path: Path, name: str) -> tuple[str, int, int]:
+    """Return a Markdown file's text, and where in it the block of the shot `name` begins and ends.
+
+    Raises:
         ArgumentError: the file cannot be read, or has not exactly one such block.
-        ShotError: it cannot be written.
     """
     opening, closing = f"<!-- bench:quality {name} -->", "<!-- /bench -->"
     try:
         with path.open(encoding="utf-8", newline="") as file:  # line ends stay as they are
-            before = file.read()
+            content = file.read()
     except OSError as error:
         raise ArgumentError("update", got=f"{path} ({error})", want="a Markdown file") from error
-    block = re.compile(re.escape(opening) + r".*?" + re.escape(closing), re.DOTALL)
-    found = len(block.findall(before))
-    if found != 1:
+    found = re.findall(re.escape(opening) + r".*?" + re.escape(closing), content, re.DOTALL)
+    if len(found) != 1:
         hint = f"Write the lines {opening} and {closing} where the table should stand."
-        raise ArgumentError("update", got=f"{path} with {found} blocks of {name!r}", want="one", hint=hint)
-    end = "\r\n" if "\r\n" in before else "\n"
-    lines = [opening, *text.split("\n"), closing]
-    after = block.sub(lambda _: end.join(lines), before)
-    with replacing(path) as partial:
-        partial.write_text(after, encoding="utf-8", newline="")
+        raise ArgumentError(
+            "update", got=f"{path} with {len(found)} blocks of {name!r}", want="one", hint=hint
+        )
+    start = content.index(found[0]) + len(opening)
+    return content, start, start + len(found[0]) - len(opening) - len(closing)
