@@ -13,7 +13,7 @@ from supersampler.errors import SupersamplerError
 TOOLS = {"export": "supersampler_export.cli", "bench": "supersampler_bench.cli"}
 """Commands of the training side, by the module whose `app` they are; imported only when they are called."""
 
-EXTRAS = {"torch": "train", "onnx": "train", "onnxscript": "train", "flip_evaluator": "bench"}
+EXTRAS = {"torch": "train", "onnx": "train", "onnxscript": "train"}
 """Packages that a runtime-only install lacks, and the extra that brings each."""
 
 

@@ -100,7 +100,7 @@ class Results:
         changed = [key for key in wanted if there.get(key) != json.loads(json.dumps(wanted[key]))]
         if changed:
             key = changed[0]
-            problem = f"pictures of another run are there: its {key} was {there.get(key)}, now {wanted[key]}"
+            problem = f"pictures of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 

@@ -74,6 +74,7 @@ def run_job(job: UpscaleJob) -> Results:
     """
     results, count = Results(job.output, job.formats), len(job.shot)
     with _open_upscaler(job) as upscaler, _warnings_in_one_line(job.console):
+        upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
         first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
         if first == count and not job.compare:
             job.console.print(f"All {count} frames are there already.")
@@ -179,6 +180,7 @@ def _progress(console: Console) -> Progress:
         TextColumn("left"),
         console=console,
         transient=True,
+        disable=not console.is_terminal,  # a log file gets the last line only
     )
 
 

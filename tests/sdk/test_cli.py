@@ -1,0 +1,281 @@
+"""The command: resumable, never a half-written or wrong picture, errors in one line, quick to answer."""
+
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from supersampler import Frame
+from supersampler.cli import app
+from supersampler.cli.results import Results
+from supersampler.conventions import Conventions
+from supersampler.image_io import read_exr, write_exr
+from supersampler.shot import Shot, ShotWriter, shipped_shot
+from supersampler.upscaler import Upscaler
+
+COUNT = 6
+CUT = 3
+UPSCALE = ("upscale", "courtyard", "-o", "x")
+HEAVY = ("onnxruntime", "numba", "OpenImageIO", "torch")
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def one_line(result: Result) -> str:
+    """The error, once it is sure that it is one line and the exit code 1."""
+    assert (result.exit_code, result.stderr.count("\n")) == (1, 1)
+    assert result.stderr.startswith("error: ")
+    return str(result.stderr)
+
+
+def frame(index: int) -> Frame:
+    noise = np.random.default_rng(index)
+    return Frame(
+        color=noise.random((6, 8, 3), np.float32),
+        depth=np.full((6, 8), 0.5, np.float32),
+        motion=np.zeros((6, 8, 2), np.float32),
+        jitter=(0.25, -0.125 * (index % 3)),
+        reset=index in (0, CUT),
+    )
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(16, 12), frame_rate=30) as writer:
+        for index in range(COUNT):
+            writer.write(frame(index), reference=np.ones((12, 16, 3), np.float32) if index == 4 else None)
+    return tmp_path / "shot"
+
+
+def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
+    """What the library itself makes of the shot."""
+    upscaler = Upscaler("taau", display_size=display_size)
+    return [upscaler.step(item.frame) for item in Shot.open(path)]
+
+
+def pictures(folder: Path) -> dict[str, tuple[bytes, int]]:
+    return {path.name: (path.read_bytes(), path.stat().st_mtime_ns) for path in sorted(folder.glob("*.exr"))}
+
+
+def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    write: Callable[..., None] = Results.write
+
+    def stop(self: Results, at: int, image: np.ndarray, exposure: float) -> None:
+        if at == index:
+            raise KeyboardInterrupt
+        write(self, at, image, exposure)
+
+    monkeypatch.setattr(Results, "write", stop)
+
+
+def test_help_and_version_load_nothing_heavy() -> None:
+    code = f"""
+import sys
+from supersampler.cli import main
+try:
+    main()
+except SystemExit as end:
+    print([name for name in {HEAVY} if name in sys.modules], end.code)
+"""
+    for option in ("--help", "--version"):
+        command = [sys.executable, "-c", code, option]
+        done = subprocess.run(command, capture_output=True, text=True, check=True)
+        assert done.stdout.splitlines()[-1] == "[] 0"
+
+
+def test_the_module_is_the_command() -> None:
+    done = subprocess.run([sys.executable, "-m", "supersampler", "--version"], capture_output=True, text=True)
+    assert done.stdout.startswith("supersampler 0.")
+
+
+@pytest.mark.parametrize("command", ["demo", "upscale", "info", "check", "import", "export", "bench"])
+def test_every_command_has_help_and_the_top_lists_it(command: str) -> None:
+    assert f"\n  {command} " in run("--help").output
+    assert run(command, "--help").exit_code == 0
+
+
+def test_upscale_writes_what_the_library_makes(shot: Path, tmp_path: Path) -> None:
+    assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
+    for index, image in enumerate(upscaled(shot, (16, 12))):
+        channels = read_exr(tmp_path / "out" / f"{index:04d}.exr")
+        picture = np.stack([channels[name] for name in "RGB"], axis=-1)
+        np.testing.assert_array_equal(picture, image.astype(np.float16))
+
+
+@pytest.mark.parametrize(("option", "size"), [("--scale=1.5", (9, 12)), ("--display-size=20x10", (10, 20))])
+def test_upscale_takes_a_scale_or_a_size(
+    option: str, size: tuple[int, int], shot: Path, tmp_path: Path
+) -> None:
+    assert run("upscale", shot, "-o", tmp_path / "out", option, "--method", "bilinear").exit_code == 0
+    assert read_exr(tmp_path / "out" / "0005.exr")["R"].shape == size
+
+
+def test_two_formats_go_to_two_folders(shot: Path, tmp_path: Path) -> None:
+    run("upscale", shot, "-o", tmp_path / "out", "--format", "png", "--format", "exr")
+    assert len(list((tmp_path / "out" / "exr").glob("*.exr"))) == COUNT
+    assert len(list((tmp_path / "out" / "png").glob("*.png"))) == COUNT
+
+
+@pytest.mark.parametrize("stop", [2, 4])
+def test_a_stopped_run_continues_to_the_same_pictures(
+    stop: int, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run("upscale", shot, "-o", tmp_path / "whole")
+    with monkeypatch.context() as patch:
+        interrupt_at(stop, patch)
+        stopped = run("upscale", shot, "-o", tmp_path / "out")
+    assert stopped.exit_code == 130
+    assert f"{stop} of {COUNT} frames are complete" in stopped.stderr
+    before = pictures(tmp_path / "out")
+    assert run("upscale", shot, "-o", tmp_path / "out").exit_code == 0
+    after = pictures(tmp_path / "out")
+    assert {name: after[name] for name in before} == before  # neither changed nor written anew
+    assert [data for data, _ in after.values()] == [data for data, _ in pictures(tmp_path / "whole").values()]
+
+
+def test_a_complete_run_is_not_done_again(shot: Path, tmp_path: Path) -> None:
+    run("upscale", shot, "-o", tmp_path / "out")
+    before = pictures(tmp_path / "out")
+    again = run("upscale", shot, "-o", tmp_path / "out")
+    assert (again.exit_code, pictures(tmp_path / "out")) == (0, before)
+    assert f"All {COUNT} frames are there already" in again.stderr
+
+
+def test_a_page_that_is_asked_for_later_has_all_frames(shot: Path, tmp_path: Path) -> None:
+    run("upscale", shot, "-o", tmp_path / "out")
+    before = pictures(tmp_path / "out")
+    assert run("upscale", shot, "-o", tmp_path / "out", "--compare").exit_code == 0
+    html = (tmp_path / "out" / "compare.html").read_text(encoding="utf-8")
+    assert html.count('/output">data:') == COUNT
+    assert html.count('/error">data:') == 1
+    assert pictures(tmp_path / "out") == before
+
+
+def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
+    run("upscale", shot, "-o", tmp_path / "out", "--format", "png")
+    other = ("upscale", shot, "-o", tmp_path / "out", "--method", "bilinear", "--scale", "1")
+    message = one_line(run(*other))
+    assert "method was taau, is now bilinear" in message
+    assert "--overwrite" in message
+    assert run(*other, "--overwrite").exit_code == 0
+    assert len(pictures(tmp_path / "out")) == COUNT
+    assert list((tmp_path / "out").glob("*.png")) == []  # the earlier run's
+
+
+def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_do(
+    shot: Path, tmp_path: Path
+) -> None:
+    run("upscale", shot, "-o", tmp_path / "out")
+    before = pictures(tmp_path / "out")
+    assert "want a ratio from" in one_line(
+        run("upscale", shot, "-o", tmp_path / "out", "--scale=9", "--overwrite")
+    )
+    assert pictures(tmp_path / "out") == before
+
+
+def test_pictures_of_unknown_origin_are_not_overwritten(shot: Path) -> None:
+    before = pictures(shot)
+    assert "is there already, and no upscale.json" in one_line(run("upscale", shot, "-o", shot))
+    assert pictures(shot) == before
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("info", "nothing"), "SHOT is 'nothing'; want a path, or one of courtyard"),
+        (
+            ("upscale", "courtyard", "-o", "x", "--display-size", "1080p"),
+            "--display-size is '1080p'; want WIDTHx",
+        ),
+        (
+            ("upscale", "courtyard", "-o", "x", "--scale=2", "--display-size=2x2"),
+            "both given; want one of the two",
+        ),
+        ((*UPSCALE, "--method=a", "--model=b"), "both given; want one of the two"),
+        ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
+        (
+            ("upscale", "courtyard", "-o", "x", "--providers", "abacus"),
+            "'abacus' is not in this installation",
+        ),
+        (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
+        (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
+        (("import", ".", "-o", "x", "--conventions", "opengl"), "want one of fsr, xess"),
+        (("import", ".", "-o", "x", "--cuts", "1;2"), "--cuts is '1;2'"),
+    ],
+)
+def test_bad_arguments_are_one_line(
+    arguments: tuple[str, ...], message: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert message in one_line(run(*arguments))
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert type(run("--debug", "info", "nothing").exception).__name__ == "ArgumentError"
+    monkeypatch.setattr("supersampler.model_info.model_names", lambda: 1 / 0)
+    assert type(run("info").exception).__name__ == "ZeroDivisionError"
+
+
+def test_a_runtime_only_install_says_what_to_install() -> None:
+    code = "import sys; sys.modules['torch'] = None; from supersampler.cli import main; main()"
+    command = [sys.executable, "-c", code, "export", "taau", "-o", "x"]
+    done = subprocess.run(command, capture_output=True, text=True)
+    want = 'needs torch, which the runtime does not. Install it: pip install "supersampler[train]"'
+    assert (done.returncode, done.stderr) == (1, f"error: this command {want}\n")
+
+
+def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supersampler.shot.shipped_shot", lambda: Shot.open(shot))
+    done = run("demo", "-o", tmp_path / "out")
+    assert done.exit_code == 0
+    assert str(tmp_path / "out" / "compare.html") in done.stdout
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "compare.html",
+        "exr",
+        "png",
+        "upscale.json",
+    ]
+
+
+def test_info_names_what_a_model_takes_and_a_shot_holds(shot: Path) -> None:
+    assert "color  float32 (1, 3, render_height, render_width)" in run("info", "taau").stdout
+    said = run("info", shot).stdout
+    assert "render size   8x6" in said
+    assert "references    1 frames" in said
+
+
+def test_import_by_a_channel_map(tmp_path: Path) -> None:
+    grey = np.full((6, 8), 0.5, np.float32)
+    for index in range(2):
+        layers = dict.fromkeys(("R", "G", "B", "Z", "U", "V"), grey)
+        write_exr(tmp_path / "renders" / f"{index}.exr", layers)
+    channel_map = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["U", "V"]}
+    (tmp_path / "map.json").write_text(json.dumps(channel_map))
+    arguments = ("import", tmp_path / "renders", "-o", tmp_path / "shot", "--channels", tmp_path / "map.json")
+    assert "--conventions is left out; want given" in one_line(run(*arguments))
+    done = run(*arguments, "--conventions", '{"motion_unit": "uv"}', "--frame-rate", "25", "--cuts", "1")
+    assert done.exit_code == 0
+    written = Shot.open(tmp_path / "shot")
+    assert (len(written), written.frame_rate, written.conventions.motion_unit) == (2, 25.0, "uv")
+    assert written.read(1).frame.reset
+
+
+def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
+    assert run("check", "courtyard").exit_code == 0
+    source, wrong = shipped_shot(), Conventions(motion_direction="current_minus_previous")
+    with ShotWriter(
+        tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong
+    ) as writer:
+        for index in range(6):
+            writer.write(source.read_raw(index))
+    done = run("check", tmp_path)
+    assert done.exit_code == 1
+    assert done.stdout.endswith("Write instead:\nConventions()\n")
