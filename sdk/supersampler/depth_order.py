@@ -15,7 +15,7 @@ _SKY = {"reversed": 0.0, "forward": 1.0}
 _FAR_AWAY = 1e6  # linear depth marks the sky by inf or a large number
 _GAP = 1.05  # surfaces this much apart are two surfaces
 _PART = 400  # pixels of the square in the middle that `bend` looks at
-_BITS = 2e-6  # some ulps of a float32 in [0, 1]: what rounding bends
+_BITS = 1e-6  # some ulps of a float32: what rounding bends
 
 
 def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
@@ -38,13 +38,15 @@ def bend(depth: Array, order: DepthOrder) -> float:
     height, width = depth.shape
     top, left = max(0, height // 2 - _PART // 2), max(0, width // 2 - _PART // 2)
     inverse = inverse_distance(depth[top : top + _PART, left : left + _PART], order)
+    scale = np.ones_like(inverse) if order == "forward" else inverse
     parts = []
     for axis in (0, 1):
         first = np.diff(inverse, axis=axis)
         before, after = (np.delete(first, end, axis=axis) for end in (-1, 0))
         slope = np.abs(before) + np.abs(after)
-        excess = np.abs(after - before) - _BITS * np.nanmax(inverse, initial=0.0)
-        known = slope > 20 * _BITS * np.nanmax(inverse, initial=0.0)
+        rounding = _BITS * np.take(scale, range(1, scale.shape[axis] - 1), axis=axis)
+        excess = np.abs(after - before) - rounding
+        known = slope > 20 * rounding  # False where NaN
         parts.append(np.maximum(excess[known], 0) / slope[known])
     values = np.concatenate(parts)
     return float(np.median(values)) if values.size else float("nan")

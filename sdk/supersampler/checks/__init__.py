@@ -1,0 +1,5 @@
+"""Checks that read pixels and guess the mistake: docs/checks.md lists them all."""
+
+from supersampler.checks.checker import FrameChecker
+
+__all__ = ["FrameChecker"]

@@ -1,0 +1,84 @@
+"""`FrameChecker`: which frames are read, and what happens to what is found."""
+
+import warnings
+from collections.abc import Sequence
+from typing import Literal, get_args
+
+from supersampler.checks.alone import mistakes_alone
+from supersampler.checks.mistake import Mistake
+from supersampler.checks.neighbours import Memory, mistakes_between, remembered
+from supersampler.errors import ArgumentError, FrameWarning
+from supersampler.frame import Frame, Size
+from supersampler.reprojection import luminance
+
+Validate = Literal["off", "warn", "strict"]
+
+_FRAMES = 3  # of a start or cut that "warn" reads: two pairs, and one jitter three times is no accident
+
+
+class FrameChecker:
+    """Reads the pixels of the frames of one sequence, in order, and guesses which convention was missed.
+
+    It works on some thousand pixels, so that a frame of 1920 x 1080 takes some ten milliseconds.
+
+    Args:
+        validate: "off" reads nothing; "warn" reads the first three frames after a start or cut and warns with
+            `FrameWarning`, once for each kind of mistake; "strict" reads every frame and raises.
+
+    Raises:
+        ArgumentError: `validate` is something else.
+    """
+
+    def __init__(self, validate: Validate = "warn") -> None:
+        if validate not in get_args(Validate):
+            raise ArgumentError("validate", got=repr(validate), want="'off', 'warn' or 'strict'")
+        self.validate = validate
+        self.reset()
+
+    def reset(self) -> None:
+        """Forget all frames, as after a cut."""
+        self._memory, self._seen = Memory(), 0
+        self._told: frozenset[str] = frozenset()
+
+    def check(self, frame: Frame, display_size: Size) -> None:
+        """Check one frame against itself and those before it.
+
+        Args:
+            frame: the next frame; one with `reset` starts anew.
+            display_size: (width, height) of the output.
+
+        Raises:
+            FrameError: a mistake was found and `validate` is "strict". The checker is then as it was before.
+
+        Warns:
+            FrameWarning: a mistake was found and `validate` is "warn"; or something was seen that may be one.
+        """
+        fresh = frame.reset
+        memory = Memory() if fresh else self._memory
+        seen, told = (0, frozenset[str]()) if fresh else (self._seen, self._told)
+        if self.validate == "strict" or (self.validate == "warn" and seen < _FRAMES):
+            memory, found = _examined(frame, display_size, memory)
+            told = self._tell(found, told)
+            seen += 1
+        elif self.validate == "warn":
+            memory = Memory()  # no more is read until the next cut
+        self._memory, self._seen, self._told = memory, seen, told
+
+    def _tell(self, found: Sequence[Mistake], told: frozenset[str]) -> frozenset[str]:
+        """Raise the first real mistake, or warn of each that was not told; return the kinds that were."""
+        for mistake in found:
+            if self.validate == "strict" and not mistake.only_a_hint:
+                raise mistake.error()
+        for mistake in found:
+            if mistake.kind not in told:
+                warnings.warn(str(mistake.error()), FrameWarning, stacklevel=4)
+        return told | {mistake.kind for mistake in found}
+
+
+def _examined(frame: Frame, display_size: Size, memory: Memory) -> tuple[Memory, list[Mistake]]:
+    light = None if frame.color is None else luminance(frame.color)
+    found = list(mistakes_alone(frame, light))
+    if light is not None:
+        memory = remembered(memory, frame, light, display_size)
+        found += mistakes_between(memory, frame.size, display_size)
+    return memory, found
