@@ -236,6 +236,10 @@ def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: 
     monkeypatch.setattr("supersampler.shot.shipped_shot", lambda: Shot.open(shot))
     done = run("demo", "-o", tmp_path / "out")
     assert done.exit_code == 0
+    page = tmp_path / "out" / "compare.html"
+    made = page.stat().st_mtime_ns
+    run("demo", "-o", tmp_path / "out")
+    assert page.stat().st_mtime_ns == made  # not anew
     assert str(tmp_path / "out" / "compare.html") in done.stdout
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "compare.html",

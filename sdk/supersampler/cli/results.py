@@ -73,6 +73,11 @@ class Results:
             else:
                 write_png(path, to_uint8(display_transform(image, exposure)))
 
+    def is_newest(self, path: Path) -> bool:
+        """Tell whether a file is there that was made when all pictures were."""
+        times = [picture.stat().st_mtime_ns for picture in self._pictures()]
+        return path.exists() and path.stat().st_mtime_ns >= max(times, default=0)
+
     def place(self, extension: str) -> Path:
         """Return the folder that files of a format are in."""
         return self.folder / extension if len(self.formats) > 1 else self.folder

@@ -33,6 +33,7 @@ from supersampler.model import Model
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
+PAGE = "compare.html"
 COMPARE_FRAMES = 64
 """A page holds the last so many frames: with more, browsers load it slowly."""
 
@@ -76,7 +77,7 @@ def run_job(job: UpscaleJob) -> Results:
     with _open_upscaler(job) as upscaler, _warnings_in_one_line(job.console):
         upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
         first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
-        if first == count and not job.compare:
+        if first == count and (not job.compare or results.is_newest(job.output / PAGE)):
             job.console.print(f"All {count} frames are there already.")
             return results
         try:
@@ -152,16 +153,16 @@ def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[Compare
     sizes = f"{size_text(shot.render_size)} to {size_text(display_size)}".replace("x", " × ")
     provider = upscaler.model.providers[0].removesuffix("ExecutionProvider")
     facts = {"method": info.method, "size": sizes, "runs on": provider, "frames": str(len(shot))}
-    sources = [f"Shot: {line}" for line in (*shot.attribution, shot.license) if line]
+    sources = ". ".join(line.rstrip(".") for line in (*shot.attribution, shot.license) if line)
     about = About(
         title=shot.name,
         method=info.method,
         display_size=display_size,
         frame_rate=shot.frame_rate,
         facts=facts,
-        notes=[*_NOTES, *sources, versions()],
+        notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],
     )
-    return compare_page(job.output / "compare.html", about)
+    return compare_page(job.output / PAGE, about)
 
 
 class _FramesPerSecond(ProgressColumn):
