@@ -4,6 +4,7 @@ import json
 import subprocess
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -184,6 +185,19 @@ def test_pictures_of_unknown_origin_are_not_overwritten(shot: Path) -> None:
     before = pictures(shot)
     assert "is there already, and no upscale.json" in one_line(run("upscale", shot, "-o", shot))
     assert pictures(shot) == before
+
+
+def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
+    with ShotWriter(tmp_path / "shot", name="dark", display_size=None, frame_rate=30) as writer:
+        for index in range(2):
+            good = frame(index)
+            writer.write(replace(good, color=np.full_like(good.color, np.nan)) if index == 1 else good)
+    warned = run("upscale", tmp_path / "shot", "-o", tmp_path / "out")
+    assert warned.exit_code == 0
+    assert "warning: frame 1: frame.color" in warned.stderr
+    stopped = run("upscale", tmp_path / "shot", "-o", tmp_path / "strict", "--validate", "strict")
+    assert f"{tmp_path / 'shot'}: frame 1: frame.color" in one_line(stopped)
+    assert list(pictures(tmp_path / "strict")) == ["0000.exr"]
 
 
 @pytest.mark.parametrize(

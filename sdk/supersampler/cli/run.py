@@ -27,7 +27,7 @@ from supersampler.cli.arguments import size_text
 from supersampler.cli.results import Results
 from supersampler.compare import About, ComparePage, compare_layers, compare_page, versions
 from supersampler.display import ExposureMeter
-from supersampler.errors import FrameWarning
+from supersampler.errors import FrameError, FrameWarning, ShotError
 from supersampler.frame import Size
 from supersampler.model import Model
 from supersampler.shot import Shot
@@ -74,7 +74,7 @@ def run_job(job: UpscaleJob) -> Results:
         SupersamplerError: a frame, a file or the model will not do.
     """
     results, count = Results(job.output, job.formats), len(job.shot)
-    with _open_upscaler(job) as upscaler, _warnings_in_one_line(job.console):
+    with _open_upscaler(job) as upscaler:
         upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
         first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
         if first == count and (not job.compare or results.is_newest(job.output / PAGE)):
@@ -126,7 +126,9 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
         task = progress.add_task("", total=count - start)
         for item in job.shot.frames(start):
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
-            frame, image = item.frame, upscaler.step(item.frame)
+            frame = item.frame
+            with _named(job, item.index):
+                image = upscaler.step(frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
             if item.index >= first:
                 results.write(item.index, image, exposure)
@@ -186,17 +188,17 @@ def _progress(console: Console) -> Progress:
 
 
 @contextmanager
-def _warnings_in_one_line(console: Console) -> Iterator[None]:
-    """Print FrameWarnings above the progress bar; Python's own way shows a line of source code with each."""
-    with warnings.catch_warnings():
+def _named(job: UpscaleJob, index: int) -> Iterator[None]:
+    """Say of which frame an error is, and FrameWarnings in one line, above the progress bar."""
+    with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", FrameWarning)
-        usual = warnings.showwarning
-
-        def show(message, category, *where, **more):  # type: ignore[no-untyped-def]
-            if issubclass(category, FrameWarning):
-                console.print(f"[yellow]warning[/yellow] {escape(str(message))}")
-            else:
-                usual(message, category, *where, **more)
-
-        warnings.showwarning = show
-        yield
+        try:
+            yield
+        except FrameError as error:
+            raise ShotError(job.shot.path, f"frame {index}: {str(error).rstrip('.')}") from error
+    for warning in caught:
+        if issubclass(warning.category, FrameWarning):
+            text = escape(f"frame {index}: {warning.message}")
+            job.console.print(f"[yellow]warning:[/yellow] {text}", soft_wrap=True)
+        else:
+            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
