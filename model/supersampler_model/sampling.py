@@ -22,15 +22,18 @@ class Grid(NamedTuple):
 
     x: Tensor  # (W,) render pixels, 0 is the centre of sample 0
     y: Tensor  # (H,)
-    column: Tensor  # (W,) int64
-    row: Tensor  # (H,) int64
+    column: Tensor  # (W,) int64, nearest sample
+    row: Tensor  # (H,)
+    left: Tensor  # (W,) int64, first of the two samples around each pixel
+    top: Tensor  # (H,)
 
 
 def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
     """Grid of one frame; `jitter` is (1, 2) render pixels."""
     x = positions(display.width, render.width, jitter[0, :1])
     y = positions(display.height, render.height, jitter[0, 1:])
-    return Grid(x, y, nearest(x, render.width), nearest(y, render.height))
+    column, row = nearest(x, render.width), nearest(y, render.height)
+    return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
 
 
 class Taps(NamedTuple):
@@ -76,6 +79,11 @@ def pick(image: Tensor, grid: Grid) -> Tensor:
     return image.index_select(3, grid.column).index_select(2, grid.row)
 
 
+def pick_first(image: Tensor, grid: Grid) -> Tensor:
+    """Read the upper left of the four samples around each display pixel."""
+    return image.index_select(3, grid.left).index_select(2, grid.top)
+
+
 def sum_of(terms: list[Tensor]) -> Tensor:
     """Left-to-right sum, so that torch, ONNX and the host kernels add in one order."""
     total = terms[0]
@@ -100,6 +108,12 @@ def catmull_rom(distance: Tensor) -> Tensor:
 def gaussian(sigma: float) -> Kernel:
     """Gaussian of height one."""
     return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
+
+
+def four(image: Tensor) -> list[Tensor]:
+    """Every pixel itself, its right, lower and lower right neighbour, edges repeated."""
+    right = torch.cat([image[..., 1:], image[..., -1:]], dim=3)
+    return [image, right, *(torch.cat([i[:, :, 1:], i[:, :, -1:]], dim=2) for i in (image, right))]
 
 
 def neighbours(image: Tensor) -> list[Tensor]:

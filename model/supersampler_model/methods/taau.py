@@ -32,7 +32,8 @@ from supersampler_model.color import (
 from supersampler_model.method import DISPLAY, PREVIOUS, Method, Size, display_size_of, render_size_of
 from supersampler_model.motion import (
     Past,
-    closest,
+    closest_of_four,
+    farthest_of_four,
     past_of,
     read,
     read_cubic,
@@ -49,6 +50,7 @@ from supersampler_model.sampling import (
     gaussian,
     grid_of,
     pick,
+    pick_first,
     resample,
     taps,
 )
@@ -84,7 +86,7 @@ class TaauConfig:
 
     frame_sigma: float = 0.365
     frame_sharpness: float = 0.25
-    sample_sigma: float = 0.455
+    sample_sigma: float = 0.47
     history_sharpness: float = 0.7
     moment_sigma: float = 0.4
     gamma_still: float = 1.3
@@ -97,8 +99,8 @@ class TaauConfig:
     blur_cost: float = 32.0
     speed_cost: float = 7.5
     settled: float = 0.9
-    depth_margin: float = 0.002
-    depth_ramp: float = 0.185
+    depth_margin: float = 0.005
+    depth_ramp: float = 0.05
     change_deviation: float = 0.53
     change_relative: float = 0.1
     change_ramp: float = 0.65
@@ -187,7 +189,7 @@ class Taau(Method):
         surface = torch.cat([depth, shade_of(toned[:, :1], usable)], dim=1)
 
         present = self.gather_present(toned, usable, surface, grid, display, render)
-        past = past_of(pick(closest(depth, motion), grid), display, render)
+        past = past_of(pick_first(closest_of_four(depth, motion), grid), display, render)
         change = exposure / torch.where(history_exposure > 0.0, history_exposure, exposure)
         before = self.gather_surface(
             history_surface, history_jitter, past, pick(depth, grid), display, change
@@ -319,9 +321,3 @@ def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
     sums = normalised(blurred(torch.cat([luma, luma * luma, usable], dim=1)))
     mean, square = sums[:, :1], sums[:, 1:2]
     return torch.cat([mean, (square - mean * mean).clamp(min=0.0).sqrt()], dim=1)
-
-
-def farthest_of_four(depth: Tensor) -> Tensor:
-    """Smallest reversed depth of each pixel and its right, lower and lower right neighbours."""
-    right = torch.minimum(depth, torch.cat([depth[..., 1:], depth[..., -1:]], dim=3))
-    return torch.minimum(right, torch.cat([right[:, :, 1:], right[:, :, -1:]], dim=2))
