@@ -38,9 +38,10 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
         hint = "Wide-gamut colours clip at 0: np.maximum(color, 0). A denoiser or sharpener runs too early."
         got = f"negative in {negative:.0%} of its values"
         yield Mistake(kind="color negative", field="color", got=got, want=">= 0", hint=hint)
-    if np.max(values, initial=0.0) <= 1.0 and np.mean(values == 1.0) > 0.005:
+    full = (values == 1.0).sum(axis=1)  # white may well be 1 1 1, but a light clipped at 1 is seldom white
+    if np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
         hint = "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True)."
-        got = "never above 1, and often exactly 1"
+        got = "never above 1, and often 1 in one channel or two"
         want = "linear scene colour from before tone mapping"
         yield Mistake(kind="color clipped", field="color", got=got, want=want, hint=hint, only_a_hint=True)
 
@@ -94,7 +95,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
     rows, columns = grid(frame.size, _PLACES)
     vectors = frame.motion[rows, columns].astype(np.float32)
     off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
-    if off > 0.05:
+    if off > 0.05 and min(frame.size) >= 16:
         hint = "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1)."
         got = f"longer than the whole image in {off:.0%} of the pixels"
         yield Mistake(kind="motion too long", field="motion", got=got, want="render pixels", hint=hint)

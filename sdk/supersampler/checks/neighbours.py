@@ -18,9 +18,9 @@ from supersampler.reprojection import MIN_PLACES, Pair, grid, moving
 
 Sums = Mapping[str, tuple[float, float]]
 
-_BETTER_ONCE = 0.75  # a reading's error in parts of the frame's own, to be believed after one pair of frames
-_BETTER_LATER = 0.85  # and after more of them, errors added
-_VISIBLE = 0.003  # errors below this are noise, in compressed luminance
+_BETTER_ONCE = 0.65  # a reading's error in parts of the frame's own, to be believed after one pair of frames
+_BETTER_LATER = 0.75  # and after more of them, errors added
+_VISIBLE = 1e-5  # errors below this are noise: squares of compressed luminance
 _SURFACES = 20  # so many places must be seen to be uncovered
 _REPEATS = 3  # frames with one jitter that are no accident
 
@@ -50,7 +50,7 @@ def remembered(memory: Memory, frame: Frame, light: Float32, display_size: Size)
     """Return the memory with this shaded frame in it."""
     if memory.light is not None and memory.depth is not None and memory.light.shape == light.shape:
         pair = Pair(light, memory.light)
-        if len(pair) >= MIN_PLACES:
+        if pair.textured >= MIN_PLACES:
             errors = _added(memory.errors, _errors(pair, frame, memory.jitter, display_size))
             surfaces = _added(memory.surfaces, _surfaces(frame, memory.depth, memory.jitter))
             memory = replace(memory, pairs=memory.pairs + 1, errors=errors, surfaces=surfaces)

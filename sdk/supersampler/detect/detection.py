@@ -6,7 +6,7 @@ from typing import Any
 
 from supersampler.conventions import Conventions
 
-SURE = 1.1
+SURE = 1.15
 """A verdict counts when the runner-up's error is at least this many times the winner's."""
 
 _ALIKE = 1.02  # errors this close are one error: the reading that was stated wins

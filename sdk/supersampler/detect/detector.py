@@ -53,7 +53,7 @@ def detect(
     stated = conventions or (Conventions() if isinstance(shot, Sequence) else shot.conventions)
     stills = [Still(raw, stated) for raw in _middle(shot, frames)]
     found = replace(stated, motion_resolution=_motion_resolution(stills[0]))
-    textured = [step for step in steps(stills) if len(step.pair) >= MIN_PLACES]
+    textured = [step for step in steps(stills) if step.pair.textured >= MIN_PLACES]
     jitters = jitters_in_the_pixel(stills, stated)
     motion = rank_motion(textured, jitters, found)
     found = replace(found, **motion.overrides)

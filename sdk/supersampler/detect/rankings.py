@@ -108,8 +108,9 @@ def swapped_axes(steps: Sequence[Step], jitters: Sequence[Overrides], found: Con
     swapped = [_jitter_error(steps, replace(found, **o), motion_swapped=True) for o in _MOTIONS]
     if min(swapped) < _BETTER * as_found:
         notes.append("Motion looks as if it were (y, x): hand it in as motion[..., ::-1].")
-    if jitters and not found.motion_jittered:
-        errors = [_jitter_error(steps, replace(found, **o), jitter_swapped=True) for o in jitters]
+    if jitters:  # exchanged jitter fits nothing, so that motion seems to have jitter in it
+        bare = replace(found, motion_jittered=False)
+        errors = [_jitter_error(steps, replace(bare, **o), jitter_swapped=True) for o in jitters]
         if min(errors) < _BETTER * as_found:
             notes.append("Jitter looks as if it were (y, x): hand in (x, y).")
     return notes

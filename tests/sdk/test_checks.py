@@ -1,0 +1,190 @@
+"""The pixel-reading checks: silent on right frames, and on wrong ones they name the mistake and its cure."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import supersampler
+from analytic import DiscOverPlane, Plane, checker, zone_plate
+from supersampler.checks import FrameChecker
+from supersampler.conventions import Conventions
+from supersampler.errors import ArgumentError, FrameError, FrameWarning
+from supersampler.frame import Frame
+from supersampler.jitter import halton_jitter
+from supersampler.shot import Shot
+
+COURTYARD = Path(supersampler.__file__).parent / "shots" / "courtyard"
+DISPLAY = (640, 360)
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    shot = Shot.open(COURTYARD)
+    return [shot.read(index).frame for index in range(12, 16)]
+
+
+def check_all(frames: list[Frame]) -> None:
+    checker = FrameChecker("strict")
+    for frame in frames:
+        checker.check(frame, DISPLAY)
+
+
+def misread(frames: list[Frame], **overrides: Any) -> list[Frame]:
+    """What comes of frames in some conventions that nobody converts."""
+    there, taken_as_ours = Conventions(**overrides).converter(), Conventions().converter()
+    return [taken_as_ours.to_frame(there.from_frame(frame)) for frame in frames]
+
+
+def test_a_real_shot_is_fine(frames: list[Frame]) -> None:
+    check_all(frames)
+
+
+@pytest.mark.parametrize("pattern", [zone_plate, checker])
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.3, -0.7), (2.0, 1.0)])
+def test_hard_patterns_still_or_moving_are_fine(pattern: Any, velocity: tuple[float, float]) -> None:
+    scene = Plane(pattern, velocity)
+    check_all([scene.frame(i, (96, 54), halton_jitter(i, 2.0)) for i in range(5)])
+
+
+def test_what_moves_before_something_else_is_fine() -> None:
+    check_all([DiscOverPlane().frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
+
+
+@pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
+def test_pictures_that_tell_nothing_are_fine(frames: list[Frame], name: str) -> None:
+    def change(frame: Frame) -> Frame:
+        assert frame.color is not None
+        if name == "black":
+            return replace(frame, color=frame.color * 0)
+        if name == "all sky":
+            return replace(frame, color=frame.color * 0 + 1, depth=frame.depth * 0, motion=frame.motion * 0)
+        if name == "noise":
+            noise = np.random.default_rng(0).random(frame.color.shape, np.float32)
+            return replace(frame, color=noise)
+        if name == "not shaded":
+            return replace(frame, color=None)
+        return replace(frame, **{key: getattr(frame, key)[:1, :1] for key in ("color", "depth", "motion")})
+
+    check_all([change(frame) for frame in frames])
+
+
+@pytest.mark.parametrize(
+    ("overrides", "field", "hint"),
+    [
+        ({"motion_unit": "ndc"}, "motion", "motion_unit='ndc'"),
+        ({"motion_unit": "uv"}, "motion", "motion_unit='uv'"),
+        ({"motion_flip_y": True}, "motion", "motion_flip_y=True"),
+        (
+            {"motion_direction": "current_minus_previous"},
+            "motion",
+            "motion_direction='current_minus_previous'",
+        ),
+        ({"motion_jittered": True}, "motion", "motion_jittered=True"),
+        ({"motion_scale": (0.5, 0.5)}, "motion", r"motion_scale=\(0\.5, 0\.5\)"),
+        ({"jitter_sign": -1}, "jitter", "jitter_sign=-1"),
+        ({"jitter_flip_y": True}, "jitter", "jitter_flip_y=True"),
+        ({"jitter_unit": "ndc"}, "jitter", "jitter_unit='ndc'"),
+        ({"depth": "forward_infinite"}, "depth", "depth='forward_infinite'"),
+        ({"depth": "forward", "far": 100.0}, "depth", "depth='forward_infinite'"),
+        ({"depth": "linear"}, "depth", "depth='linear'"),
+        ({"depth": "linear", "far": 1000.0}, "depth", "depth='linear'"),
+    ],
+)
+def test_a_missed_convention_is_named_with_its_override(
+    frames: list[Frame], overrides: dict[str, Any], field: str, hint: str
+) -> None:
+    with pytest.raises(FrameError, match=hint) as caught:
+        check_all(misread(frames, **overrides))
+    assert caught.value.name == field
+
+
+def with_pixel(frame: Frame, field: str, value: float) -> Frame:
+    array = getattr(frame, field).copy()
+    array[7, 5] = value
+    return replace(frame, **{field: array})
+
+
+@pytest.mark.parametrize("field", ["color", "depth", "motion"])
+@pytest.mark.parametrize("value", [np.nan, np.inf])
+def test_one_pixel_that_is_not_finite_is_found(frames: list[Frame], field: str, value: float) -> None:
+    with pytest.raises(FrameError, match=rf"frame\.{field} is NaN or Inf in 1 pixels, first at \(x=5, y=7\)"):
+        check_all([with_pixel(frames[0], field, value)])
+
+
+def test_values_out_of_range_are_found(frames: list[Frame]) -> None:
+    frame = frames[0]
+    assert frame.color is not None
+    w, h = frame.size
+    with pytest.raises(FrameError, match="color is negative in 100% of its values"):
+        check_all([replace(frame, color=-frame.color)])
+    with pytest.raises(FrameError, match="depth is negative, as small as"):
+        check_all([replace(frame, depth=frame.depth - 1)])
+    with pytest.raises(FrameError, match=r"motion is longer than the whole image in 100% .* scaled twice"):
+        check_all([replace(frame, motion=np.full((h, w, 2), 1e4, np.float32))])
+    with pytest.raises(FrameError, match=r"depth is the same everywhere.*Is the depth buffer bound"):
+        check_all([replace(frame, depth=np.full((h, w), 0.5, np.float32))])
+
+
+def test_colour_upside_down_against_depth_is_found(frames: list[Frame]) -> None:
+    assert frames[0].color is not None
+    with pytest.raises(FrameError, match="color is upside down against depth"):
+        check_all([replace(frames[0], color=frames[0].color[::-1])])
+
+
+def test_jitter_that_never_changes_is_found_at_its_third_frame(frames: list[Frame]) -> None:
+    still = [replace(frames[0], motion=frames[0].motion * 0, reset=False)] * 3
+    check_all(still[:2])
+    with pytest.raises(FrameError, match=r"jitter is .* in 3 frames on end.*halton_jitter"):
+        check_all(still)
+
+
+def test_clipped_colour_is_a_hint_that_never_raises(frames: list[Frame]) -> None:
+    assert frames[0].color is not None
+    with pytest.warns(FrameWarning, match=r"color is never above 1.*srgb=True"):
+        check_all([replace(frames[0], color=np.minimum(frames[0].color * 2, 1))])
+
+
+def test_warn_tells_each_kind_once_until_a_reset_and_reads_three_frames(frames: list[Frame]) -> None:
+    checker = FrameChecker("warn")
+    bad = [with_pixel(frame, "depth", np.nan) for frame in frames]
+    with pytest.warns(FrameWarning, match="depth is NaN"):
+        checker.check(bad[0], DISPLAY)
+    for frame in bad[1:]:
+        checker.check(frame, DISPLAY)  # silent: a warning is an error in these tests
+    checker.check(with_pixel(frames[0], "color", np.nan), DISPLAY)  # the fifth frame is not read
+    with pytest.warns(FrameWarning, match="depth is NaN"):
+        checker.check(replace(bad[0], reset=True), DISPLAY)
+
+
+def test_off_reads_nothing(frames: list[Frame]) -> None:
+    FrameChecker("off").check(with_pixel(frames[0], "color", np.nan), DISPLAY)
+
+
+def test_a_refused_frame_leaves_the_checker_as_it_was(frames: list[Frame]) -> None:
+    checker = FrameChecker("strict")
+    checker.check(frames[0], DISPLAY)
+    for wrong in (with_pixel(frames[3], "motion", np.nan), replace(frames[1], motion=-frames[1].motion)):
+        with pytest.raises(FrameError):
+            checker.check(wrong, DISPLAY)
+    for frame in frames[1:]:
+        checker.check(frame, DISPLAY)  # frames[1] is compared with frames[0]
+
+
+def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
+    assert frames[0].color is not None
+    reused = replace(
+        frames[0], color=frames[0].color.copy(), depth=frames[0].depth.copy(), motion=frames[0].motion.copy()
+    )
+    checker = FrameChecker("strict")
+    for frame in frames:
+        for field in ("color", "depth", "motion"):
+            getattr(reused, field)[:] = getattr(frame, field)
+        checker.check(replace(reused, jitter=frame.jitter), DISPLAY)
+
+
+def test_a_wrong_mode_is_named() -> None:
+    with pytest.raises(ArgumentError, match="validate is 'loud'; want 'off', 'warn' or 'strict'"):
+        FrameChecker("loud")  # type: ignore[arg-type]

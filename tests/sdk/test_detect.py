@@ -1,0 +1,157 @@
+"""The detector finds each planted mistake on the shipped shot, and says so where it cannot tell."""
+
+from dataclasses import replace
+from itertools import product
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import supersampler
+from supersampler.conventions import Conventions, RawFrame
+from supersampler.detect import Detection, detect
+from supersampler.errors import ArgumentError
+from supersampler.frame import Frame
+from supersampler.shot import Shot
+
+COURTYARD = Path(supersampler.__file__).parent / "shots" / "courtyard"
+FIELDS = (
+    "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
+    "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
+)  # fmt: skip
+MOTIONS = [
+    {"motion_unit": unit, "motion_direction": way, "motion_flip_y": flip, "motion_jittered": jittered}
+    for unit, way, flip, jittered in product(
+        ("pixels", "uv", "ndc"),
+        ("previous_minus_current", "current_minus_previous"),
+        (False, True),
+        (False, True),
+    )
+]
+JITTERS = [
+    {"jitter_unit": unit, "jitter_sign": sign, "jitter_flip_y": flip}
+    for unit, sign, flip in product(("pixels", "uv", "ndc"), (1, -1), (False, True))
+]
+
+
+@pytest.fixture(scope="module")
+def frames() -> list[Frame]:
+    shot = Shot.open(COURTYARD)
+    return [shot.read(index).frame for index in range(14, 18)]
+
+
+def planted(frames: list[Frame], conventions: Conventions) -> list[RawFrame]:
+    converter = conventions.converter(display_size=(640, 360))
+    return [converter.from_frame(frame) for frame in frames]
+
+
+def assert_found(detection: Detection, conventions: Conventions) -> None:
+    assert all(row["certain"] for row in detection.rows()), detection.summary()
+    for name in FIELDS:
+        assert getattr(detection.conventions, name) == getattr(conventions, name), detection.summary()
+    assert detection.conventions.depth.split("_")[0] == conventions.depth.split("_")[0]
+    assert eval(detection.call) == detection.conventions  # noqa: S307 - it is promised to be an expression
+
+
+@pytest.mark.parametrize("mistake", MOTIONS, ids=lambda m: "-".join(map(str, m.values())))
+def test_every_motion_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
+    conventions = Conventions(**mistake)
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+@pytest.mark.parametrize("mistake", JITTERS, ids=lambda m: "-".join(map(str, m.values())))
+def test_every_jitter_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
+    conventions = Conventions(**mistake)
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+@pytest.mark.parametrize("flip", [False, True])
+@pytest.mark.parametrize("sign", [1, -1])
+def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sign: int, flip: bool) -> None:
+    conventions = Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+@pytest.mark.parametrize(
+    "mistake",
+    [
+        {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
+        {"depth": "forward_infinite"}, {"depth": "linear"}, {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
+    ],
+    ids=str,
+)  # fmt: skip
+def test_every_depth_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
+    conventions = Conventions(**mistake)
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+@pytest.mark.parametrize("name", ["fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym"])
+def test_every_preset_is_found_with_nothing_stated(frames: list[Frame], name: str) -> None:
+    conventions = getattr(Conventions, name)()
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
+    conventions = Conventions(motion_resolution="display", motion_unit="ndc")
+    assert_found(detect(planted(frames, conventions)), conventions)
+
+
+def test_a_shot_is_as_it_states() -> None:
+    detection = detect(Shot.open(COURTYARD), frames=4)
+    assert detection.agrees, detection.summary()
+    assert "as stated" in detection.summary()
+    assert all(row["certain"] for row in detection.rows())
+
+
+def test_what_was_stated_stands_where_planes_cannot_be_seen(frames: list[Frame]) -> None:
+    stated = Conventions(depth="forward", near=0.1, far=100.0, motion_flip_y=True)
+    wrong = replace(stated, motion_flip_y=False)
+    detection = detect(planted(frames, stated), conventions=wrong)
+    assert detection.conventions == stated
+    assert not detection.agrees
+    assert "Write: Conventions(motion_flip_y=True, depth='forward', far=100.0)" in detection.summary()
+
+
+def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
+    """One wide ramp with dots on it, sampled where the jitter says, and nothing moves."""
+    y, x = np.mgrid[0:72, 0:128]
+
+    def still(jitter: tuple[float, float]) -> RawFrame:
+        light = 1.2 + np.sin((x + jitter[0]) / 2.1) + np.cos((y + jitter[1]) / 1.7) * 0.2
+        color = np.repeat(light[..., None], 3, axis=2).astype(np.float32)
+        depth, motion = np.full((72, 128), 0.5, np.float32), np.zeros((72, 128, 2), np.float32)
+        return RawFrame(color=color, depth=depth, motion=motion, jitter=(-jitter[0], -jitter[1]))
+
+    detection = detect([still(frame.jitter) for frame in frames])
+    assert detection.conventions == Conventions(jitter_sign=-1)
+    assert [row["certain"] for row in detection.rows()] == [False, True, False]
+    assert "motion: cannot tell, nothing moves" in detection.summary()
+    assert "depth: cannot tell" in detection.summary()
+
+
+def test_without_jitter_it_cannot_tell(frames: list[Frame]) -> None:
+    raws = [replace(raw, jitter=(0.25, 0.0)) for raw in planted(frames, Conventions())]
+    detection = detect(raws, conventions=Conventions(jitter_sign=-1))
+    assert "jitter: cannot tell, it never changes" in detection.summary()
+    assert detection.conventions.jitter_sign == -1  # as stated
+
+
+def test_black_frames_tell_nothing(frames: list[Frame]) -> None:
+    raws = planted(frames, Conventions())
+    detection = detect([replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None])
+    assert detection.agrees
+    assert "motion: cannot tell, no two neighbouring frames have texture" in detection.summary()
+
+
+def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
+    raws = planted(frames, Conventions())
+    motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]
+    assert any("Motion looks as if it were (y, x)" in note for note in detect(motion).notes)
+    jitter = [replace(raw, jitter=raw.jitter[::-1]) for raw in raws if raw.jitter is not None]
+    assert any("Jitter looks as if it were (y, x)" in note for note in detect(jitter).notes)
+
+
+def test_one_frame_is_too_few(frames: list[Frame]) -> None:
+    with pytest.raises(ArgumentError, match="frames is 1; want at least 2 frames"):
+        detect(planted(frames[:1], Conventions()))
