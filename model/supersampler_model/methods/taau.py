@@ -56,6 +56,7 @@ from supersampler_model.sampling import (
 )
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
+UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
 
 
@@ -73,6 +74,8 @@ class TaauConfig:
             display pixels a frame on.
         gamma_time: the same, of the standard deviation over time.
         spread_samples: samples over which the spread over time is averaged.
+        spread_step: a sample counts as no farther off than the spread so far plus this, so that thin wires
+            build up a spread over some frames, and one firefly does not.
         forget: share of the samples dropped per half extent that the past lies outside the box.
         samples: most samples kept.
         blur_cost, speed_cost: by how much less they are, per full resampling blur and per display pixel of
@@ -94,6 +97,7 @@ class TaauConfig:
     gamma_speed: float = 10.0
     gamma_time: float = 1.6
     spread_samples: float = 14.0
+    spread_step: float = 0.15
     forget: float = 0.5
     samples: float = 18.0
     blur_cost: float = 32.0
@@ -216,12 +220,13 @@ class Taau(Method):
         near = under(samples, gaussian(c.sample_sigma), ratio)
         window = under(torch.cat([toned, toned * toned, usable], dim=1), gaussian(c.moment_sigma))
         moments = normalised(window)
+        seen = (window[:, 6:7] > UNSEEN).float()
         return Present(
             frame=smooth + c.frame_sharpness * (sharp - smooth),
             sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
             first=moments[:, :3],
-            second=moments[:, 3:6],
+            second=moments[:, 3:6] * seen + (1.0 - seen),  # where nothing is usable the box holds all colours
             shade=pick(surface[:, 1:3], grid),
         )
 
@@ -303,7 +308,8 @@ class Taau(Method):
         color = torch.where(blend.samples > UNKNOWN, color, present.frame)
         image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
 
-        off = present.sample[:, :1] - past.color[:, :1]
+        reach = past.power.sqrt() + self.config.spread_step
+        off = (present.sample[:, :1] - past.color[:, :1]).abs().minimum(reach)
         seen = blend.samples.clamp(max=self.config.spread_samples) + present.confidence
         rate = present.confidence / seen.clamp(min=1e-6)
         known = (blend.samples > UNKNOWN).float() * blend.spreads
@@ -317,7 +323,13 @@ def normalised(sums: Tensor) -> Tensor:
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
-    """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples."""
-    sums = normalised(blurred(torch.cat([luma, luma * luma, usable], dim=1)))
-    mean, square = sums[:, :1], sums[:, 1:2]
-    return torch.cat([mean, (square - mean * mean).clamp(min=0.0).sqrt()], dim=1)
+    """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples.
+
+    Without any, the deviation is 1: whatever the mean was or will be, it is no change.
+    """
+    sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
+    seen = (sums[:, 2:3] > UNSEEN).float()
+    moments = normalised(sums)
+    mean, square = moments[:, :1], moments[:, 1:2]
+    deviation = (square - mean * mean).clamp(min=0.0).sqrt()
+    return torch.cat([mean, deviation * seen + (1.0 - seen)], dim=1)

@@ -1,0 +1,106 @@
+"""A frame that breaks the contract cannot be made, and says which input, what came, what was wanted."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from noise import noise
+from supersampler import Frame, FrameError
+
+H, W = 18, 32
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("depth", np.ones((W, H), np.float32), r"is \(32, 18\) float32; want \(18, 32\) float32. Width and"),
+        ("depth", np.ones((H, W, 1), np.float32), r"want \(18, 32\) float32. Drop the last axis"),
+        ("depth", np.ones((H, W), np.float16), r"is \(18, 32\) float16; want .* float32. Convert it"),
+        ("motion", np.zeros((H, W, 2)), r"is .* float64; want .* float16 or float32"),
+        ("motion", np.zeros((2, H, W), np.float32), r"channels first; hand in array.transpose\(1, 2, 0\)"),
+        ("color", np.zeros((H, W, 4), np.float32), r"want \(18, 32, 3\) .* Keep the first 3 channels"),
+        ("color", np.zeros((0, W, 3), np.float32), r"at least one pixel"),
+        ("color", np.zeros((H, W, 3), np.uint8), r"uint8; want .* float16 or float32"),
+        ("color", [[1, 2, 3]], r"is list; want a numpy array, or anything with DLPack"),
+        ("jitter", (3.0, 0.0), r"is \(3.0, 0.0\); want render pixels in \[-0.5, 0.5\]. Jitter in NDC"),
+        ("jitter", (float("nan"), 0.0), r"want render pixels"),
+        ("jitter", 0.25, r"is 0.25; want \(x, y\)"),
+        ("exposure", 0.0, r"is 0.0; want a finite number > 0, or None"),
+        ("exposure", float("inf"), r"is inf"),
+        ("carry", np.zeros((H, W), np.float32), r"want \(18, 32, k\)"),
+    ],
+)
+def test_a_bad_input_is_named(name: str, value: object, message: str) -> None:
+    with pytest.raises(FrameError, match=rf"frame\.{name} .*{message}") as caught:
+        noise(1, **{name: value})  # type: ignore[arg-type]
+    assert caught.value.name == name
+
+
+@pytest.mark.parametrize(
+    ("field", "key", "shape", "message"),
+    [
+        ("gbuffer", "albedo", (H, W, 3), "want one of base_color, normal"),
+        ("gbuffer", "normal", (H, W), r"want \(18, 32, 3\)"),
+        ("gbuffer", "depth", (H, W), "not a G-buffer's name"),
+        ("gbuffer_display", "roughness", (2 * H, 2 * W, 1), r"want \(36, 64\)"),
+    ],
+)
+def test_a_bad_gbuffer_is_named(field: str, key: str, shape: tuple[int, ...], message: str) -> None:
+    with pytest.raises(FrameError, match=message):
+        noise(1, **{field: {key: np.zeros(shape, np.float32)}})  # type: ignore[arg-type]
+
+
+def test_gbuffers_of_display_size_must_agree_among_themselves() -> None:
+    buffers = {"depth": np.zeros((36, 64), np.float32), "normal": np.zeros((36, 60, 3), np.float32)}
+    with pytest.raises(FrameError, match=r"gbuffer_display\['normal'\]"):
+        noise(1, gbuffer_display=buffers)
+
+
+def test_sizes_are_width_first_and_arrays_height_first() -> None:
+    frame = noise(1, (32, 18))
+    assert frame.size == (32, 18)
+    assert frame.depth.shape == (18, 32)
+
+
+def test_a_frame_that_was_not_shaded_has_no_color() -> None:
+    assert noise(1, color=None).size == (32, 18)
+
+
+class Exporter:
+    """Speaks DLPack and nothing else, as a foreign tensor does."""
+
+    def __init__(self, array: np.ndarray[Any, Any]) -> None:
+        self.array = array
+
+    def __dlpack__(self, **options: Any) -> object:
+        return self.array.__dlpack__(**options)
+
+    def __dlpack_device__(self) -> object:
+        return self.array.__dlpack_device__()
+
+
+def test_anything_with_dlpack_is_taken() -> None:
+    depth = np.full((H, W), 0.5, np.float32)
+    frame = noise(1, depth=Exporter(depth))
+    assert isinstance(frame.depth, np.ndarray)
+    np.testing.assert_array_equal(frame.depth, depth)
+
+
+def test_a_frame_cannot_be_changed() -> None:
+    with pytest.raises(AttributeError):
+        noise(1).reset = True  # type: ignore[misc]
+
+
+def test_the_message_says_what_the_docs_promise() -> None:
+    with pytest.raises(FrameError) as caught:
+        Frame(
+            color=np.zeros((45, 80, 3), np.float32),
+            depth=np.zeros((80, 45), np.float32),
+            motion=np.zeros((45, 80, 2), np.float32),
+            jitter=(0.0, 0.0),
+        )
+    assert str(caught.value) == (
+        "frame.depth is (80, 45) float32; want (45, 80) float32. "
+        "Width and height are swapped: arrays are (height, width, channels)."
+    )

@@ -1,0 +1,154 @@
+"""One bad pixel never enters the history: images stay finite and >= 0, and the next clean frame recovers."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from analytic import Plane, checker
+from noise import noise
+from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
+from supersampler.frame import Float32
+
+SIZE, DISPLAY = (32, 18), (64, 36)
+METHODS = ["bilinear", "bicubic", "taa", "taau"]
+RECOVERY = 48  # clean frames, one and a half jitter periods
+
+Spoil = Callable[[Float32], None]
+
+
+def fill(value: float) -> Spoil:
+    def spoil(array: Float32) -> None:
+        array[:] = value
+
+    return spoil
+
+
+def sprinkle(value: float) -> Spoil:
+    def spoil(array: Float32) -> None:
+        array[np.random.default_rng(5).random(array.shape[:2]) < 0.1] = value
+
+    return spoil
+
+
+def row(value: float) -> Spoil:
+    def spoil(array: Float32) -> None:
+        array[7] = value
+
+    return spoil
+
+
+HOSTILE: dict[str, tuple[str, Spoil]] = {
+    f"{name} {how.__name__} {value}": (name, how(value))
+    for name, values in {
+        "color": [np.nan, np.inf, -np.inf, -1.0, 65504.0, 3e38, 1e-42],
+        "depth": [np.nan, np.inf, -1.0, 0.0, 1e30, 1e-42],
+        "motion": [np.nan, np.inf, -np.inf, 1e9, -1e5, 1e-42],
+    }.items()
+    for how in (fill, sprinkle, row)
+    for value in values
+}
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[str, Model]:
+    return {name: Model.load(name, threads=1) for name in METHODS}
+
+
+def still(index: int, **overrides: Any) -> Frame:
+    frame = Plane(checker).frame(index, SIZE, halton_jitter(index, 2.0))
+    return replace(frame, **{"reset": False, **overrides})
+
+
+def spoilt(case: str, seed: int) -> Frame:
+    name, spoil = HOSTILE[case]
+    array = np.array(getattr(still(seed), name))
+    with np.errstate(over="ignore"):
+        spoil(array)
+    return still(seed, **{name: array})
+
+
+def make(model: Model) -> Upscaler:
+    return Upscaler(model, display_size=DISPLAY, validate="off")
+
+
+@pytest.mark.parametrize("case", HOSTILE)
+@pytest.mark.parametrize("name", METHODS)
+def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
+    models: dict[str, Model], name: str, case: str
+) -> None:
+    upscaler, innocent = make(models[name]), make(models[name])
+    for seed in range(4):
+        upscaler.step(still(seed))
+        innocent.step(still(seed))
+    bad = upscaler.step(spoilt(case, 4))
+    assert np.isfinite(bad).all()
+    assert bad.min() >= 0
+    assert bad.max() <= 65504
+    innocent.step(still(4))
+    for seed in range(5, 5 + RECOVERY):
+        image, expected = upscaler.step(still(seed)), innocent.step(still(seed))
+        assert np.isfinite(image).all()
+    off = np.abs(display_transform(image) - display_transform(expected))
+    assert off.mean() < 0.004, "one step of an 8-bit picture"
+    assert np.quantile(off, 0.999) < 0.1
+
+
+def test_a_bad_color_pixel_is_filled_from_the_past(models: dict[str, Model]) -> None:
+    upscaler = make(models["taau"])
+    flat = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
+    for seed in range(8):
+        upscaler.step(still(seed, color=flat))
+    color = flat.copy()
+    color[9, 12] = np.nan
+    np.testing.assert_allclose(upscaler.step(still(8, color=color)), 0.5, rtol=1e-3)
+    np.testing.assert_allclose(upscaler.step(still(9, color=np.full_like(flat, np.nan))), 0.5, rtol=1e-3)
+
+
+def test_a_bad_pixel_does_not_spread(models: dict[str, Model]) -> None:
+    upscaler, innocent = make(models["taau"]), make(models["taau"])
+    for seed in range(6):
+        color = np.array(still(seed).color)
+        color[9, 12] = np.nan
+        image = upscaler.step(still(seed, color=color))
+        expected = innocent.step(still(seed))
+    changed = np.abs(image - expected).max(axis=-1) > 1e-3
+    rows, columns = np.nonzero(changed)
+    assert rows.size
+    assert max(abs(rows - 19)) <= 8
+    assert max(abs(columns - 25)) <= 8
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_an_all_sky_frame_is_upscaled(models: dict[str, Model], name: str) -> None:
+    upscaler = make(models[name])
+    sky = np.zeros((SIZE[1], SIZE[0]), np.float32)
+    for seed in range(3):
+        image = upscaler.step(still(seed, depth=sky))
+    assert np.isfinite(image).all()
+    assert image.mean() > 0.1
+
+
+def test_a_frame_7680_wide_is_upscaled(models: dict[str, Model]) -> None:
+    upscaler = Upscaler(models["taau"], display_size=(7680, 4), validate="off")
+    for seed in range(2):
+        image = upscaler.step(noise(seed, (3840, 2)))
+    assert image.shape == (4, 7680, 3)
+    assert np.isfinite(image).all()
+
+
+def test_a_spike_of_light_fades(models: dict[str, Model]) -> None:
+    upscaler, innocent = make(models["taau"]), make(models["taau"])
+    off = []
+    for index in range(80):
+        color = np.array(still(index).color)
+        if index == 30:
+            color[5:7, 5:7] = 65504
+        image, expected = upscaler.step(still(index, color=color)), innocent.step(still(index))
+        off.append(np.abs(display_transform(image) - display_transform(expected)))
+    assert off[30].max() > 0.5
+    assert off[31].max() < 0.5 * off[30].max()
+    assert off[79].max() < 0.1
+    assert off[79].mean() < 2e-4

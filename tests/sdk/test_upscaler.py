@@ -1,0 +1,300 @@
+"""`Upscaler` remembers one view, exactly, and a frame that is refused leaves it as it was."""
+
+import itertools
+import pickle
+import threading
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from noise import noise
+from supersampler import ArgumentError, FrameError, Model, ModelError, ProviderError, Upscaler, model_names
+from supersampler.frame import Float32
+
+DISPLAY = (64, 36)
+METHODS = ["bilinear", "bicubic", "taa", "taau"]
+TEMPORAL = ["taa", "taau"]
+
+
+@pytest.fixture(scope="session")
+def models() -> dict[str, Model]:
+    return {name: Model.load(name, threads=1) for name in METHODS}
+
+
+def steps(upscaler: Upscaler, seeds: range) -> list[Float32]:
+    return [upscaler.step(noise(seed)) for seed in seeds]
+
+
+def make(model: Model) -> Upscaler:
+    return Upscaler(model, display_size=DISPLAY, validate="off")
+
+
+def test_the_shipped_models_are_those_of_the_design() -> None:
+    assert model_names() == sorted(METHODS)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_an_image_is_finite_linear_and_of_display_size(models: dict[str, Model], name: str) -> None:
+    for image in steps(make(models[name]), range(3)):
+        assert image.shape == (36, 64, 3)
+        assert image.dtype == np.float32
+        assert np.isfinite(image).all()
+        assert image.min() >= 0
+
+
+@pytest.mark.parametrize("name", TEMPORAL)
+def test_a_cut_forgets_all_before_it(models: dict[str, Model], name: str) -> None:
+    upscaler = make(models[name])
+    first, again = upscaler.step(noise(0)), upscaler.step(noise(0, reset=False))
+    assert np.abs(again - first).max() > 1e-3  # history matters...
+    np.testing.assert_array_equal(upscaler.step(noise(0)), first)  # ...until a cut
+    upscaler.step(noise(1))
+    upscaler.reset()
+    np.testing.assert_array_equal(upscaler.step(noise(0, reset=False)), first)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_fork_continues_bit_for_bit(models: dict[str, Model], name: str) -> None:
+    upscaler, fork = make(models[name]), make(models[name])
+    steps(upscaler, range(3))
+    fork.load_state(pickle.loads(pickle.dumps(upscaler.save_state())))  # noqa: S301 - our own bytes
+    for a, b in zip(steps(upscaler, range(3, 6)), steps(fork, range(3, 6)), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_saved_state_does_not_change_when_its_upscaler_goes_on(models: dict[str, Model]) -> None:
+    upscaler = make(models["taau"])
+    steps(upscaler, range(2))
+    state = upscaler.save_state()
+    later = steps(upscaler, range(2, 5))
+    upscaler.load_state(state)
+    np.testing.assert_array_equal(steps(upscaler, range(2, 5)), later)
+
+
+def test_a_state_of_another_method_or_size_is_refused_and_nothing_changes(models: dict[str, Model]) -> None:
+    upscaler = make(models["taau"])
+    steps(upscaler, range(2))
+    other = make(models["taa"])
+    steps(other, range(2))
+    small = Upscaler(models["taau"], display_size=(40, 36), validate="off")
+    small.step(noise(0))
+    before = upscaler.save_state()
+    with pytest.raises(ArgumentError, match=r"state is of 'taa'; want of 'taau'"):
+        upscaler.load_state(other.save_state())
+    with pytest.raises(ArgumentError, match=r"state is at \(40, 36\); want at \(64, 36\)"):
+        upscaler.load_state(small.save_state())
+    expected = steps(upscaler, range(2, 4))
+    upscaler.load_state(before)
+    np.testing.assert_array_equal(steps(upscaler, range(2, 4)), expected)
+
+
+@pytest.mark.parametrize("name", TEMPORAL)
+def test_a_refused_frame_leaves_the_history_and_the_next_good_frame_works(
+    models: dict[str, Model], name: str
+) -> None:
+    upscaler, untouched = make(models[name]), make(models[name])
+    steps(upscaler, range(2))
+    steps(untouched, range(2))
+    with pytest.raises(FrameError, match="color"):
+        upscaler.step(noise(2, color=None))
+    with pytest.raises(FrameError, match="size"):
+        upscaler.step(noise(2, (128, 72)))
+    with pytest.raises(ArgumentError, match="out"):
+        upscaler.step(noise(2), out=np.empty((36, 64, 4), np.float32))
+    np.testing.assert_array_equal(upscaler.step(noise(3)), untouched.step(noise(3)))
+    assert upscaler.stats.frames == 3
+
+
+def test_strict_validation_refuses_before_anything_is_remembered(models: dict[str, Model]) -> None:
+    upscaler = Upscaler(models["taau"], display_size=DISPLAY, validate="strict")
+    twin = Upscaler(models["taau"], display_size=DISPLAY, validate="off")
+    upscaler.step(noise(0))
+    twin.step(noise(0))
+    color = np.array(noise(1).color)
+    color[3, 5] = np.nan
+    with pytest.raises(FrameError, match="color"):
+        upscaler.step(noise(1, color=color))
+    assert upscaler.save_state().history is not None
+    for a, b in zip(
+        upscaler.save_state().history.values(),  # type: ignore[union-attr]
+        twin.save_state().history.values(),  # type: ignore[union-attr]
+        strict=True,
+    ):
+        np.testing.assert_array_equal(a, b)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_image_goes_into_the_callers_buffer(models: dict[str, Model], name: str) -> None:
+    expected = make(models[name]).step(noise(0))
+    out = np.full((36, 64, 3), 7, np.float32)
+    assert make(models[name]).step(noise(0), out=out) is out
+    np.testing.assert_array_equal(out, expected)
+
+
+def test_what_a_caller_does_with_an_image_stays_out_of_the_history(models: dict[str, Model]) -> None:
+    careless, careful = make(models["taau"]), make(models["taau"])
+    careless.step(noise(0))[:] = 1000
+    careful.step(noise(0))
+    np.testing.assert_array_equal(careless.step(noise(1)), careful.step(noise(1)))
+
+
+@pytest.mark.parametrize("name", TEMPORAL)
+def test_the_render_size_may_change_and_the_history_is_kept(models: dict[str, Model], name: str) -> None:
+    upscaler = make(models[name])
+    flat = {"color": 2.0, "motion": 0.0}
+    for seed, size in enumerate([(32, 18), (43, 24), (64, 36), (21, 12), (16, 9)]):
+        shape = (size[1], size[0])
+        color = np.full((*shape, 3), flat["color"], np.float32)
+        still = np.zeros((*shape, 2), np.float32)
+        image = upscaler.step(
+            noise(seed, size, color=color, motion=still, depth=np.full(shape, 0.1, np.float32))
+        )
+        np.testing.assert_allclose(image, 2.0, rtol=1e-3)
+    assert upscaler.stats.resets == 1
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.3, 1.5, 1.7, 2.0, 2.3, 3.0, 4.0])
+def test_any_ratio_keeps_a_flat_picture_flat(models: dict[str, Model], ratio: float) -> None:
+    for name in METHODS:
+        upscaler = Upscaler(models[name], scale=ratio, validate="off")
+        for seed in range(3):
+            image = upscaler.step(noise(seed, (23, 15), color=np.full((15, 23, 3), 0.7, np.float32)))
+            np.testing.assert_allclose(image, 0.7, rtol=2e-3)
+        assert upscaler.display_size == (round(23 * ratio), round(15 * ratio))
+
+
+@pytest.mark.parametrize(
+    ("display", "message"),
+    [
+        ((20, 36), r"0\.625 times less in width.*want a ratio from 1\.0 to 4\.0"),
+        ((64, 90), r"5 times less in height"),
+    ],
+)
+def test_a_ratio_out_of_range_is_named(
+    models: dict[str, Model], display: tuple[int, int], message: str
+) -> None:
+    with pytest.raises(FrameError, match=message):
+        Upscaler(models["taau"], display_size=display, validate="off").step(noise(0))
+
+
+def test_two_views_interleaved_do_not_touch_each_other(models: dict[str, Model]) -> None:
+    left, right, alone = (make(models["taau"]) for _ in range(3))
+    expected = steps(alone, range(4))
+    for seed, image in enumerate(expected):
+        np.testing.assert_array_equal(left.step(noise(seed)), image)
+        right.step(noise(seed + 10, reset=seed == 0))
+
+
+def test_several_upscalers_share_one_model_from_several_threads(models: dict[str, Model]) -> None:
+    expected = steps(make(models["taau"]), range(6))
+    results: list[list[Float32]] = [[] for _ in range(4)]
+
+    def work(result: list[Float32]) -> None:
+        result.extend(steps(make(models["taau"]), range(6)))
+
+    threads = [threading.Thread(target=work, args=(result,)) for result in results]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    for result in results:
+        np.testing.assert_array_equal(result, expected)
+
+
+def test_the_number_of_threads_does_not_change_a_bit(models: dict[str, Model]) -> None:
+    expected = steps(make(models["taau"]), range(4))
+    np.testing.assert_array_equal(steps(make(Model.load("taau", threads=2)), range(4)), expected)
+
+
+def test_a_model_is_pure(models: dict[str, Model]) -> None:
+    model = models["taau"]
+    history = model.first_history(DISPLAY, (32, 18))
+    image, left = model.run(noise(0), history)
+    before = left.to_numpy()
+    once, _ = model.run(noise(1), left)
+    twice, _ = model.run(noise(1), left)
+    np.testing.assert_array_equal(once, twice)
+    for name, array in left.to_numpy().items():
+        np.testing.assert_array_equal(array, before[name])
+    with pytest.raises(ArgumentError, match="history_out"):
+        model.run(noise(1), left, history_out=left)
+    np.testing.assert_array_equal(image, make(model).step(noise(0)))
+
+
+def test_warming_up_changes_nothing(models: dict[str, Model]) -> None:
+    warm, cold = make(models["taau"]), make(models["taau"])
+    warm.warm_up((32, 18))
+    warm.step(noise(0))
+    cold.step(noise(0))
+    warm.warm_up((32, 18))
+    np.testing.assert_array_equal(warm.step(noise(1)), cold.step(noise(1)))
+    with pytest.raises(ArgumentError, match="render_size"):
+        make(models["taau"]).warm_up()
+
+
+def test_a_closed_upscaler_says_so(models: dict[str, Model]) -> None:
+    with make(models["taau"]) as upscaler:
+        upscaler.step(noise(0))
+    with pytest.raises(ArgumentError, match="closed"):
+        upscaler.step(noise(1))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({}, "display_size or scale is neither"),
+        ({"display_size": (4, 4), "scale": 2}, "display_size or scale is both"),
+        ({"display_size": (4, 0)}, "each at least 1"),
+        ({"display_size": 4}, r"want \(width, height\)"),
+        ({"scale": 0.5}, "scale is 0.5; want a number >= 1"),
+        ({"scale": float("nan")}, "scale is nan"),
+        ({"scale": 2, "validate": "loud"}, "validate"),
+    ],
+)
+def test_a_bad_argument_is_named(
+    models: dict[str, Model], arguments: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ArgumentError, match=message):
+        Upscaler(models["taau"], **arguments)  # type: ignore[arg-type]
+
+
+def test_a_provider_that_is_not_there_is_refused_with_a_list() -> None:
+    with pytest.raises(ProviderError, match=r"'migraphx' is not in this installation.*CPUExecutionProvider"):
+        Model.load("taau", providers="migraphx")
+
+
+def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Model]) -> None:
+    folder = tmp_path / "taau"
+    folder.mkdir()
+    with pytest.raises(ModelError, match="neither one of"):
+        Model.load(folder)
+    source = models["taau"].info.folder
+    description = (source / "model.json").read_text()
+    (folder / "model.json").write_text(description)
+    with pytest.raises(ModelError, match=r"step\.onnx is missing"):
+        Model.load(folder)
+    (folder / "step.onnx").write_bytes((source / "step.onnx").read_bytes()[:-1])
+    with pytest.raises(ModelError, match="sha256"):
+        Model.load(folder)
+    (folder / "model.json").write_text(description.replace('"contract": 1', '"contract": 99'))
+    with pytest.raises(ModelError, match="contract is 99; this runtime drives 1"):
+        Model.load(folder)
+    (folder / "model.json").write_text("{")
+    with pytest.raises(ModelError, match="not a model description"):
+        Model.load(folder)
+
+
+def test_half_floats_are_taken(models: dict[str, Model]) -> None:
+    frame = noise(0)
+    assert frame.color is not None
+    half = noise(0, color=frame.color.astype(np.float16), motion=frame.motion.astype(np.float16))
+    full = make(models["taau"]).step(frame)
+    np.testing.assert_allclose(make(models["taau"]).step(half), full, rtol=5e-3)
+
+
+def test_an_odd_chain_of_sizes_in_one_process(models: dict[str, Model]) -> None:
+    for size, display in itertools.product([(1, 1), (1, 7), (9, 1)], [(1.0), (2.5)]):
+        upscaler = Upscaler(models["taau"], scale=display, validate="off")
+        for seed in range(3):
+            assert np.isfinite(upscaler.step(noise(seed, size))).all()
