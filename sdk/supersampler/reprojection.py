@@ -38,16 +38,14 @@ class Pair:
 
     def __init__(self, now: Float32, before: Float32, *, places: int = 12_000) -> None:
         """Choose at most about `places` places in two (h, w) luminances of equal size."""
-        self._before = before
         rows, columns = grid((now.shape[1], now.shape[0]), places)
         known = now[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
-        self._middle = float(np.median(known)) if known.size else 1.0
-        here = self._read(now, columns, rows)
-        change = np.maximum(
-            np.abs(self._read(now, columns + 1, rows) - here),
-            np.abs(self._read(now, columns, rows + 1) - here),
-        )
+        middle = float(np.median(known)) if known.size else 1.0
+        tone, self._before = _tone(now, middle), _tone(before, middle)
+        here = _read(tone, columns, rows)
+        right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
+        change = np.maximum(np.abs(right - here), np.abs(below - here))
         self.rows, self.columns, self._now = rows, columns, here
         self.textured = int((change > _TEXTURE).sum())  # NaN is not
 
@@ -60,25 +58,10 @@ class Pair:
         """
         offset = np.broadcast_to(offset, (len(self.rows), 2))
         use = slice(None) if where is None else where
-        past = self._read(self._before, self.columns[use] + offset[use, 0], self.rows[use] + offset[use, 1])
-        difference = np.abs(past - self._now[use])
+        past = _read(self._before, self.columns[use] + offset[use, 0], self.rows[use] + offset[use, 1])
+        difference = past - self._now[use]
         difference = difference[np.isfinite(difference)]
         return float(np.mean(difference**2)) if 2 * len(difference) > len(past) else float("inf")
-
-    def _read(self, picture: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.float64]:
-        """Return compressed luminance at (x, y) through a quadratic B-spline, 3 x 3 pixels; NaN outside."""
-        height, width = picture.shape
-        inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
-        x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
-        column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
-        total = np.zeros(x.shape)
-        for dy, weight_y in zip((-1, 0, 1), _spline(y - row), strict=True):
-            line = np.clip(row + dy, 0, height - 1)
-            for dx, weight_x in zip((-1, 0, 1), _spline(x - column), strict=True):
-                value = np.maximum(picture[line, np.clip(column + dx, 0, width - 1)], 0)
-                with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
-                    total += weight_y * weight_x * (value / (value + self._middle))
-        return np.where(inside, total, np.nan)
 
 
 def grid(size: tuple[int, int], places: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
@@ -97,6 +80,31 @@ def moving(motion: Array) -> NDArray[np.bool_]:
     longest = np.percentile(length, 99) if length.size else 0.0
     moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * longest)
     return moves
+
+
+def _tone(picture: Float32, middle: float) -> Float32:
+    """Return luminance compressed to [0, 1], with one more pixel all round; NaN where it is not finite."""
+    tone = np.maximum(picture, 0)
+    with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
+        tone /= tone + np.float32(middle)
+    return np.pad(tone, 1, mode="edge")
+
+
+def _read(padded: Float32, x: NDArray[Any], y: NDArray[Any]) -> NDArray[np.floating[Any]]:
+    """Return a `_tone` at (x, y) through a quadratic B-spline, 3 x 3 pixels; NaN outside."""
+    height, width = padded.shape[0] - 2, padded.shape[1] - 2
+    inside = (x > -0.5) & (x < width - 0.5) & (y > -0.5) & (y < height - 0.5)  # False where NaN
+    x, y = np.where(inside, x, 0.0), np.where(inside, y, 0.0)
+    column, row = np.rint(x).astype(np.intp), np.rint(y).astype(np.intp)
+    values, corner = padded.ravel(), row * (width + 2) + column
+    weights_x, weights_y = _spline(x - column), _spline(y - row)
+    total = np.zeros(x.shape)
+    for dy, weight_y in enumerate(weights_y):
+        line = sum(
+            weight_x * values[corner + (dy * (width + 2) + dx)] for dx, weight_x in enumerate(weights_x)
+        )
+        total += weight_y * line
+    return np.where(inside, total, np.nan)
 
 
 def _spline(fraction: NDArray[Any]) -> tuple[NDArray[Any], NDArray[Any], NDArray[Any]]:

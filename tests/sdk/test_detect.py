@@ -77,7 +77,8 @@ def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sig
     "mistake",
     [
         {"depth": "reversed", "far": 100.0}, {"depth": "forward", "far": 100.0},
-        {"depth": "forward_infinite"}, {"depth": "linear"}, {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
+        {"depth": "forward_infinite"}, {"depth": "linear"},
+        {"depth": "linear", "far": 1e10}, {"depth": "linear", "far": 1000.0},
     ],
     ids=str,
 )  # fmt: skip
