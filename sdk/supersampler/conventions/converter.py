@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
+from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.raw_frame import RawFrame
 from supersampler.conventions.srgb import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, FrameError
@@ -104,17 +105,12 @@ class Converter:
 
     def _jitter_in(self, jitter: _Pair | None, size: Size) -> _Pair:
         x, y = (0.0, 0.0) if jitter is None else jitter
-        scale_x, scale_y = self._jitter_factor(size)
+        scale_x, scale_y = jitter_factor(self.conventions, size)
         return _snapped(x * scale_x), _snapped(y * scale_y)
 
     def _jitter_out(self, frame: Frame) -> _Pair:
-        scale_x, scale_y = self._jitter_factor(frame.size)
+        scale_x, scale_y = jitter_factor(self.conventions, frame.size)
         return frame.jitter[0] / scale_x, frame.jitter[1] / scale_y
-
-    def _jitter_factor(self, size: Size) -> _Pair:
-        x, y = _pixels_per_unit(self.conventions.jitter_unit, size, size)
-        sign = self.conventions.jitter_sign
-        return sign * x, sign * (-y if self.conventions.jitter_flip_y else y)
 
     def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
         """What jitter adds to a vector, in render pixels.
@@ -131,7 +127,7 @@ class Converter:
             columns = _nearest((np.arange(size[0]) + 0.5 + jitter[0]) * own_size[0] / size[0], own_size[0])
             rows = _nearest((np.arange(size[1]) + 0.5 + jitter[1]) * own_size[1] / size[1], own_size[1])
             motion = motion[rows[:, None], columns]
-        factor = self._motion_factor(size, own_size)
+        factor = motion_factor(self.conventions, size, own_size)
         if factor == (1.0, 1.0) and shift == (0.0, 0.0):
             return motion
         pixels: NDArray[np.float32] = motion.astype(np.float32) * _vector(factor) - _vector(shift)
@@ -145,18 +141,11 @@ class Converter:
             columns = (np.arange(own_size[0]) + 0.5) * size[0] / own_size[0] - frame.jitter[0]
             rows = (np.arange(own_size[1]) + 0.5) * size[1] / own_size[1] - frame.jitter[1]
             motion = motion[_nearest(rows, size[1])[:, None], _nearest(columns, size[0])]
-        factor = self._motion_factor(size, own_size)
+        factor = motion_factor(self.conventions, size, own_size)
         if factor == (1.0, 1.0) and shift == (0.0, 0.0):
             return motion
         own: NDArray[np.float32] = (motion.astype(np.float32) + _vector(shift)) / _vector(factor)
         return own
-
-    def _motion_factor(self, size: Size, own_size: Size) -> _Pair:
-        """What a vector is multiplied by to be in render pixels, y down, previous minus current."""
-        x, y = _pixels_per_unit(self.conventions.motion_unit, size, own_size)
-        sign = 1.0 if self.conventions.motion_direction == "previous_minus_current" else -1.0
-        scale_x, scale_y = self.conventions.motion_scale
-        return sign * scale_x * x, sign * scale_y * (-y if self.conventions.motion_flip_y else y)
 
     def _display_size(self, frame: Frame) -> Size:
         if self.display_size is None:
@@ -199,13 +188,6 @@ def _checked_motion_size(motion: NDArray[Any], size: Size, resolution: str) -> S
         want=f"{wanted}, as depth is" if resolution == "render" else f"(H, W, 2) of at least {wanted}",
         hint="Vectors at display size want Conventions(motion_resolution='display')." if larger else "",
     )
-
-
-def _pixels_per_unit(unit: str, size: Size, own_size: Size) -> _Pair:
-    """How many render pixels one unit is, x right and y down; `own_size` is that of the buffer."""
-    if unit == "pixels":
-        return size[0] / own_size[0], size[1] / own_size[1]
-    return (float(size[0]), float(size[1])) if unit == "uv" else (size[0] / 2.0, -size[1] / 2.0)
 
 
 def _nearest(position: NDArray[np.float64], count: int) -> NDArray[np.intp]:

@@ -1,0 +1,37 @@
+"""What vectors and offsets are multiplied by to be in render pixels, x right and y down."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from supersampler.frame import Size
+
+if TYPE_CHECKING:
+    from supersampler.conventions.conventions import Conventions
+
+
+def motion_factor(conventions: Conventions, size: Size, own_size: Size) -> tuple[float, float]:
+    """Return (x, y) that brings a stored vector to render pixels, previous minus current.
+
+    Args:
+        conventions: whose the vector is.
+        size: render size.
+        own_size: size of the motion buffer, which is the display size where it is at that.
+    """
+    x, y = _pixels_per_unit(conventions.motion_unit, size, own_size)
+    sign = 1.0 if conventions.motion_direction == "previous_minus_current" else -1.0
+    scale_x, scale_y = conventions.motion_scale
+    return sign * scale_x * x, sign * scale_y * (-y if conventions.motion_flip_y else y)
+
+
+def jitter_factor(conventions: Conventions, size: Size) -> tuple[float, float]:
+    """Return (x, y) that brings a stored jitter to render pixels from the pixel's centre to the sample."""
+    x, y = _pixels_per_unit(conventions.jitter_unit, size, size)
+    sign = conventions.jitter_sign
+    return sign * x, sign * (-y if conventions.jitter_flip_y else y)
+
+
+def _pixels_per_unit(unit: str, size: Size, own_size: Size) -> tuple[float, float]:
+    if unit == "pixels":
+        return size[0] / own_size[0], size[1] / own_size[1]
+    return (float(size[0]), float(size[1])) if unit == "uv" else (size[0] / 2.0, -size[1] / 2.0)
