@@ -15,11 +15,12 @@ import onnxruntime as ort
 from OpenImageIO import ImageBuf
 
 shipped = Path(__file__).resolve().parents[1] / "sdk" / "supersampler"
-model, shot, out = map(
-    Path, sys.argv[1:] or [shipped / "models" / "taau", shipped / "shots" / "courtyard", "out"]
-)
+given = [Path(argument) for argument in sys.argv[1:]]
+model, shot, out = given or [shipped / "models" / "taau", shipped / "shots" / "courtyard", Path("out")]
 contract = json.loads((model / "model.json").read_text())
-description = json.loads((shot / "shot.json").read_text())  # this shot is stored in our own conventions
+description = json.loads((shot / "shot.json").read_text())
+if description["conventions"]:
+    sys.exit(f"{shot} is in conventions of its own; convert it first: supersampler import {shot} -o CONVERTED")
 session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
 (w, h), (display_w, display_h) = description["render_size"], description["display_size"]
 sizes = {"display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w}
@@ -27,7 +28,8 @@ out.mkdir(parents=True, exist_ok=True)
 
 for entry in description["frames"]:
     image = ImageBuf(str(shot / entry["file"]))
-    planes = dict(zip(image.spec().channelnames, image.get_pixels("float").transpose(2, 0, 1), strict=True))
+    pixels = np.asarray(image.get_pixels("float"))  # (h, w, channels)
+    planes = dict(zip(image.spec().channelnames, pixels.transpose(2, 0, 1), strict=True))
     frame = {
         "color": np.stack([planes[c] for c in "RGB"])[None],  # (1, 3, h, w)
         "depth": planes["depth.Z"][None, None],  # (1, 1, h, w)

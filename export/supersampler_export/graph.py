@@ -10,6 +10,7 @@ import onnx
 import torch
 from torch import Tensor
 
+from supersampler.errors import SupersamplerError
 from supersampler_model.method import DISPLAY, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
 
 OPSET = 17
@@ -38,7 +39,7 @@ PORTABLE_OPERATORS = frozenset(
 """Operators that CUDA, TensorRT, DirectML, WebGPU and CPU implement alike."""
 
 
-class ExportError(RuntimeError):
+class ExportError(SupersamplerError, RuntimeError):
     """The graph cannot be exported, or does not draw the pictures that torch draws."""
 
 

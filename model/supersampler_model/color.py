@@ -9,6 +9,7 @@ MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
 EXPOSURE_ADAPTATION = 0.1
 DARKEST = 1e-4
+DARKNESS = 1e-12
 
 
 def valid(color: Tensor) -> Tensor:
@@ -24,8 +25,13 @@ def quarantine(color: Tensor, fallback: Tensor | float) -> Tensor:
 
 
 def bounded(color: Tensor) -> Tensor:
-    """Clamp to [0, 65504]; what is not a number becomes black. Last step before an image leaves a method."""
-    return quarantine(color.clamp(0.0, MAX_HALF), 0.0)
+    """Clamp to [0, 65504]; what is not a number becomes black. Last step before an image leaves a method.
+
+    So does what is darker than any light: averages that fade would end as denormals, which processors are
+    slow with.
+    """
+    color = color.clamp(max=MAX_HALF)
+    return torch.where(color >= DARKNESS, color, torch.zeros_like(color))
 
 
 def luminance(color: Tensor) -> Tensor:

@@ -1,5 +1,6 @@
 """Following motion into the past: dilation, where each display pixel was, warping the history."""
 
+import itertools
 from typing import NamedTuple
 
 import torch
@@ -22,8 +23,8 @@ def usable_depth(depth: Tensor) -> Tensor:
     return torch.where((depth >= 0.0) & (depth <= 1e30), depth, torch.full_like(depth, UNKNOWN_DEPTH))
 
 
-def closest_of_four(depth: Tensor, motion: Tensor) -> Tensor:
-    """Motion of the closest of each pixel and its right, lower and lower right neighbours.
+def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
+    """Depth and motion of the closest of each pixel and its right, lower and lower right neighbours.
 
     Edges then move with what is in front, and no pixel takes motion from farther than a sample away: 3x3
     dilation, at a ratio of 2, drags three display pixels of background along.
@@ -32,13 +33,23 @@ def closest_of_four(depth: Tensor, motion: Tensor) -> Tensor:
     for d, m in zip(four(depth), four(motion), strict=True):
         closer = d > best
         best, chosen = torch.where(closer, d, best), torch.where(closer, m, chosen)
-    return chosen
+    return best, chosen
 
 
-def farthest_of_four(depth: Tensor) -> Tensor:
-    """Smallest reversed depth of the same four."""
-    first, right, below, diagonal = four(depth)
-    return torch.minimum(torch.minimum(first, right), torch.minimum(below, diagonal))
+def covered(depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float) -> Tensor:
+    """(1, 1, H, W) share of the four samples around (x, y) in the past that hid what is at `depth` now.
+
+    A sample hid it where it was closer by the relative `margin`, for certain from `margin` + `ramp` on. By
+    bilinear weights; a wire among the four is not enough to hide what is behind it.
+    """
+    left, top = x.floor(), y.floor()
+    columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]
+    hidden = []
+    for (across, wx), (down, wy) in itertools.product(columns, rows):
+        before = read(history_depth, left + across, top + down, mode="nearest")
+        closer = (before - depth) / torch.maximum(before, depth).clamp(min=1e-12)
+        hidden.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
+    return sum_of(hidden) * (depth >= 0.0)
 
 
 def longest(motion: Tensor) -> Tensor:

@@ -75,7 +75,6 @@ class Model:
         options.log_severity_level = 3  # errors only; the rest would print over a progress bar
         options.intra_op_num_threads = threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        options.add_session_config_entry("session.set_denormal_as_zero", "1")
         try:
             session = ort.InferenceSession(str(info.step_path), options, providers=names)
         except Exception as error:  # ONNX Runtime's own exceptions share no base but this one

@@ -3,7 +3,7 @@
 Each display pixel keeps a colour, how many samples it is made of, and how far those samples spread. A new
 frame adds its samples near that pixel, weighted by their distance. The past loses samples where
 
-* depth says that it shows another surface (all of it was closer than what is there now),
+* depth says that it shows another surface (half of it or more was closer than what is there now),
 * the light changed: the mean of a neighbourhood moved by more than jitter moves it,
 * its colour lies outside a variance box of this frame's colours (Salvi 2016), which is then cut to the box,
 * motion resamples it: each resampling blurs, so the more a frame blurs, the fewer samples are kept.
@@ -20,6 +20,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.color import (
+    DARKNESS,
     bounded,
     exposure_for,
     from_ycocg,
@@ -33,7 +34,7 @@ from supersampler_model.method import DISPLAY, PREVIOUS, Method, Size, display_s
 from supersampler_model.motion import (
     Past,
     closest_of_four,
-    farthest_of_four,
+    covered,
     past_of,
     read,
     read_cubic,
@@ -81,8 +82,8 @@ class TaauConfig:
         blur_cost, speed_cost: by how much less they are, per full resampling blur and per display pixel of
             motion: samples / (1 + blur_cost * blur + speed_cost * speed).
         settled: samples from which on only those near a pixel's centre are added, not the whole upsampling.
-        depth_margin, depth_ramp: relative depth by which all of the past must be closer before it counts as
-            another surface, and over which that becomes certain.
+        depth_margin, depth_ramp: relative depth by which the past must be closer before it counts as another
+            surface, and over which that becomes certain.
         change_deviation, change_relative, change_ramp: a mean that moved by more than this many standard
             deviations plus this share of itself is a change of light, certain over the ramp.
     """
@@ -193,11 +194,10 @@ class Taau(Method):
         surface = torch.cat([depth, shade_of(toned[:, :1], usable)], dim=1)
 
         present = self.gather_present(toned, usable, surface, grid, display, render)
-        past = past_of(pick_first(closest_of_four(depth, motion), grid), display, render)
+        closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
+        past = past_of(closest[:, 1:], display, render)
         change = exposure / torch.where(history_exposure > 0.0, history_exposure, exposure)
-        before = self.gather_surface(
-            history_surface, history_jitter, past, pick(depth, grid), display, change
-        )
+        before = self.gather_surface(history_surface, history_jitter, past, closest[:, :1], display, change)
         remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
         image, samples = self.finish(present, remembered, blend, exposure)
@@ -243,10 +243,9 @@ class Taau(Method):
         before = render_size_of(history_surface)
         x = (past.x + 0.5) * before.width / display.width - 0.5 - history_jitter[0, 0]
         y = (past.y + 0.5) * before.height / display.height - 0.5 - history_jitter[0, 1]
-        farthest = read(farthest_of_four(history_surface[:, :1]), x.floor(), y.floor(), mode="nearest")
-        closer = (farthest - depth) / torch.maximum(farthest, depth).clamp(min=1e-12)
-        covered = ((closer - self.config.depth_margin) / self.config.depth_ramp).clamp(0.0, 1.0)
-        same = past.on_screen * (1.0 - covered * (depth >= 0.0))
+        c = self.config
+        hidden = covered(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
+        same = past.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0)
 
         shade = read(history_surface[:, 1:3], x, y)
         mean, deviation = shade[:, :1], shade[:, 1:2]
@@ -313,7 +312,7 @@ class Taau(Method):
         seen = blend.samples.clamp(max=self.config.spread_samples) + present.confidence
         rate = present.confidence / seen.clamp(min=1e-6)
         known = (blend.samples > UNKNOWN).float() * blend.spreads
-        power = known * (past.power + rate * (off * off - past.power))
+        power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
         return image, torch.cat([blend.samples + present.confidence, power], dim=1)
 
 

@@ -1,7 +1,7 @@
 """Whose signs, units and spaces a frame is in, as one value that can be stored beside the frames."""
 
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, fields
+from dataclasses import dataclass, fields
 from math import isfinite
 from typing import Any, Literal, Self, get_args
 
@@ -116,8 +116,14 @@ class Conventions:
         return Converter(self, display_size=display_size)
 
     def to_json(self) -> dict[str, Any]:
-        """Return all fields as a plain dict of strings, numbers, lists and None."""
-        return {**asdict(self), "motion_scale": list(self.motion_scale)}
+        """Return the fields that are not as by default, as a plain dict of strings, numbers and lists."""
+        ours = Conventions()
+        changed = {
+            f.name: getattr(self, f.name)
+            for f in fields(self)
+            if getattr(self, f.name) != getattr(ours, f.name)
+        }
+        return {name: list(value) if isinstance(value, tuple) else value for name, value in changed.items()}
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> Self:

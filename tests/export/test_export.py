@@ -1,0 +1,135 @@
+"""A model folder is written only when ONNX Runtime draws what torch draws, and what ships is up to date."""
+
+import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+import pytest
+import torch
+from onnx import helper
+from torch import Tensor
+
+from supersampler import Model, SupersamplerError
+from supersampler.model_info import find_model
+from supersampler_export import folder as folder_module
+from supersampler_export.folder import describe, write_model_folder
+from supersampler_export.graph import ExportError, check_portable, export_graph
+from supersampler_export.parity import SIZES, TOLERANCE, check_parity, compare
+from supersampler_model.method import Method, Size
+from supersampler_model.methods import METHODS
+from supersampler_model.methods.spatial import Bilinear
+
+
+def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
+    """Return operators and constants, without names."""
+    constants = [onnx.numpy_helper.to_array(t).tolist() for t in model.graph.initializer]
+    return Counter(node.op_type for node in model.graph.node), sorted(constants, key=str)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_shipped_folder_is_what_the_exporter_writes_today(name: str) -> None:
+    folder = find_model(name)
+    hint = f"run: supersampler export {name} -o {folder}"
+    shipped = json.loads((folder / "model.json").read_text())
+    for key, value in describe(METHODS[name]()).items():
+        if key != "versions":
+            assert shipped[key] == value, hint
+    fresh = export_graph(METHODS[name]())
+    assert structure(onnx.load(folder / "step.onnx")) == structure(fresh), hint
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_shipped_graph_draws_what_torch_draws_at_sizes_not_traced(name: str) -> None:
+    session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
+    for render, display in SIZES[1:7]:
+        assert compare(METHODS[name](), session, render, display).difference <= TOLERANCE
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
+    model = onnx.load(find_model(name) / "step.onnx")
+    check_portable(model)
+    metadata = {entry.key: entry.value for entry in model.metadata_props}
+    assert metadata == {"supersampler.contract": "1", "supersampler.method": name}
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
+    info = Model.load(name).info
+    graph = onnx.load(info.step_path).graph
+    inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
+    assert [value.name for value in graph.input] == inputs
+    assert [value.name for value in graph.output] == [info.image.name, *(h.output for h in info.history)]
+    for value, tensor in zip(graph.input, [*info.inputs, *(h.input for h in info.history)], strict=True):
+        dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
+        assert tuple(dims) == tensor.shape
+        assert helper.tensor_dtype_to_np_dtype(value.type.tensor_type.elem_type) == np.dtype(tensor.type)
+
+
+class Fickle(Bilinear):
+    """Draws another picture when it is run than when it is exported."""
+
+    def kernel(self, distance: Tensor) -> Tensor:
+        widened = 1.0 if torch.compiler.is_exporting() else 1.01
+        return (widened - distance.abs()).clamp(min=0.0)
+
+
+def test_a_graph_that_draws_another_picture_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match=r"bilinear at \(26, 18\) -> .* is off by .*; want 1e-04"):
+        write_model_folder(Fickle(), tmp_path / "model")
+    assert not (tmp_path / "model").exists()
+
+
+def test_a_write_that_fails_leaves_no_description(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object) -> str:
+        raise OSError("disk full")
+
+    monkeypatch.setattr(folder_module, "model_card", refuse)
+    with pytest.raises(OSError, match="disk full"):
+        write_model_folder(Bilinear(), tmp_path / "model")
+    assert not (tmp_path / "model" / "model.json").exists()
+
+
+def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
+    write_model_folder(Bilinear(), tmp_path / "mine")
+    assert Model.load(tmp_path / "mine").info.method == "bilinear"
+    assert (
+        "| color | float32 | 1, 3, render_height, render_width |"
+        in (tmp_path / "mine" / "MODEL_CARD.md").read_text()
+    )
+
+
+@pytest.mark.parametrize(
+    ("operators", "opset", "message"),
+    [(["Add"], 18, "opsets"), (["Add", "NonMaxSuppression"], 17, r"\['NonMaxSuppression'\] are not")],
+)
+def test_an_unportable_graph_is_refused(operators: list[str], opset: int, message: str) -> None:
+    nodes = [helper.make_node(name, ["a"], ["b"]) for name in operators]
+    model = helper.make_model(
+        helper.make_graph(nodes, "graph", [], []), opset_imports=[helper.make_opsetid("", opset)]
+    )
+    with pytest.raises(ExportError, match=message):
+        check_portable(model)
+    assert issubclass(ExportError, SupersamplerError)
+
+
+def test_the_gate_measures_in_both_directions() -> None:
+    class Same(Method):
+        """A step of nothing but its input."""
+
+        name, source = "same", "a test"
+
+        def forward(self, color: Tensor) -> tuple[Tensor]:
+            return (color * 1.0,)
+
+    node = helper.make_node("Identity", ["color"], ["image"])
+    shape: list[str | int | None] = [1, 3, "h", "w"]
+    value = [helper.make_tensor_value_info(n, onnx.TensorProto.FLOAT, shape) for n in ("color", "image")]
+    graph = helper.make_graph([node], "same", [value[0]], [value[1]])
+    same = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
+    assert all(p.largest == 0 for p in check_parity(Same(), same.SerializeToString()))
+    assert Size(26, 18) in [p.render for p in check_parity(Same(), same.SerializeToString())]

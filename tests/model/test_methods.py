@@ -1,0 +1,156 @@
+"""What the temporal methods promise, on scenes whose truth is exact."""
+
+import itertools
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from analytic import Cut, DiscOverPlane, Plane, Scene, ShadingStep, checker, dots, thin_lines, zone_plate
+from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
+from supersampler.frame import Float32
+from supersampler_model.method import Method, Size
+from supersampler_model.methods import METHODS
+from supersampler_model.methods.taa import Taa, TaaConfig
+
+RENDER, DISPLAY = (64, 36), (128, 72)
+PATTERNS = [zone_plate, thin_lines, dots]
+
+
+def psnr(a: Float32, b: Float32) -> float:
+    off = display_transform(a) - display_transform(b)
+    return float(-10 * np.log10(np.mean(off * off)))
+
+
+def frames(scene: Scene, count: int) -> Iterator[Frame]:
+    for index in range(count):
+        yield scene.frame(index, RENDER, halton_jitter(index, 2.0))
+
+
+def run(name: str, scene: Scene, count: int) -> list[Float32]:
+    upscaler = Upscaler(Model.load(name, threads=1), display_size=DISPLAY, validate="off")
+    return [upscaler.step(frame) for frame in frames(scene, count)]
+
+
+def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
+    history = method.first_history(Size(*DISPLAY), Size(*RENDER))
+    images = []
+    for frame in frames(scene, count):
+        assert frame.color is not None
+        planes = {
+            "color": frame.color.transpose(2, 0, 1),
+            "depth": frame.depth[None],
+            "motion": frame.motion.transpose(2, 0, 1),
+        }
+        tensors = {name: torch.from_numpy(np.ascontiguousarray(a))[None] for name, a in planes.items()}
+        tensors |= {
+            "jitter": torch.tensor([frame.jitter]),
+            "exposure": torch.ones(1),
+            "display_size": torch.tensor(DISPLAY),
+        }
+        with torch.no_grad():
+            image, *history = method(*(tensors[name] for name in method.inputs()), *history)
+        images.append(image[0].numpy().transpose(1, 2, 0))
+    return images
+
+
+@pytest.mark.parametrize("pattern", PATTERNS, ids=lambda p: p.__name__)
+def test_taau_converges_on_a_still_scene_and_beats_bilinear_by_4_db(pattern: object) -> None:
+    scene = Plane(pattern)  # type: ignore[arg-type]
+    truth = scene.truth(0, DISPLAY)
+    curve = [psnr(image, truth) for image in run("taau", scene, 64)]
+    bilinear = np.mean([psnr(image, truth) for image in run("bilinear", scene, 64)])
+    quarters = [float(np.mean(curve[i : i + 16])) for i in range(0, 64, 16)]
+    assert quarters[-1] > bilinear + 4.0
+    for before, after in itertools.pairwise(quarters):
+        assert after > before - 0.1  # rises, within noise
+    assert np.ptp(curve[32:]) < 1.5  # and does not flicker afterwards
+
+
+@pytest.mark.parametrize("velocity", [(0.37, 0.21), (2.0, -1.3)])
+def test_taau_beats_every_other_method_on_a_pan(velocity: tuple[float, float]) -> None:
+    scene = Plane(checker, velocity)
+    score = {}
+    for name in METHODS:
+        images = run(name, scene, 20)
+        score[name] = np.mean([psnr(images[i], scene.truth(i, DISPLAY, 8)) for i in range(12, 20)])
+    assert score.pop("taau") > max(score.values()) + 1.0
+
+
+def test_taau_leaves_no_ghost_behind_a_mover() -> None:
+    scene = DiscOverPlane()
+    temporal, spatial = run("taau", scene, 16), run("bilinear", scene, 16)
+    errors = {"taau": 0.0, "bilinear": 0.0}
+    for index in range(8, 16):
+        revealed = scene.disoccluded(index, DISPLAY)
+        truth = display_transform(scene.truth(index, DISPLAY, 8))
+        for name, images in (("taau", temporal), ("bilinear", spatial)):
+            errors[name] += float(np.mean((display_transform(images[index]) - truth)[revealed] ** 2))
+    assert errors["taau"] < 1.4 * errors["bilinear"]  # three times as much where the past is kept
+
+
+def test_taau_follows_a_change_of_light_at_once() -> None:
+    scene = ShadingStep(Plane(checker), at=20)
+    images = run("taau", scene, 22)
+    assert (
+        psnr(images[20], scene.truth(20, DISPLAY))
+        > psnr(run("bilinear", scene, 21)[20], scene.truth(20, DISPLAY)) - 0.5
+    )
+    assert psnr(images[21], scene.truth(21, DISPLAY)) > psnr(
+        run("taa", scene, 22)[21], scene.truth(21, DISPLAY)
+    )
+
+
+@pytest.mark.parametrize("name", ["taa", "taau"])
+def test_a_cut_in_the_shot_forgets_all(name: str) -> None:
+    scene = Cut(Plane(zone_plate), Plane(checker), at=4)
+    after = run(name, scene, 6)[4:]
+    alone = Upscaler(name, display_size=DISPLAY, validate="off")
+    for image, frame in zip(after, list(frames(scene, 6))[4:], strict=True):
+        np.testing.assert_array_equal(alone.step(frame), image)
+
+
+def coloured_zone_plate(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    """In grey, clipping towards any point is the same."""
+    return np.stack([zone_plate(x + d, y - d)[..., 0] for d in (0.0, 1.1, 2.3)], axis=-1)
+
+
+def flat(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.full((*x.shape, 3), 0.3)
+
+
+OPTIONS = {
+    "clip to centre": TaaConfig(clip="center"),
+    "clamp": TaaConfig(clip="clamp"),
+    "minimum and maximum alone": TaaConfig(gamma=None),
+    "no minimum and maximum": TaaConfig(intersect_extent=False),
+    "rgb": TaaConfig(space="rgb"),
+    "wide window": TaaConfig(wide_window=True),
+    "a quarter new": TaaConfig(alpha=0.25),
+}
+
+
+@pytest.mark.parametrize("option", OPTIONS)
+def test_every_option_of_salvi_changes_the_picture_and_integrates_over_time(option: str) -> None:
+    scene = Plane(coloured_zone_plate)
+    truth = scene.truth(0, DISPLAY)
+    default, other = (run_torch(Taa(c), scene, 32) for c in (None, OPTIONS[option]))
+    assert np.abs(default[-1] - other[-1]).max() > 1e-3
+    assert np.isfinite(other[-1]).all()
+    assert psnr(other[-1], truth) > psnr(other[0], truth) + 0.5
+
+
+def test_a_larger_gamma_keeps_more_of_the_past() -> None:
+    step = ShadingStep(Plane(checker), at=12)
+    truth = step.truth(15, DISPLAY)
+    small, large = (
+        run_torch(Taa(TaaConfig(gamma=g, intersect_extent=False)), step, 16)[15] for g in (0.75, 3.0)
+    )
+    assert psnr(small, truth) > psnr(large, truth)  # "more temporally stable results at the cost of ghosting"
+
+
+def test_without_jitter_and_motion_taa_of_a_flat_picture_is_that_picture() -> None:
+    image = run("taa", Plane(flat), 5)[-1]
+    np.testing.assert_allclose(image, 0.3, rtol=1e-4)

@@ -1,0 +1,202 @@
+"""The building blocks against slow definitions in numpy, written out pixel by pixel."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from torch import Tensor
+
+from supersampler_model.color import (
+    exposure_for,
+    from_ycocg,
+    inverse_tone,
+    quarantine,
+    tone,
+    valid,
+    ycocg,
+)
+from supersampler_model.method import Size
+from supersampler_model.motion import closest_of_four, covered, longest, past_of, read, read_cubic
+from supersampler_model.rectification import Box, clamp_to, clip_to_center, clip_to_sample, moments, overshoot
+from supersampler_model.sampling import catmull_rom, grid_of, linear, neighbours, resample, taps
+
+SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
+RATIOS = st.floats(1.0, 4.0)
+JITTER = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+
+
+def random_image(seed: int, size: tuple[int, int], channels: int = 3) -> Tensor:
+    array = np.random.default_rng(seed).random((1, channels, size[1], size[0]))
+    return torch.from_numpy(array.astype(np.float32))
+
+
+def at(image: Tensor, x: int, y: int) -> Tensor:
+    height, width = image.shape[2:]
+    return image[0, :, min(max(y, 0), height - 1), min(max(x, 0), width - 1)]
+
+
+def cubic(d: float, sharpness: float) -> float:
+    a, d = -sharpness, abs(d)
+    if d < 1:
+        return (a + 2) * d**3 - (a + 3) * d**2 + 1
+    return a * (d**3 - 5 * d**2 + 8 * d - 4) if d < 2 else 0.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(size=SIZES, ratio=RATIOS, jitter=JITTER)
+def test_a_display_pixel_looks_where_the_contract_says(
+    size: tuple[int, int], ratio: float, jitter: tuple[float, float]
+) -> None:
+    display = Size(round(size[0] * ratio), round(size[1] * ratio))
+    grid = grid_of(display, Size(*size), torch.tensor([jitter], dtype=torch.float32))
+    image = random_image(1, size)
+    x = taps(grid.x, size[0], linear, reach=1)
+    result = resample(image, x, taps(grid.y, size[1], linear, reach=1))
+    for row in {0, display.height // 2, display.height - 1}:
+        for column in {0, display.width // 2, display.width - 1}:
+            px = (column + 0.5) * size[0] / display.width - 0.5 - jitter[0]
+            py = (row + 0.5) * size[1] / display.height - 0.5 - jitter[1]
+            x0, y0 = int(np.floor(px)), int(np.floor(py))
+            fx, fy = px - x0, py - y0
+            top = at(image, x0, y0) * (1 - fx) + at(image, x0 + 1, y0) * fx
+            bottom = at(image, x0, y0 + 1) * (1 - fx) + at(image, x0 + 1, y0 + 1) * fx
+            expected = top * (1 - fy) + bottom * fy
+            torch.testing.assert_close(result[0, :, row, column], expected, rtol=1e-4, atol=1e-4)
+
+
+def test_upsampling_removes_the_jitter() -> None:
+    y, x = torch.meshgrid(torch.arange(12.0), torch.arange(16.0), indexing="ij")
+    for jitter in ((0.3, -0.4), (-0.5, 0.5)):
+        ramp = (x + jitter[0] + 10 * (y + jitter[1]))[None, None]  # sampled at centre + jitter
+        grid = grid_of(Size(32, 24), Size(16, 12), torch.tensor([jitter]))
+        result = resample(ramp, taps(grid.x, 16, catmull_rom), taps(grid.y, 12, catmull_rom))
+        rows, columns = torch.meshgrid(torch.arange(24.0), torch.arange(32.0), indexing="ij")
+        expected = (columns + 0.5) / 2 - 0.5 + 10 * ((rows + 0.5) / 2 - 0.5)
+        torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
+
+
+@settings(max_examples=30, deadline=None)
+@given(size=SIZES, sharpness=st.sampled_from([0.5, 0.7]), seed=st.integers(0, 99))
+def test_nine_bilinear_reads_are_sixteen_cubic_taps(
+    size: tuple[int, int], sharpness: float, seed: int
+) -> None:
+    image = random_image(seed, size)
+    random = np.random.default_rng(seed)
+    px, py = random.uniform(-0.4, size[0] - 0.6), random.uniform(-0.4, size[1] - 0.6)
+    place = [torch.full((1, 1, 1, 1), float(p)) for p in (px, py)]
+    x0, y0 = int(np.floor(px)), int(np.floor(py))
+    expected = sum(
+        at(image, x0 + i, y0 + j) * cubic(px - x0 - i, sharpness) * cubic(py - y0 - j, sharpness)
+        for i in range(-1, 3)
+        for j in range(-1, 3)
+    )
+    torch.testing.assert_close(
+        read_cubic(image, place[0], place[1], sharpness)[0, :, 0, 0], expected, rtol=1e-3, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize("display", [Size(8, 6), Size(16, 12)])
+def test_the_past_is_at_the_pixel_plus_its_motion(display: Size) -> None:
+    image = random_image(3, display)
+    ratio = display.width / 8
+    motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels
+    past = past_of(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
+    warped = read(image, past.x, past.y)
+    torch.testing.assert_close(warped[:, :, 1:, :-2], image[:, :, :-1, 2:], rtol=1e-4, atol=1e-5)
+    assert past.on_screen[:, :, 1:, :-2].all()
+    assert not past.on_screen[:, :, 0].any()
+    assert not past.on_screen[:, :, :, -2:].any()
+
+
+def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
+    depth = torch.zeros(1, 1, 5, 6)
+    depth[..., 2, 3] = 1.0
+    motion = torch.zeros(1, 2, 5, 6)
+    motion[..., 2, 3] = 4.0
+    nearest, chosen = closest_of_four(depth, motion)
+    moved = chosen[0, 0] == 4.0
+    assert torch.equal(nearest[0, 0] == 1.0, moved)
+    assert moved.nonzero().tolist() == [[1, 2], [1, 3], [2, 2], [2, 3]]
+    assert (longest(motion)[0, 0] == 4.0).sum() == 9
+
+
+def test_what_was_closer_hides_what_is_behind_and_a_wire_does_not() -> None:
+    before = torch.full((1, 1, 5, 6), 0.01)
+    before[..., :3] = 0.1  # a wall on the left
+    place = torch.tensor([0.5, 2.25, 2.5, 3.5]).reshape(1, 1, 1, 4), torch.full((1, 1, 1, 4), 2.5)
+    now = torch.full((1, 1, 1, 4), 0.01)
+    hidden = covered(now, before, *place, margin=0.01, ramp=0.05)
+    torch.testing.assert_close(hidden.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
+    assert not covered(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
+    assert not covered(torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05).any()  # unknown
+
+
+@settings(max_examples=30, deadline=None)
+@given(size=SIZES, seed=st.integers(0, 99))
+def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
+    image = random_image(seed, size)
+    window = neighbours(image)
+    for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
+        for x, y in ((0, 0), (size[0] - 1, size[1] - 1)):
+            torch.testing.assert_close(window[i][0, :, y, x], at(image, x + dx, y + dy))
+
+
+def test_moments_are_unweighted_and_raw() -> None:
+    image = random_image(4, (7, 5))
+    first, second = moments(image)
+    patch = image[0, :, 1:4, 2:5].reshape(3, 9)
+    torch.testing.assert_close(first[0, :, 2, 3], patch.mean(1))
+    torch.testing.assert_close(second[0, :, 2, 3], (patch * patch).mean(1))
+
+
+@given(
+    color=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
+    sample=st.lists(st.floats(-2, 2), min_size=3, max_size=3),
+    low=st.lists(st.floats(-1, 0.4), min_size=3, max_size=3),
+    size=st.floats(0.01, 1),
+)
+@settings(max_examples=100, deadline=None)
+def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
+    color: list[float], sample: list[float], low: list[float], size: float
+) -> None:
+    c, s, lo = (torch.tensor(v).reshape(1, 3, 1, 1) for v in (color, sample, low))
+    box = Box(lo, lo + size)
+    inside = bool(((c >= box.low) & (c <= box.high)).all())
+    for clipped in (clip_to_center(c, box), clip_to_sample(c, s, box), clamp_to(c, box)):
+        assert bool((clipped >= box.low - 1e-4).all())
+        assert bool((clipped <= box.high + 1e-4).all())
+        if inside:
+            torch.testing.assert_close(clipped, c, rtol=1e-4, atol=1e-5)
+    assert (overshoot(c, box).item() <= 1.0 + 1e-4) == inside or abs(overshoot(c, box).item() - 1) < 1e-3
+
+
+def test_clipping_to_the_sample_stays_on_the_segment() -> None:
+    old, new = torch.tensor([2.0, 1.0, 0.0]), torch.tensor([0.2, 0.4, 0.3])
+    box = Box(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
+    clipped = clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
+    share = (clipped - old) / (new - old)
+    torch.testing.assert_close(share, share[:1].expand(3))
+    assert clipped.max().item() == pytest.approx(0.5)
+
+
+@given(values=st.lists(st.floats(0, 1000, width=32), min_size=3, max_size=3))
+def test_tone_and_ycocg_have_inverses(values: list[float]) -> None:
+    color = torch.tensor(values).reshape(1, 3, 1, 1)
+    back = inverse_tone(from_ycocg(ycocg(tone(color))))
+    torch.testing.assert_close(back, color, rtol=2e-3, atol=1e-4)
+
+
+def test_quarantine_and_valid_know_a_number_when_they_see_one() -> None:
+    bad = torch.tensor([float("nan"), float("inf"), -1e-3, 65505.0, 0.0, 65504.0]).reshape(1, 1, 1, 6)
+    torch.testing.assert_close(quarantine(bad, 7.0).ravel(), torch.tensor([7.0, 7, 7, 7, 0, 65504]))
+    assert valid(bad.expand(1, 3, 1, 6)).ravel().tolist() == [0, 0, 0, 0, 1, 1]
+
+
+def test_exposure_is_given_or_measured_and_adapts() -> None:
+    color, none = torch.full((1, 3, 4, 4), 0.5), torch.zeros(1)
+    assert exposure_for(color, torch.tensor([3.0]), none).item() == 3.0
+    measured = exposure_for(color, none, none).item()
+    assert measured == pytest.approx(0.18 / 0.5)
+    adapting = exposure_for(color, none, torch.tensor([measured * 8])).item()
+    assert adapting == pytest.approx(measured * 8**0.9, rel=1e-4)
