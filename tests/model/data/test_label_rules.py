@@ -199,7 +199,7 @@ def test_the_slope_of_any_plane_explains_its_range_of_depths(
 def test_an_edge_between_two_others_is_no_slope() -> None:
     depth_min, depth_max = np.full((9, 12), 0.01), np.full((9, 12), 0.01)
     depth_min[:, 4], depth_max[:, 4] = 0.03, 0.05
-    depth_min[:, 5:] = depth_max[:, 5:] = 0.05
+    depth_min[:, 5:] = depth_max[:, 5:] = 0.05 + 1e-4 * np.arange(1, 8)
     alias = label(evidence(depth_min=depth_min, depth_max=depth_max), None).alias
     assert (alias[:, 4] == Alias.GEOMETRY).all()
     assert np.count_nonzero(alias) == 9

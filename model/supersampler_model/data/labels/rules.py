@@ -110,9 +110,8 @@ def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = 
             want = f"{now.pixels.shape}, as the frame after it"
             raise ArgumentError("before", got=before.pixels.shape, want=want)
         hidden = visibility_ghosting(now, before, thresholds)
-        relit = (
-            shading_ghosting(now, before, thresholds) & ~aliased
-        )  # "label correction", as is `hidden` first
+        relit = shading_ghosting(now, before, thresholds) & ~aliased
+    # The paper's "shading ghosting label correction": what is hidden or aliased is not relit.
     ghost = np.where(hidden, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
     alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
     return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))
