@@ -1,4 +1,4 @@
-"""What the renderer yields for one frame, and the `supersampler.Frame` made of it."""
+"""What the renderer yields for one frame, and what upscalers and labels make of it."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
+from supersampler_model.data.labels import Evidence, PixelStatistics, toned
 
 Float16: TypeAlias = NDArray[np.float16]
 Float32: TypeAlias = NDArray[np.float32]
@@ -51,8 +52,9 @@ class Reference:
         color: (H, W, 3) linear RGB, the samples' mean.
         color_min, color_max: (H, W, 3) of the samples, each channel on its own.
         depth_min, depth_max: (H, W) reversed depth of the samples.
-        normal_range, smooth_normal_range: (H, W) largest L1 distance of a sample's normal, with and without
-            normal map, to that of the pixel's first sample, in [0, 6]; the sky's normal is 0.
+        normal_spread: (H, W) largest L1 distance of a sample's normal to that of the pixel's first sample,
+            in [0, 2 sqrt(3)], without normal maps; the sky's normal is 0.
+        normal_mapped_spread: (H, W) the same with normal maps.
     """
 
     color: Float32
@@ -60,8 +62,8 @@ class Reference:
     color_max: Float32
     depth_min: Float32
     depth_max: Float32
-    normal_range: Float32
-    smooth_normal_range: Float32
+    normal_spread: Float32
+    normal_mapped_spread: Float32
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -85,6 +87,36 @@ class Rendered:
     jitter: tuple[float, float]
     reset: bool
     exposure: float
+
+    def frame(self) -> Frame:
+        """Return what an `Upscaler` steps on."""
+        return frame_of(
+            self.color,
+            self.render,
+            self.display,
+            jitter=self.jitter,
+            reset=self.reset,
+            exposure=self.exposure,
+        )
+
+    def evidence(self) -> Evidence:
+        """Return what the labels of this frame are made from."""
+        truth = self.reference
+        pixels = PixelStatistics(
+            depth_min=truth.depth_min,
+            depth_max=truth.depth_max,
+            color_min=toned(truth.color_min, self.exposure).astype(np.float32),
+            color_max=toned(truth.color_max, self.exposure).astype(np.float32),
+            color_mean=truth.color,
+            normal_spread=truth.normal_spread,
+            normal_mapped_spread=truth.normal_mapped_spread,
+        )
+        return Evidence(
+            pixels=pixels,
+            motion=self.display.motion,
+            depth_before=self.display.previous_depth,
+            cut=self.reset,
+        )
 
 
 def frame_of(

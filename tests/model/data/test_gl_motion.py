@@ -119,7 +119,7 @@ def test_motion_is_counted_in_pixels_of_its_grid(renderer: Renderer) -> None:
         1
     ]  # the centres of every other display pixel
     large = renderer.display(scene)
-    same = small.depth == large.depth[1::2, 1::2]
+    same = np.isclose(small.depth, large.depth[1::2, 1::2], rtol=1e-4)
     assert same.mean() > 0.95
     np.testing.assert_allclose(2.0 * small.motion[same], large.motion[1::2, 1::2][same], atol=1e-3)
 
@@ -163,8 +163,8 @@ def test_previous_depth_is_the_depth_a_frame_ago(renderer: Renderer) -> None:
 
     # Depth is linear on the screen where a surface is flat, so that reading between pixels is exact there.
     read = read_at(depth_before, now.motion.astype(np.float64), "bilinear")[..., 0]
-    error = np.abs(read / now.previous_depth - 1.0)[where]
-    assert np.quantile(error, 0.9) < 1e-4
-    assert error.max() < 0.02  # round things
+    error = np.abs(read[where] / now.previous_depth[where] - 1.0)
+    assert np.quantile(error, 0.9) < 1e-5
+    assert np.quantile(error, 0.99) < 2e-3  # round things, between pixels
     box = where & seen_alone(renderer, scene, 1, now.depth)
-    assert np.abs(now.depth / now.previous_depth - 1.0)[box].mean() > 2e-3  # it was elsewhere
+    assert np.abs(now.depth[box] / now.previous_depth[box] - 1.0).mean() > 2e-3  # it was elsewhere

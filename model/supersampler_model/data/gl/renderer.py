@@ -128,12 +128,12 @@ class Renderer:
         """Draw the truth at display size."""
         width, height = self.display_size
         mean, least, most = (np.empty((height, width, 4), np.float32) for _ in range(3))
-        smooth_range = np.empty((height, width, 1), np.float32)
+        spread = np.empty((height, width, 1), np.float32)
         with self._gl:
             for place, raster in self._parts():
                 drawn = self._draw(scene, "SAMPLES", "samples", raster)
                 part = self._resolved(drawn)
-                for whole, index in zip((mean, least, most, smooth_range), range(4), strict=True):
+                for whole, index in zip((mean, least, most, spread), range(4), strict=True):
                     whole[place] = part.read(index)
         return Reference(
             color=_part(mean, slice(3)),
@@ -141,8 +141,8 @@ class Renderer:
             color_max=_part(most, slice(3)),
             depth_min=_part(least, 3),
             depth_max=_part(most, 3),
-            normal_range=_part(mean, 3),
-            smooth_normal_range=_part(smooth_range, 0),
+            normal_spread=_part(spread, 0),
+            normal_mapped_spread=_part(mean, 3),
         )
 
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:

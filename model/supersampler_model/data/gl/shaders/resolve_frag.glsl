@@ -3,10 +3,10 @@
 uniform sampler2D sample_colors;   // rgb, depth
 uniform sampler2D sample_normals;  // octahedral: smooth, mapped
 uniform int side;                  // side x side samples a pixel
-layout(location = 0) out vec4 out_mean;   // rgb, largest normal difference
+layout(location = 0) out vec4 out_mean;   // rgb, spread of mapped normals
 layout(location = 1) out vec4 out_least;  // rgb, depth
 layout(location = 2) out vec4 out_most;   // rgb, depth
-layout(location = 3) out float out_smooth_range;
+layout(location = 3) out float out_spread;
 
 vec3 decoded(vec2 p) {
     if (p.x > 1.5) {
@@ -25,10 +25,10 @@ float l1(vec3 a, vec3 b) {
 void main() {
     ivec2 corner = ivec2(gl_FragCoord.xy) * side;
     vec4 encoded = texelFetch(sample_normals, corner, 0);
-    vec3 first_smooth = decoded(encoded.xy), first = decoded(encoded.zw);
+    vec3 first_smooth = decoded(encoded.xy), first_mapped = decoded(encoded.zw);
     vec4 least = texelFetch(sample_colors, corner, 0), most = least;
     vec3 sum = vec3(0.0);
-    float smooth_range = 0.0, range = 0.0;
+    float spread = 0.0, mapped_spread = 0.0;
     for (int y = 0; y < side; y++) {
         for (int x = 0; x < side; x++) {
             vec4 color = texelFetch(sample_colors, corner + ivec2(x, y), 0);
@@ -37,13 +37,13 @@ void main() {
             least = min(least, color);
             most = max(most, color);
             if (normals != encoded) {
-                smooth_range = max(smooth_range, l1(decoded(normals.xy), first_smooth));
-                range = max(range, l1(decoded(normals.zw), first));
+                spread = max(spread, l1(decoded(normals.xy), first_smooth));
+                mapped_spread = max(mapped_spread, l1(decoded(normals.zw), first_mapped));
             }
         }
     }
-    out_mean = vec4(sum / float(side * side), range);
+    out_mean = vec4(sum / float(side * side), mapped_spread);
     out_least = least;
     out_most = most;
-    out_smooth_range = smooth_range;
+    out_spread = spread;
 }
