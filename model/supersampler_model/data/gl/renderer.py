@@ -5,6 +5,7 @@ as one large picture, part by part so that it fits into memory, and averaged on 
 """
 
 from collections.abc import Iterator
+from math import isqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -60,9 +61,9 @@ class Renderer:
             GraphicsError: there is no OpenGL.
             SceneError: `samples` is no square number, or a size is not positive.
         """
-        self._side = int(samples**0.5)
-        if samples < 1 or self._side**2 != samples:
+        if samples < 1 or isqrt(samples) ** 2 != samples:
             raise SceneError("samples", got=samples, want="a square number, as 16 or 64")
+        self._side = isqrt(samples)
         self.display_size = _checked("display_size", display_size)
         self._graphics = graphics or open_graphics()
         self._gl = self._graphics.gl
@@ -147,14 +148,17 @@ class Renderer:
 
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
         """Yield parts of the reference, no larger than LARGEST samples a side, and where they go."""
-        width, height = self.display_size
-        most = max(1, LARGEST // self._side)
+        (width, height), side = self.display_size, self._side
+        most = max(1, LARGEST // side)
         for top in range(0, height, most):
             for left in range(0, width, most):
                 w, h = min(most, width - left), min(most, height - top)
-                corner, extent = (left / width, top / height), (w / width, h / height)
                 raster = Raster(
-                    (w * self._side, h * self._side), corner, extent, self.display_size, self._side
+                    size=(w * side, h * side),
+                    corner=(left / width, top / height),
+                    extent=(w / width, h / height),
+                    pixels=self.display_size,
+                    filter_width=side,
                 )
                 yield (slice(top, top + h), slice(left, left + w)), raster
 
