@@ -44,7 +44,6 @@ def test_without_moderngl_the_message_names_the_extra(monkeypatch: pytest.Monkey
         context.open_graphics()
 
 
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="the wheel's OSMesa is for Linux")
 def test_osmesa_draws_the_same_picture(tmp_path: Path) -> None:
     """In a process of its own, as two Mesas in one do not get on."""
     path = [*sys.path, str(Path(__file__).parents[2])]

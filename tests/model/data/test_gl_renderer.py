@@ -95,6 +95,19 @@ def test_shadows_fall_under_things_and_nowhere_else(renderer: Renderer, light: A
     assert 0.3 < share < 0.8  # light falls through holes
 
 
+def test_a_far_fence_is_as_dense_as_a_near_one(renderer: Renderer) -> None:
+    glowing = Material(
+        base_color=(0.0, 0.0, 0.0), specular=0.0, emissive=(1.0, 1.0, 1.0),
+        base_color_texture=fence_texture(), alpha_cutoff=0.5,
+    )  # fmt: skip
+    fence = Instance(mesh=plane(6.0), material=glowing, model=moved(0, 0, 0))
+    light = []
+    for distance in (3.0, 12.0, 24.0):  # metres; 8, 31 and 62 texels of 64 to a pixel
+        camera = replace(ABOVE, position=(0.0, distance, 0.0))
+        light.append(renderer.reference(seen_from(camera, fence)).color.sum() * distance**2)
+    np.testing.assert_allclose(light, light[0], rtol=0.1)
+
+
 def test_normal_maps_lean_to_the_right_and_up(renderer: Renderer) -> None:
     lean = Texture(pixels=np.full((4, 4, 3), (218, 128, 218), np.uint8), srgb=False)
     rise = Texture(pixels=np.full((4, 4, 3), (128, 218, 218), np.uint8), srgb=False)

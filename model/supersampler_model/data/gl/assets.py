@@ -5,6 +5,7 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler_model.data.environment import Environment
 from supersampler_model.data.mesh import Mesh
@@ -14,6 +15,7 @@ _SRGB8_ALPHA8 = 0x8C43
 _MAPS = ("base_color", "normal", "orm", "emissive")
 _PLAIN = ("3f4 3f4 4f4 2f4", "position", "normal", "tangent", "uv")
 _SKINNED = ("4u2 4f4", "joints", "weights")
+COVERAGE_ERROR = 0.15  # relative, of what passes the alpha test in a mip
 
 
 class Assets:
@@ -23,7 +25,7 @@ class Assets:
         self._gl = gl
         self._buffers: WeakKeyDictionary[Mesh, list[Any]] = WeakKeyDictionary()
         self._arrays: WeakKeyDictionary[Mesh, dict[Any, Any]] = WeakKeyDictionary()
-        self._textures: WeakKeyDictionary[Texture, Any] = WeakKeyDictionary()
+        self._textures: WeakKeyDictionary[Texture, dict[float | None, Any]] = WeakKeyDictionary()
         self._materials: WeakKeyDictionary[Material, Any] = WeakKeyDictionary()
         self._environments: WeakKeyDictionary[Environment, Any] = WeakKeyDictionary()
         self._white = gl.texture((1, 1), 4, b"\xff" * 4)
@@ -57,9 +59,14 @@ class Assets:
         _once(self._materials, material, self._upload_material).bind_to_uniform_block(block)
         for unit, name in enumerate(_MAPS[:maps]):
             texture: Texture | None = getattr(material, f"{name}_texture")
-            (self._white if texture is None else _once(self._textures, texture, self._upload_texture)).use(
-                unit
-            )
+            cutoff = material.alpha_cutoff if name == "base_color" else None
+            (self._white if texture is None else self._texture(texture, cutoff)).use(unit)
+
+    def _texture(self, texture: Texture, cutoff: float | None) -> Any:
+        by_cutoff = self._textures.setdefault(texture, {})
+        if cutoff not in by_cutoff:
+            by_cutoff[cutoff] = self._upload_texture(texture, cutoff)
+        return by_cutoff[cutoff]
 
     def _upload_material(self, material: Material) -> Any:
         cutoff = -1.0 if material.alpha_cutoff is None else material.alpha_cutoff
@@ -72,17 +79,19 @@ class Assets:
         ]
         return self._gl.buffer(np.array(rows, np.float32).tobytes())
 
-    def _upload_texture(self, texture: Texture) -> Any:
+    def _upload_texture(self, texture: Texture, cutoff: float | None) -> Any:
         height, width, channels = texture.pixels.shape
         pixels = np.full((height, width, 4), 255, np.uint8)
         pixels[..., :channels] = texture.pixels
         internal = _SRGB8_ALPHA8 if texture.srgb else None
         uploaded = self._gl.texture((width, height), 4, pixels.tobytes(), internal_format=internal)
         uploaded.build_mipmaps()
+        if cutoff is not None:
+            _keep_coverage(uploaded, pixels, cutoff)
         uploaded.filter = (self._gl.LINEAR_MIPMAP_LINEAR, self._gl.LINEAR)
         return uploaded
 
-    def environment(self, environment: Environment) -> tuple[Any, np.ndarray[Any, np.dtype[np.float64]]]:
+    def environment(self, environment: Environment) -> tuple[Any, NDArray[np.float64]]:
         """Return the panorama's texture, rougher from mip to mip, and its irradiance (9, 3)."""
         texture, irradiance = _once(self._environments, environment, self._upload_environment)
         return texture, irradiance
@@ -104,3 +113,25 @@ def _once(made: Any, source: Any, make: Callable[[Any], Any]) -> Any:
     if source not in made:
         made[source] = make(source)
     return made[source]
+
+
+def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
+    """Scale the opacity of each mip so that as much passes the test as in `pixels`: else far fences vanish.
+
+    Mips too small for that are left out: there holes alias, as they do in a game, but keep their share.
+    """
+    threshold = 255.0 * cutoff
+    covered = float((pixels[..., 3] >= threshold).mean())
+    width, height = texture.size
+    mips = []
+    for level in range(1, max(width, height).bit_length()):
+        mip = np.frombuffer(texture.read(level=level), np.uint8).reshape(-1, 4).copy()
+        passes = float(np.quantile(mip[:, 3], 1.0 - covered))  # were it the cutoff, as much would pass
+        mip[:, 3] = np.clip(np.ceil(mip[:, 3] * (threshold / max(passes, 1.0))), 0.0, 255.0)
+        if abs(float((mip[:, 3] >= threshold).mean()) - covered) > COVERAGE_ERROR * covered:
+            break
+        mips.append(mip)
+    texture.build_mipmaps(0, len(mips))
+    for level, mip in enumerate(mips, start=1):
+        size = max(1, width >> level), max(1, height >> level)
+        texture.write(mip.tobytes(), viewport=(0, 0, *size), level=level)
