@@ -5,7 +5,7 @@ as one large picture, part by part so that it fits into memory, and averaged on 
 """
 
 from collections.abc import Iterator
-from math import isqrt
+from math import ceil, isqrt
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ from supersampler_model.data.gl.draws import Draws
 from supersampler_model.data.gl.programs import BLOCKS, SAMPLERS, build
 from supersampler_model.data.gl.targets import ShadowMap, Target
 from supersampler_model.data.gl.uniforms import SHADOW_SIZE, Raster, columns, lights_block, view_block
-from supersampler_model.data.rendered import Float16, Reference, Rendered, Surfaces
+from supersampler_model.data.rendered import Float16, Float32, Reference, Rendered, Surfaces
 from supersampler_model.data.scene import Particles, Scene
 
 Size = tuple[int, int]
@@ -149,10 +149,10 @@ class Renderer:
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
         """Yield parts of the reference, no larger than LARGEST samples a side, and where they go."""
         (width, height), side = self.display_size, self._side
-        most = max(1, LARGEST // side)
-        for top in range(0, height, most):
-            for left in range(0, width, most):
-                w, h = min(most, width - left), min(most, height - top)
+        across, down = (_even_step(extent, LARGEST // side) for extent in (width, height))
+        for top in range(0, height, down):
+            for left in range(0, width, across):
+                w, h = min(across, width - left), min(down, height - top)
                 raster = Raster(
                     size=(w * side, h * side),
                     corner=(left / width, top / height),
@@ -215,6 +215,7 @@ class Renderer:
         """Upload what is new in `scene`, and draw its shadows."""
         if scene is self._scene:
             return
+        self._scene = None  # until all of the new one is there
         self._gl.gc()  # what belonged to scenes that are gone
         self._draws = Draws(self._gl, self._assets, scene)
         self._panorama, irradiance = self._assets.environment(scene.environment)
@@ -248,7 +249,12 @@ class Renderer:
         self._screens[program].render(self._gl.TRIANGLES, vertices=3)
 
 
-def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> np.ndarray[Any, np.dtype[np.float32]]:
+def _even_step(extent: int, most: int) -> int:
+    """Return the size of parts of `extent`, no larger than `most`, that are alike where they can be."""
+    return ceil(extent / ceil(extent / max(most, 1)))
+
+
+def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
     """Return (n, 8) centre, radius and colour of all particles, the farthest first."""
     if not groups:
         return np.zeros((0, 8), np.float32)
