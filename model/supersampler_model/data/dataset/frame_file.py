@@ -99,8 +99,8 @@ def read_training_frame(path: Path) -> TrainingFrame:
         numbers = json.loads(header.pop("__metadata__")["frame"])
         tensors = {name: _view(mapped, 8 + length, entry) for name, entry in header.items()}
         display = {n.removeprefix(_DISPLAY): tensors.pop(n) for n in list(tensors) if n.startswith(_DISPLAY)}
-        x, y = numbers.pop("jitter")
-        return TrainingFrame(**tensors, **numbers, jitter=(x, y), gbuffer_display=display or None)
+        content: dict[str, Any] = {**tensors, **numbers, "jitter": tuple(numbers["jitter"])}
+        return TrainingFrame(**content, gbuffer_display=display or None)
     except (OSError, ValueError, KeyError, TypeError) as error:
         hint = "Delete it and render again: what is complete is kept."
         raise DatasetError(
