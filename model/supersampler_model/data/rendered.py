@@ -99,14 +99,18 @@ class Rendered:
             exposure=self.exposure,
         )
 
-    def evidence(self) -> Evidence:
-        """Return what the labels of this frame are made from."""
-        truth = self.reference
+    def evidence(self, exposure: float | None = None) -> Evidence:
+        """Return what the labels of this frame are made from.
+
+        Args:
+            exposure: that colours are compared at; None is the frame's own. Two frames are compared at one.
+        """
+        truth, exposure = self.reference, self.exposure if exposure is None else exposure
         pixels = PixelStatistics(
             depth_min=truth.depth_min,
             depth_max=truth.depth_max,
-            color_min=toned(truth.color_min, self.exposure).astype(np.float32),
-            color_max=toned(truth.color_max, self.exposure).astype(np.float32),
+            color_min=toned(truth.color_min, exposure).astype(np.float32),
+            color_max=toned(truth.color_max, exposure).astype(np.float32),
             color_mean=truth.color,
             normal_spread=truth.normal_spread,
             normal_mapped_spread=truth.normal_mapped_spread,

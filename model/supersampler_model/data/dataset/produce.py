@@ -8,9 +8,8 @@ from supersampler import halton_jitter
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.dataset.frame_file import TrainingFrame, write_training_frame
 from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.labels import Evidence, Labels, LabelThresholds, PixelStatistics, label
-from supersampler_model.data.labels.statistics import toned
-from supersampler_model.data.rendered import Reference, Rendered
+from supersampler_model.data.labels import LabelThresholds, label
+from supersampler_model.data.rendered import Rendered
 from supersampler_model.data.sequences import Sequence, make_sequence
 
 
@@ -41,7 +40,9 @@ def render_sequence(
     before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))  # by an earlier run, if at all
     for index in range(first, entry.spec.frames):
         rendered = before if index == 0 else _rendered(dataset, entry, sequence, renderer, index)
-        labels = labels_of(rendered, before, thresholds or LabelThresholds())
+        exposure = rendered.exposure  # of both: a change of exposure is no change of light
+        evidence = rendered.evidence(exposure), before.evidence(exposure)
+        labels = label(*evidence, thresholds or LabelThresholds())
         frame = TrainingFrame(
             color=rendered.color,
             depth=rendered.render.depth,
@@ -67,33 +68,6 @@ def _rendered(
         entry.render_size(dataset.description.display_size),
         jitter=halton_jitter(index, entry.ratio),
         reset=sequence.cut(index),
-    )
-
-
-def labels_of(now: Rendered, before: Rendered, thresholds: LabelThresholds) -> Labels:
-    """Label a frame against the one before; colours of both are compared at the exposure of this one."""
-    evidence = [
-        Evidence(
-            pixels=statistics(rendered.reference, now.exposure),
-            motion=rendered.display.motion,
-            depth_before=rendered.display.previous_depth,
-            cut=rendered.reset,
-        )
-        for rendered in (now, before)
-    ]
-    return label(evidence[0], evidence[1], thresholds)
-
-
-def statistics(reference: Reference, exposure: float) -> PixelStatistics:
-    """Return what the labels read of a reference; colours toned at `exposure`."""
-    return PixelStatistics(
-        depth_min=reference.depth_min,
-        depth_max=reference.depth_max,
-        color_min=toned(reference.color_min, exposure).astype(np.float32),
-        color_max=toned(reference.color_max, exposure).astype(np.float32),
-        color_mean=reference.color,
-        normal_spread=reference.normal_spread,
-        normal_mapped_spread=reference.normal_mapped_spread,
     )
 
 

@@ -76,8 +76,8 @@ class Materials:
             return Surface(None, coordinates)
         made = Material(
             base_color=(factor[0], factor[1], factor[2]),
-            roughness=float(pbr.get("roughnessFactor", 1.0)),
-            metallic=float(pbr.get("metallicFactor", 1.0)),
+            roughness=_number(pbr, "roughnessFactor", 1.0),
+            metallic=_number(pbr, "metallicFactor", 1.0),
             emissive=glow,
             base_color_texture=color,
             normal_texture=self._normals(normal) if normal else None,
@@ -93,7 +93,7 @@ class Materials:
         return self._texture(("plain", source, srgb), lambda: self._image(source), srgb=srgb)
 
     def _normals(self, info: Json) -> Texture:
-        source, scale = self._source(info), float(info.get("scale", 1.0))
+        source, scale = self._source(info), _number(info, "scale", 1.0)
         if scale == 1.0:
             return self._plain(info, srgb=False)
 
@@ -111,7 +111,7 @@ class Materials:
             return None
         rest = None if metallic is None else self._source(metallic)
         shade = None if occlusion is None else self._source(occlusion)
-        strength = 0.0 if occlusion is None else float(occlusion.get("strength", 1.0))
+        strength = 0.0 if occlusion is None else _number(occlusion, "strength", 1.0)
 
         def combined() -> Pixels:
             images = [None if source is None else self._image(source) for source in (rest, shade)]
@@ -154,7 +154,7 @@ def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float
         raise MalformedError(f"its alphaMode is {mode!r}; want OPAQUE, MASK or BLEND")
     if mode == "OPAQUE":
         return None, True
-    cutoff = 0.5 if mode == "BLEND" else float(content.get("alphaCutoff", 0.5))
+    cutoff = 0.5 if mode == "BLEND" else _number(content, "alphaCutoff", 0.5)
     if opacity < cutoff:
         return None, False
     if color is None or color.pixels.shape[2] != 4 or cutoff <= 0.0:
@@ -165,7 +165,7 @@ def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float
 
 def _emission(content: Json) -> Color:
     extensions = content.get("extensions", {})
-    strength = float(extensions.get("KHR_materials_emissive_strength", {}).get("emissiveStrength", 1.0))
+    strength = _number(extensions.get("KHR_materials_emissive_strength", {}), "emissiveStrength", 1.0)
     red, green, blue = (strength * float(value) for value in content.get("emissiveFactor", (0.0, 0.0, 0.0)))
     return red, green, blue
 
@@ -187,3 +187,10 @@ def _coordinates(info: Json) -> Coordinates:
     u, v = (float(value) for value in transform.get("offset", (0.0, 0.0)))
     across, down = (float(value) for value in transform.get("scale", (1.0, 1.0)))
     return Coordinates(of, (u, v), (across, down))
+
+
+def _number(item: Json, name: str, default: float) -> float:
+    value = float(item.get(name, default))
+    if not np.isfinite(value):
+        raise MalformedError(f"its {name} is {value}; want a finite number")
+    return value
