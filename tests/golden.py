@@ -1,4 +1,4 @@
-"""Pictures that must not change unawares. `python tests/golden.py` draws them anew: look before you commit."""
+"""Pictures that must not change unawares. `python tests/golden.py` draws them anew: look, then commit."""
 
 from pathlib import Path
 
