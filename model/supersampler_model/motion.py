@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.method import Size
-from supersampler_model.sampling import four, neighbours, sum_of
+from supersampler_model.sampling import extreme, four, neighbours, sum_of
 
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
 
@@ -36,11 +36,17 @@ def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     return best, chosen
 
 
+def without_thin(depth: Tensor) -> Tensor:
+    """Depth with what is in front but less than three samples wide replaced by what is behind it (opening)."""
+    eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
+    return extreme(eroded, torch.maximum)
+
+
 def covered(depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float) -> Tensor:
     """(1, 1, H, W) share of the four samples around (x, y) in the past that hid what is at `depth` now.
 
-    A sample hid it where it was closer by the relative `margin`, for certain from `margin` + `ramp` on. By
-    bilinear weights; a wire among the four is not enough to hide what is behind it.
+    By bilinear weights. A sample hid it where it was closer by the relative `margin`, for certain from
+    `margin` + `ramp` on.
     """
     left, top = x.floor(), y.floor()
     columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]

@@ -17,7 +17,15 @@ from supersampler_model.color import (
     ycocg,
 )
 from supersampler_model.method import Size
-from supersampler_model.motion import closest_of_four, covered, longest, past_of, read, read_cubic
+from supersampler_model.motion import (
+    closest_of_four,
+    covered,
+    longest,
+    past_of,
+    read,
+    read_cubic,
+    without_thin,
+)
 from supersampler_model.rectification import Box, clamp_to, clip_to_center, clip_to_sample, moments, overshoot
 from supersampler_model.sampling import catmull_rom, grid_of, linear, neighbours, resample, taps
 
@@ -121,7 +129,7 @@ def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
     assert (longest(motion)[0, 0] == 4.0).sum() == 9
 
 
-def test_what_was_closer_hides_what_is_behind_and_a_wire_does_not() -> None:
+def test_what_was_closer_hides_what_is_behind() -> None:
     before = torch.full((1, 1, 5, 6), 0.01)
     before[..., :3] = 0.1  # a wall on the left
     place = torch.tensor([0.5, 2.25, 2.5, 3.5]).reshape(1, 1, 1, 4), torch.full((1, 1, 1, 4), 2.5)
@@ -130,6 +138,16 @@ def test_what_was_closer_hides_what_is_behind_and_a_wire_does_not() -> None:
     torch.testing.assert_close(hidden.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
     assert not covered(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
     assert not covered(torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05).any()  # unknown
+
+
+def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
+    depth = torch.full((1, 1, 12, 16), 0.01)
+    broad = depth.clone()
+    broad[..., 3:9, 2:6] = 0.1
+    both = broad.clone()
+    both[..., 10:11, :] = 0.2  # a wire across
+    both[..., :, 12] = 0.2  # and one down
+    torch.testing.assert_close(without_thin(both), broad)
 
 
 @settings(max_examples=30, deadline=None)
