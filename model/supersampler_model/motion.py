@@ -37,7 +37,7 @@ def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def without_thin(depth: Tensor) -> Tensor:
-    """Depth with what is in front but less than three samples wide replaced by what is behind it (opening)."""
+    """Depth where things less than three samples wide give way to what is behind them (an opening)."""
     eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
     return extreme(eroded, torch.maximum)
 
