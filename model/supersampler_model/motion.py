@@ -106,9 +106,16 @@ def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
 
 
 def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> Tensor:
-    """Cubic (0.5 is Catmull-Rom): sixteen samples by nine reads, as the middle two of an axis share one."""
+    """Cubic (0.5 is Catmull-Rom) over the cross of sixteen samples, by five bilinear reads.
+
+    The middle two samples of an axis share a read. The four corners, whose weights are products of two small
+    ones, are left out, and the rest scaled up.
+    """
     columns, rows = _cubic_reads(x, sharpness), _cubic_reads(y, sharpness)
-    return sum_of([wx * wy * read(image, at_x, at_y) for at_y, wy in rows for at_x, wx in columns])
+    cross = [(columns[i], rows[j]) for i, j in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
+    weights = [wx * wy for (_, wx), (_, wy) in cross]
+    reads = [read(image, at_x, at_y) for (at_x, _), (at_y, _) in cross]
+    return sum_of([w * r for w, r in zip(weights, reads, strict=True)]) / sum_of(weights)
 
 
 def _cubic_reads(position: Tensor, sharpness: float) -> list[tuple[Tensor, Tensor]]:
