@@ -189,7 +189,7 @@ class Taau(Method):
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, exposure, history_exposure)
+        exposure = exposure_for(color, usable, exposure, history_exposure)
         toned = ycocg(tone(color * exposure)) * usable
         depth, motion = usable_depth(depth), usable_motion(motion)
         surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
@@ -217,13 +217,14 @@ class Taau(Method):
 
         c = self.config
         smooth = normalised(under(samples, gaussian(c.frame_sigma)))
-        sharp = normalised(under(samples, catmull_rom))
+        sharp = under(samples, catmull_rom)  # whose weights, some negative, mean nothing if many are missing
+        sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = under(samples, gaussian(c.sample_sigma), ratio)
         window = under(torch.cat([toned, toned * toned, usable], dim=1), gaussian(c.moment_sigma))
         moments = normalised(window)
         seen = (window[:, 6:7] > UNSEEN).float()
         return Present(
-            frame=smooth + c.frame_sharpness * (sharp - smooth),
+            frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
             first=moments[:, :3],
