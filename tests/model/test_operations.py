@@ -51,7 +51,7 @@ def cubic(d: float, sharpness: float) -> float:
     return a * (d**3 - 5 * d**2 + 8 * d - 4) if d < 2 else 0.0
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(size=SIZES, ratio=RATIOS, jitter=JITTER)
 def test_a_display_pixel_looks_where_the_contract_says(
     size: tuple[int, int], ratio: float, jitter: tuple[float, float]
@@ -84,7 +84,7 @@ def test_upsampling_removes_the_jitter() -> None:
         torch.testing.assert_close(result[0, 0, 6:-6, 6:-6], expected[6:-6, 6:-6], rtol=1e-4, atol=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(size=SIZES, sharpness=st.sampled_from([0.5, 0.7]), seed=st.integers(0, 99))
 def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
     size: tuple[int, int], sharpness: float, seed: int
@@ -149,7 +149,7 @@ def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
     torch.testing.assert_close(without_thin(both), broad)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(size=SIZES, seed=st.integers(0, 99))
 def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
     image = random_image(seed, size)
@@ -173,7 +173,7 @@ def test_moments_are_unweighted_and_raw() -> None:
     low=st.lists(st.floats(-1, 0.4), min_size=3, max_size=3),
     size=st.floats(0.01, 1),
 )
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
     color: list[float], sample: list[float], low: list[float], size: float
 ) -> None:
