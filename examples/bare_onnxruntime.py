@@ -20,7 +20,7 @@ model, shot, out = given or [shipped / "models" / "taau", shipped / "shots" / "c
 contract = json.loads((model / "model.json").read_text())
 description = json.loads((shot / "shot.json").read_text())
 if description["conventions"]:
-    sys.exit(f"{shot} is in conventions of its own; convert it first: supersampler import {shot} -o CONVERTED")
+    sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
 session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
 (w, h), (display_w, display_h) = description["render_size"], description["display_size"]
 sizes = {"display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w}

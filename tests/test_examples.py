@@ -1,5 +1,6 @@
 """Every example runs from a checkout, and the bare one draws what `Upscaler` draws."""
 
+import json
 import subprocess
 import sys
 from pathlib import Path
@@ -18,6 +19,11 @@ def short_shot(folder: Path) -> Shot:
         for index in range(FRAMES):
             writer.write(source.read(index).frame)
     return Shot.open(folder)
+
+
+def test_the_bare_example_takes_the_shipped_shot() -> None:
+    content = json.loads((shipped_shot().path / "shot.json").read_text())
+    assert content["conventions"] == {}  # it converts nothing, and refuses what would need it
 
 
 def test_bare_onnx_runtime_draws_the_pictures_of_upscaler(tmp_path: Path) -> None:

@@ -39,16 +39,17 @@ def luminance(color: Tensor) -> Tensor:
     return 0.2126 * color[:, :1] + 0.7152 * color[:, 1:2] + 0.0722 * color[:, 2:3]
 
 
-def exposure_for(color: Tensor, given: Tensor, before: Tensor) -> Tensor:
+def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -> Tensor:
     """(1,) exposure to use: `given` where > 0, else measured, adapting from `before` where that is > 0.
 
-    Measured is 0.18 over the log-average luminance of the quarantined `color`.
+    Measured is 0.18 over the log-average luminance of the `usable` pixels (1, 1, h, w) of `color`; where
+    there are none, the one before holds.
     """
-    logs = luminance(color).clamp(min=DARKEST).log()
-    average = (logs.sum() / (color.shape[2] * color.shape[3])).reshape(1)  # ReduceMean changed after opset 17
-    target = EXPOSURE_KEY * (-average).exp()
+    logs = luminance(color).clamp(min=DARKEST).log() * usable
+    count = usable.sum().reshape(1)  # sums: ReduceMean changed after opset 17
+    target = EXPOSURE_KEY * (-logs.sum().reshape(1) / count.clamp(min=1.0)).exp()
     smooth = before.clamp(min=1e-8) ** (1.0 - EXPOSURE_ADAPTATION) * target**EXPOSURE_ADAPTATION
-    measured = torch.where(before > 0.0, smooth, target)
+    measured = torch.where(before > 0.0, torch.where(count > 0.0, smooth, before), target)
     return torch.where(given > 0.0, given, measured)
 
 

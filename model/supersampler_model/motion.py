@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.method import Size
-from supersampler_model.sampling import four, neighbours, sum_of
+from supersampler_model.sampling import extreme, four, neighbours, sum_of
 
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
 
@@ -36,11 +36,17 @@ def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     return best, chosen
 
 
+def without_thin(depth: Tensor) -> Tensor:
+    """Depth where things less than three samples wide give way to what is behind them (an opening)."""
+    eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
+    return extreme(eroded, torch.maximum)
+
+
 def covered(depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float) -> Tensor:
     """(1, 1, H, W) share of the four samples around (x, y) in the past that hid what is at `depth` now.
 
-    A sample hid it where it was closer by the relative `margin`, for certain from `margin` + `ramp` on. By
-    bilinear weights; a wire among the four is not enough to hide what is behind it.
+    By bilinear weights. A sample hid it where it was closer by the relative `margin`, for certain from
+    `margin` + `ramp` on.
     """
     left, top = x.floor(), y.floor()
     columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]
@@ -100,9 +106,16 @@ def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
 
 
 def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> Tensor:
-    """Cubic (0.5 is Catmull-Rom): sixteen samples by nine reads, as the middle two of an axis share one."""
+    """Cubic (0.5 is Catmull-Rom) over the cross of sixteen samples, by five bilinear reads.
+
+    The middle two samples of an axis share a read. The four corners, whose weights are products of two small
+    ones, are left out, and the rest scaled up.
+    """
     columns, rows = _cubic_reads(x, sharpness), _cubic_reads(y, sharpness)
-    return sum_of([wx * wy * read(image, at_x, at_y) for at_y, wy in rows for at_x, wx in columns])
+    cross = [(columns[i], rows[j]) for i, j in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]
+    weights = [wx * wy for (_, wx), (_, wy) in cross]
+    reads = [read(image, at_x, at_y) for (at_x, _), (at_y, _) in cross]
+    return sum_of([w * r for w, r in zip(weights, reads, strict=True)]) / sum_of(weights)
 
 
 def _cubic_reads(position: Tensor, sharpness: float) -> list[tuple[Tensor, Tensor]]:

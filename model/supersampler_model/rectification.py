@@ -5,7 +5,7 @@ from typing import NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler_model.sampling import neighbours, sum_of
+from supersampler_model.sampling import extreme, neighbours, sum_of
 
 
 class Box(NamedTuple):
@@ -29,11 +29,7 @@ def moments(color: Tensor) -> tuple[Tensor, Tensor]:
 
 def extent_box(color: Tensor) -> Box:
     """Per-channel minimum and maximum over each 3x3 neighbourhood."""
-    window = neighbours(color)
-    low = high = window[0]
-    for c in window[1:]:
-        low, high = torch.minimum(low, c), torch.maximum(high, c)
-    return Box(low, high)
+    return Box(extreme(color, torch.minimum), extreme(color, torch.maximum))
 
 
 def intersect(a: Box, b: Box) -> Box:

@@ -6,6 +6,7 @@ p + r * motion in display pixels. align_corners is False everywhere.
 """
 
 from collections.abc import Callable
+from functools import reduce
 from typing import NamedTuple
 
 import torch
@@ -122,6 +123,11 @@ def neighbours(image: Tensor) -> list[Tensor]:
     tall = torch.cat([wide[:, :, :1], wide, wide[:, :, -1:]], dim=2)
     h, w = image.shape[2], image.shape[3]
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
+
+
+def extreme(image: Tensor, choose: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
+    """Minimum or maximum (`choose`) over 3x3."""
+    return reduce(choose, neighbours(image))
 
 
 def blurred(image: Tensor) -> Tensor:

@@ -31,6 +31,7 @@ from supersampler.jitter import (
 from supersampler.model_info import ModelInfo, model_names
 
 if TYPE_CHECKING:
+    from supersampler.detect import Detection, detect_conventions
     from supersampler.model import History, Model
     from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.upscaler import State, Stats, Upscaler
@@ -41,6 +42,7 @@ __all__ = [
     "ArgumentError",
     "Conventions",
     "Converter",
+    "Detection",
     "Frame",
     "FrameError",
     "FrameWarning",
@@ -60,6 +62,7 @@ __all__ = [
     "Upscaler",
     "auto_exposure",
     "copy_shot",
+    "detect_conventions",
     "display_transform",
     "halton_jitter",
     "jitter_phase_count",
@@ -73,6 +76,7 @@ __all__ = [
 
 # These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
 _LAZY = {
+    **dict.fromkeys(("Detection", "detect_conventions"), "detect"),
     **dict.fromkeys(("History", "Model"), "model"),
     **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
     **dict.fromkeys(("State", "Stats", "Upscaler"), "upscaler"),

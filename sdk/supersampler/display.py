@@ -55,16 +55,18 @@ def to_uint8(shown: Array) -> NDArray[np.uint8]:
 def auto_exposure(color: NDArray[Any]) -> float:
     """Return the exposure that brings a picture's log-average luminance to 0.18.
 
-    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance; components that are not a number in
-    [0, 65504] count as 0.
+    0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance, over the pixels whose components are
+    all numbers in [0, 65504].
 
     Args:
         color: (h, w, 3) linear RGB.
 
     Returns:
-        > 0, at most 1800 (a black picture).
+        > 0, at most 1800 (a black picture, or one without a usable pixel).
     """
-    usable = np.where((color >= 0.0) & (color <= _MAX_HALF), color, 0.0).astype(np.float32, copy=False)
+    usable = color[((color >= 0.0) & (color <= _MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
+    if not usable.size:
+        return EXPOSURE_KEY / _DARKEST
     logs = np.log(np.maximum(usable @ _BT709, _DARKEST))
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 

@@ -113,7 +113,7 @@ class Model:
             FrameError: the frame lacks an input, or its size does not fit.
             ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
         """
-        self._check_fits(frame, history.display_size)
+        self.check_fits(frame, history.display_size)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
         width, height = history.display_size
@@ -143,7 +143,8 @@ class Model:
             tensor.update_inplace(np.ascontiguousarray(arrays[name], np.float32))
         return history
 
-    def _check_fits(self, frame: Frame, display_size: Size) -> None:
+    def check_fits(self, frame: Frame, display_size: Size) -> None:
+        """Raise FrameError where the frame lacks an input, or the ratio of sizes is out of range."""
         if frame.color is None:
             raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
         low, high = self.info.ratios

@@ -121,6 +121,7 @@ class Upscaler:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
         display_size = self._display_size or self._scaled(frame.size)
+        self.model.check_fits(frame, display_size)  # first, so that no frame is remembered and then refused
         self._checker.check(frame, display_size)
         history, fresh = self._history, False
         if history is None or frame.reset:

@@ -10,7 +10,7 @@ import pytest
 
 import supersampler
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.detect import Detection, detect
+from supersampler.detect import Detection, detect_conventions
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
 from supersampler.shot import Shot
@@ -57,20 +57,20 @@ def assert_found(detection: Detection, conventions: Conventions) -> None:
 @pytest.mark.parametrize("mistake", MOTIONS, ids=lambda m: "-".join(map(str, m.values())))
 def test_every_motion_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 @pytest.mark.parametrize("mistake", JITTERS, ids=lambda m: "-".join(map(str, m.values())))
 def test_every_jitter_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 @pytest.mark.parametrize("flip", [False, True])
 @pytest.mark.parametrize("sign", [1, -1])
 def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sign: int, flip: bool) -> None:
     conventions = Conventions(motion_jittered=True, jitter_sign=sign, jitter_flip_y=flip)
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 @pytest.mark.parametrize(
@@ -84,22 +84,22 @@ def test_jitter_is_found_even_where_motion_has_it_in_it(frames: list[Frame], sig
 )  # fmt: skip
 def test_every_depth_is_found(frames: list[Frame], mistake: dict[str, Any]) -> None:
     conventions = Conventions(**mistake)
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 @pytest.mark.parametrize("name", ["fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym"])
 def test_every_preset_is_found_with_nothing_stated(frames: list[Frame], name: str) -> None:
     conventions = getattr(Conventions, name)()
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
     conventions = Conventions(motion_resolution="display", motion_unit="ndc")
-    assert_found(detect(planted(frames, conventions)), conventions)
+    assert_found(detect_conventions(planted(frames, conventions)), conventions)
 
 
 def test_a_shot_is_as_it_states() -> None:
-    detection = detect(Shot.open(COURTYARD), frames=4)
+    detection = detect_conventions(Shot.open(COURTYARD), frames=4)
     assert detection.agrees, detection.summary()
     assert "as stated" in detection.summary()
     assert all(row["certain"] for row in detection.rows())
@@ -108,7 +108,7 @@ def test_a_shot_is_as_it_states() -> None:
 def test_what_was_stated_stands_where_planes_cannot_be_seen(frames: list[Frame]) -> None:
     stated = Conventions(depth="forward", near=0.1, far=100.0, motion_flip_y=True)
     wrong = replace(stated, motion_flip_y=False)
-    detection = detect(planted(frames, stated), conventions=wrong)
+    detection = detect_conventions(planted(frames, stated), conventions=wrong)
     assert detection.conventions == stated
     assert not detection.agrees
     assert "Write: Conventions(motion_flip_y=True, depth='forward', far=100.0)" in detection.summary()
@@ -124,7 +124,7 @@ def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
         depth, motion = np.full((72, 128), 0.5, np.float32), np.zeros((72, 128, 2), np.float32)
         return RawFrame(color=color, depth=depth, motion=motion, jitter=(-jitter[0], -jitter[1]))
 
-    detection = detect([still(frame.jitter) for frame in frames])
+    detection = detect_conventions([still(frame.jitter) for frame in frames])
     assert detection.conventions == Conventions(jitter_sign=-1)
     assert [row["certain"] for row in detection.rows()] == [False, True, False]
     assert "motion: cannot tell, nothing moves" in detection.summary()
@@ -133,14 +133,16 @@ def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
 
 def test_without_jitter_it_cannot_tell(frames: list[Frame]) -> None:
     raws = [replace(raw, jitter=(0.25, 0.0)) for raw in planted(frames, Conventions())]
-    detection = detect(raws, conventions=Conventions(jitter_sign=-1))
+    detection = detect_conventions(raws, conventions=Conventions(jitter_sign=-1))
     assert "jitter: cannot tell, it never changes" in detection.summary()
     assert detection.conventions.jitter_sign == -1  # as stated
 
 
 def test_black_frames_tell_nothing(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
-    detection = detect([replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None])
+    detection = detect_conventions(
+        [replace(raw, color=raw.color * 0) for raw in raws if raw.color is not None]
+    )
     assert detection.agrees
     assert "motion: cannot tell, no two neighbouring frames have texture" in detection.summary()
 
@@ -148,11 +150,11 @@ def test_black_frames_tell_nothing(frames: list[Frame]) -> None:
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]
-    assert any("Motion looks as if it were (y, x)" in note for note in detect(motion).notes)
+    assert any("Motion looks as if it were (y, x)" in note for note in detect_conventions(motion).notes)
     jitter = [replace(raw, jitter=raw.jitter[::-1]) for raw in raws if raw.jitter is not None]
-    assert any("Jitter looks as if it were (y, x)" in note for note in detect(jitter).notes)
+    assert any("Jitter looks as if it were (y, x)" in note for note in detect_conventions(jitter).notes)
 
 
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:
     with pytest.raises(ArgumentError, match="frames is 1; want at least 2 frames"):
-        detect(planted(frames[:1], Conventions()))
+        detect_conventions(planted(frames[:1], Conventions()))

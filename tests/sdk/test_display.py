@@ -62,9 +62,11 @@ def test_the_log_average_of_a_grey_picture_comes_to_middle_grey() -> None:
     assert auto_exposure(grey(0.5)) == pytest.approx(0.36, rel=1e-5)
 
 
-def test_black_and_broken_pixels_count_as_the_darkest() -> None:
+def test_black_pixels_count_as_the_darkest_and_broken_ones_not_at_all() -> None:
     assert auto_exposure(grey(0.0)) == pytest.approx(1800.0, rel=1e-4)
-    assert auto_exposure(grey(np.nan)) == auto_exposure(grey(np.inf)) == auto_exposure(grey(0.0))
+    assert auto_exposure(grey(np.nan)) == auto_exposure(grey(np.inf)) == pytest.approx(1800.0)
+    half_broken = np.concatenate([grey(0.5), grey(np.nan)])
+    assert auto_exposure(half_broken) == pytest.approx(0.36, rel=1e-5)
 
 
 def test_the_meter_takes_the_engines_exposure_as_it_is() -> None:

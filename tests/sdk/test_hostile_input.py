@@ -107,6 +107,17 @@ def test_a_bad_color_pixel_is_filled_from_the_past(models: dict[str, Model]) -> 
     np.testing.assert_allclose(upscaler.step(still(9, color=np.full_like(flat, np.nan))), 0.5, rtol=1e-3)
 
 
+@pytest.mark.parametrize("bad", [(9, 12), (0, 0), (17, 31)])
+def test_a_bad_pixel_without_a_past_is_filled_from_around_it(
+    models: dict[str, Model], bad: tuple[int, int]
+) -> None:
+    color = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
+    color[bad] = np.nan
+    for index in range(8):  # eight places in the pixel
+        image = make(models["taau"]).step(still(index, color=color, reset=True))
+        np.testing.assert_allclose(image, 0.5, rtol=1e-3)
+
+
 def test_a_bad_pixel_does_not_spread(models: dict[str, Model]) -> None:
     upscaler, innocent = make(models["taau"]), make(models["taau"])
     for seed in range(6):

@@ -15,7 +15,16 @@ from typing import ClassVar, Literal, NamedTuple
 
 from torch import Tensor
 
-from supersampler_model.color import bounded, exposure_for, from_ycocg, inverse_tone, quarantine, tone, ycocg
+from supersampler_model.color import (
+    bounded,
+    exposure_for,
+    from_ycocg,
+    inverse_tone,
+    quarantine,
+    tone,
+    valid,
+    ycocg,
+)
 from supersampler_model.method import DISPLAY, Method, display_size_of, render_size_of
 from supersampler_model.motion import (
     longest,
@@ -97,8 +106,8 @@ class Taa(Method):
         history_exposure: Tensor,  # (1,) 0: no past
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
-        color = quarantine(color, 0.0)
-        exposure = exposure_for(color, exposure, history_exposure)
+        usable, color = valid(color), quarantine(color, 0.0)
+        exposure = exposure_for(color, usable, exposure, history_exposure)
         seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
         image = self.finish(seen, self.network(seen, history_exposure), exposure)
         return Step(image, image, exposure)

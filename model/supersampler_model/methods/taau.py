@@ -3,7 +3,7 @@
 Each display pixel keeps a colour, how many samples it is made of, and how far those samples spread. A new
 frame adds its samples near that pixel, weighted by their distance. The past loses samples where
 
-* depth says that it shows another surface (half of it or more was closer than what is there now),
+* depth says that it shows another surface (something broad was closer than what is there now),
 * the light changed: the mean of a neighbourhood moved by more than jitter moves it,
 * its colour lies outside a variance box of this frame's colours (Salvi 2016), which is then cut to the box,
 * motion resamples it: each resampling blurs, so the more a frame blurs, the fewer samples are kept.
@@ -41,6 +41,7 @@ from supersampler_model.motion import (
     squared_length,
     usable_depth,
     usable_motion,
+    without_thin,
 )
 from supersampler_model.rectification import clip_to_center, overshoot, variance_box
 from supersampler_model.sampling import (
@@ -161,7 +162,7 @@ class Taau(Method):
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
         "samples": (1, 2, *DISPLAY),  # count, and mean square of sample - past in toned luma
-        "surface": (1, 3, *PREVIOUS),  # reversed depth, mean and deviation of toned luma
+        "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),
     }
@@ -188,10 +189,10 @@ class Taau(Method):
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, exposure, history_exposure)
+        exposure = exposure_for(color, usable, exposure, history_exposure)
         toned = ycocg(tone(color * exposure)) * usable
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([depth, shade_of(toned[:, :1], usable)], dim=1)
+        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
 
         present = self.gather_present(toned, usable, surface, grid, display, render)
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
@@ -216,13 +217,14 @@ class Taau(Method):
 
         c = self.config
         smooth = normalised(under(samples, gaussian(c.frame_sigma)))
-        sharp = normalised(under(samples, catmull_rom))
+        sharp = under(samples, catmull_rom)  # whose weights, some negative, mean nothing if many are missing
+        sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = under(samples, gaussian(c.sample_sigma), ratio)
         window = under(torch.cat([toned, toned * toned, usable], dim=1), gaussian(c.moment_sigma))
         moments = normalised(window)
         seen = (window[:, 6:7] > UNSEEN).float()
         return Present(
-            frame=smooth + c.frame_sharpness * (sharp - smooth),
+            frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
             first=moments[:, :3],

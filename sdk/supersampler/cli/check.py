@@ -21,10 +21,10 @@ def check(
     Example:
       supersampler check shots/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.detect import detect
+    from supersampler.detect import detect_conventions
 
     opened = open_shot(shot)
-    detection = detect(opened, frames=frames)
+    detection = detect_conventions(opened, frames=frames)
     typer.echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
     for row in detection.rows():
         typer.echo(f"  {row['name']:7} {_verdict(row)}")

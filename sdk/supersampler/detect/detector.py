@@ -31,7 +31,7 @@ class RawFrames(Protocol):
         """Return one frame as stored."""
 
 
-def detect(
+def detect_conventions(
     shot: RawFrames | Sequence[RawFrame], *, frames: int = 6, conventions: Conventions | None = None
 ) -> Detection:
     """Find out which conventions some consecutive frames are in.
