@@ -83,6 +83,7 @@ class GltfScene:
         transform_before: Matrix | None = None,
         *,
         clip: int = 0,
+        emission: float = 1.0,
     ) -> tuple[Instance, ...]:
         """Return what the file shows at a time.
 
@@ -92,6 +93,7 @@ class GltfScene:
             transform: (4, 4) the file's space to the world.
             transform_before: the same one frame ago; None is "it stood still".
             clip: index in `clips`; a file without any stays as it is.
+            emission: multiplies what its materials emit.
 
         Raises:
             SceneError: there is no such clip, or a transform is no matrix.
@@ -104,7 +106,7 @@ class GltfScene:
         chosen = self.clips[clip] if self.clips else None
         now = places(self._nodes, chosen, time)
         before = now if time_before == time else places(self._nodes, chosen, time_before)
-        return tuple(_instance(part, (now, before), transforms) for part in self._parts)
+        return tuple(_instance(part, (now, before), transforms, emission) for part in self._parts)
 
     def _bounds(self) -> Values:
         found = places(self._nodes, None, 0.0)
@@ -113,7 +115,10 @@ class GltfScene:
 
 
 def _instance(
-    part: Part, found: tuple[dict[int, Matrix], dict[int, Matrix]], transforms: tuple[Matrix, Matrix]
+    part: Part,
+    found: tuple[dict[int, Matrix], dict[int, Matrix]],
+    transforms: tuple[Matrix, Matrix],
+    emission: float,
 ) -> Instance:
     models = transforms
     if part.joints is None:
@@ -125,6 +130,7 @@ def _instance(
         model_before=models[1],
         palette=part.palette(found[0]),
         palette_before=part.palette(found[1]),
+        emission=emission,
     )
 
 
