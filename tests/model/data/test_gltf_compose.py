@@ -148,12 +148,14 @@ def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> No
         [compose(folder, seed, FRAMES) for seed in range(8)]
 
 
-def test_a_folder_without_files_and_a_broken_file_are_named(folder: Path, tmp_path: Path) -> None:
+def test_what_is_not_there_or_broken_is_named(folder: Path, tmp_path: Path) -> None:
     (tmp_path / "empty").mkdir()
     with pytest.raises(SceneError, match=r"empty, without any \.glb or \.gltf; want"):
         compose(tmp_path / "empty", 0)
     with pytest.raises(SceneError, match=r"frames, frame_rate is \(0, 30.0\)"):
         compose(folder, 0, 0)
+    with pytest.raises(SceneError, match=r"index is 32; want 0 to 31"):
+        compose(folder, 0).scene(32)
     (folder / "room.glb").write_bytes(b"glTF")
     with pytest.raises(GltfError, match=r"room\.glb: "):
         compose(folder, 0)

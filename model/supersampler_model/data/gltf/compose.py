@@ -23,7 +23,8 @@ from supersampler_model.data.values import Vector
 
 STAGE = 8.0  # metres along the ground from which on a file is a stage
 PROPS, MODELS = 6, 3  # at most: how many stand there, and of how many files
-_KEPT = 0.3, 2.5  # metres: heights of props that are not resized
+_KEPT = 0.3, 1.9  # metres: heights of props that are not resized
+_TRIES = 16
 _STILL = np.eye(4)
 
 
@@ -59,7 +60,13 @@ class Composition:
         self._exposure = Flicker(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
 
     def scene(self, index: int) -> Scene:
-        """Return frame `index`, from 0 on."""
+        """Return what frame `index` shows, with where that was in the frame before.
+
+        Raises:
+            SceneError: there is no such frame.
+        """
+        if not 0 <= index < self.frames:
+            raise SceneError("index", got=index, want=f"0 to {self.frames - 1}")
         now, before = index / self.frame_rate, (index - 1) / self.frame_rate
         camera, lights = self._camera(index, index), self._lighting.at(now)
         return Scene(
@@ -109,16 +116,22 @@ class Composition:
             glow=Flicker(rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random(), bool(rng.integers(2))),
         )
 
+    def _path(self, rng: np.random.Generator) -> tuple[Values, Values]:
+        """Return where a camera walks from and to: past the props, not through them, if there is a way."""
+        props = np.array([prop.course.at_share(s) for prop in self._props for s in (0.0, 0.5, 1.0)])
+        for _ in range(_TRIES):
+            start = self._ground.near(rng, self._focus, 2.0, 5.0)
+            end = self._ground.near(rng, start, 0.5, 4.0)
+            line = start + np.linspace(0.0, 1.0, 9)[:, None] * (end - start)
+            apart = [np.hypot(*(line - thing)[:, [0, 2]].T).min() for thing in (self._focus, *props)]
+            if min(apart) > 1.0 and self._ground.clear(start, end):
+                return start, end
+        return start, start
+
     def _walk(self, rng: np.random.Generator) -> Walk:
-        start = self._ground.near(rng, self._focus, 2.0, 5.0)
-        end = next(
-            (e for _ in range(8) if self._ground.clear(start, e := self._ground.near(rng, start, 0.5, 4.0))),
-            start,
-        )
+        start, end = self._path(rng)
         eyes = np.array([0.0, rng.uniform(0.5, 1.8), 0.0])
         target = self._focus + np.array([0.0, rng.uniform(0.3, 1.0), 0.0])
-        if np.hypot(*(target - end)[[0, 2]]) < 1.0 or np.hypot(*(target - start)[[0, 2]]) < 1.0:
-            end = start
         pan = (rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6)) if rng.random() < 0.5 else (0.0, 0.0)
         course = Course(start + eyes, end + eyes, rng.uniform(0.2, 3.0), rng.uniform(0.0, 2.0))
         return Walk(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))

@@ -30,7 +30,10 @@ class Course:
     def at(self, time: float) -> Values:
         """Return the place (3,)."""
         length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
-        share = 0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase))
+        return self.at_share(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
+
+    def at_share(self, share: float) -> Values:
+        """Return the place (3,) at a share of the way."""
         return np.asarray(self.start + share * (self.end - self.start))
 
 
