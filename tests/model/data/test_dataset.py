@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 from gl_scenes import Yard
 from supersampler import ArgumentError, Upscaler, display_transform
@@ -27,6 +26,7 @@ from supersampler_model.data.dataset.info import rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.scene import Scene
+from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 DISPLAY = (96, 54)
 FRAMES = 3
