@@ -6,7 +6,7 @@ PYTHON ?= python3
 
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
-SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json')
+SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
 .PHONY: demo test check clean
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from analytic import DiscOverPlane
 from supersampler import Upscaler, display_transform, halton_jitter
 from supersampler.display import to_uint8
 from supersampler.image_io import write_png
+from supersampler_model.data.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
 METHODS = ["bilinear", "bicubic", "taa", "taau"]

@@ -7,12 +7,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 from supersampler import Frame, ShotError
 from supersampler.frame import Float32
 from supersampler.shot import Shot, ShotWriter
 from supersampler_bench import metrics, quality
 from supersampler_bench.quality import FrameScores, MethodScores, measure_quality
+from supersampler_model.data.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()

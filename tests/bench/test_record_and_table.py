@@ -6,7 +6,6 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from analytic import Plane, checker
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.shot import ShotWriter, shipped_shot
@@ -14,6 +13,7 @@ from supersampler_bench import quality
 from supersampler_bench.quality import FrameScores, MethodScores
 from supersampler_bench.record import quality_record, write_json
 from supersampler_bench.table import cells, markdown_table, update_block
+from supersampler_model.data.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality courtyard -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
 

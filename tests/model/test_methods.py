@@ -8,9 +8,19 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from analytic import Cut, DiscOverPlane, Plane, Scene, ShadingStep, checker, dots, thin_lines, zone_plate
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
 from supersampler.frame import Float32
+from supersampler_model.data.analytic import (
+    Cut,
+    DiscOverPlane,
+    Plane,
+    Scene,
+    ShadingStep,
+    checker,
+    dots,
+    thin_lines,
+    zone_plate,
+)
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import METHODS
 from supersampler_model.methods.taa import Taa, TaaConfig

@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 import supersampler
-from analytic import DiscOverPlane, Plane, checker, zone_plate
 from supersampler.checks import FrameChecker
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.jitter import halton_jitter
 from supersampler.shot import Shot
+from supersampler_model.data.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 COURTYARD = Path(supersampler.__file__).parent / "shots" / "courtyard"
 DISPLAY = (640, 360)

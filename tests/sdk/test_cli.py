@@ -97,7 +97,9 @@ def test_the_module_is_the_command() -> None:
     assert done.stdout.startswith("supersampler 0.")
 
 
-@pytest.mark.parametrize("command", ["demo", "upscale", "info", "check", "import", "export", "bench"])
+@pytest.mark.parametrize(
+    "command", ["demo", "upscale", "info", "check", "import", "render", "export", "bench"]
+)
 def test_every_command_has_help_and_the_top_lists_it(command: str) -> None:
     assert f"\n  {command} " in run("--help").output
     assert run(command, "--help").exit_code == 0

@@ -13,11 +13,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic import Plane, checker
 from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.image_io import read_exr, write_exr
 from supersampler.shot import Shot, ShotWriter, copy_shot, shipped_shot
+from supersampler_model.data.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (16, 9), (32, 18)
 SCENE = Plane(checker, (2.0, -1.0))

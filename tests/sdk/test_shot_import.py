@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from analytic import Plane, checker
 from supersampler import ArgumentError, Frame, ShotError
 from supersampler.conventions import Conventions
 from supersampler.image_io import write_exr
@@ -24,6 +23,7 @@ from supersampler.shot import (
     import_channels,
     open_source,
 )
+from supersampler_model.data.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (64, 36), (128, 72)
 JITTER = (0.25, -0.375)

@@ -10,10 +10,20 @@ from typer.core import TyperGroup
 from supersampler import __version__
 from supersampler.errors import SupersamplerError
 
-TOOLS = {"export": "supersampler_export.cli", "bench": "supersampler_bench.cli"}
+TOOLS = {
+    "render": "supersampler_model.data.cli",
+    "export": "supersampler_export.cli",
+    "bench": "supersampler_bench.cli",
+}
 """Commands of the training side, by the module whose `app` they are; imported only when they are called."""
 
-EXTRAS = {"torch": "train", "onnx": "train", "onnxscript": "train"}
+EXTRAS = {
+    "torch": "train",
+    "onnx": "train",
+    "onnxscript": "train",
+    "moderngl": "render",
+    "safetensors": "render",
+}
 """Packages that a runtime-only install lacks, and the extra that brings each."""
 
 
@@ -80,6 +90,10 @@ def supersampler(
     with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: courtyard. Sizes
     are width x height in pixels.
     """
+
+
+def render() -> None:
+    """Render a training set with exact truth and labels. Needs moderngl."""
 
 
 def export() -> None:

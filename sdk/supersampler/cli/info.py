@@ -1,5 +1,6 @@
 """`supersampler info`."""
 
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -30,6 +31,8 @@ def info(
         _print_rows({"models": ", ".join(model_names()), "shots": "courtyard"})
     elif what in model_names() or (Path(what) / "model.json").is_file():
         _print_rows(_model_rows(read_model_info(find_model(what))))
+    elif (Path(what) / "dataset.json").is_file():
+        _print_rows(import_module("supersampler_model.data.dataset.info").rows(Path(what)))
     else:
         _print_rows(_shot_rows(open_shot(what)))
 

@@ -4,21 +4,28 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from analytic import (
+from supersampler_bench.metrics import psnr
+from supersampler_model.data.analytic import (
+    EXTENT,
     FAR,
     NEAR,
     Cut,
     DiscOverPlane,
+    Floor,
+    Mask,
     Pattern,
     Plane,
     Scene,
     ShadingStep,
+    WiresOverPlane,
     checker,
     dots,
+    places,
+    plain,
+    ripples,
     thin_lines,
     zone_plate,
 )
-from supersampler_bench.metrics import psnr
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = pytest.mark.parametrize("pattern", [zone_plate, thin_lines, dots, checker])
@@ -68,7 +75,7 @@ def test_the_truth_is_the_same_scene_at_every_size() -> None:
     np.testing.assert_allclose(large.reshape(72, 2, 128, 2, 3).mean(axis=(1, 3)), small, atol=1e-6)
 
 
-def followed(scene: Scene, index: int, sign: float = 1.0) -> tuple[float, NDArray[np.bool_]]:
+def followed(scene: Scene, index: int, sign: float = 1.0) -> tuple[float, Mask]:
     """PSNR of the last truth, moved along whole-pixel motion, and where that is fair to ask."""
     motion = sign * scene.frame(index, DISPLAY).motion
     rows, columns = np.indices((72, 128))
@@ -80,7 +87,7 @@ def followed(scene: Scene, index: int, sign: float = 1.0) -> tuple[float, NDArra
     return psnr(past, scene.truth(index, DISPLAY), fair), fair
 
 
-def near(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+def near(mask: Mask) -> Mask:
     """Return the mask and the pixels that touch it."""
     padded = np.pad(mask, 1)
     height, width = mask.shape
@@ -135,3 +142,63 @@ def test_a_cut_resets_shows_the_other_scene_and_has_no_past() -> None:
     )
     assert scene.disoccluded(2, RENDER).all()
     assert not scene.disoccluded(3, RENDER).any()
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        Plane(zone_plate, (0.7, -0.3), bumps=ripples),
+        Floor(checker, 3.0),
+        Floor(checker, -2.0),
+        WiresOverPlane(),
+        DiscOverPlane(),
+        ShadingStep(Floor(checker, 3.0), at=9),
+        Cut(Plane(dots), Floor(checker, 3.0), at=4),
+    ],
+)
+def test_what_is_seen_was_where_its_motion_says_at_the_depth_it_says(scene: Scene) -> None:
+    x, y = places(DISPLAY)
+    now, seen = scene.surface(5, x, y), scene.visible_before(5, x, y)
+    assert seen.mean() > 0.5
+    before = scene.surface(4, x + now.motion[..., 0], y + now.motion[..., 1])
+    np.testing.assert_allclose(before.depth[seen], now.depth_before[seen], rtol=1e-9)
+    for a, b in ((before.color, now.color), (before.normal, now.normal)):
+        assert (np.abs(a - b).max(axis=-1) < 1e-6)[seen].mean() > 0.999  # rounding decides on edges
+    np.testing.assert_allclose(before.normal_mapped[seen], now.normal_mapped[seen], atol=1e-6)
+
+
+def test_a_floor_is_a_plane_and_comes_closer() -> None:
+    now = Floor(checker, 3.0).surface(5, *places(DISPLAY))
+    np.testing.assert_allclose(np.diff(now.depth, n=2, axis=0), 0.0, atol=1e-15)  # linear on the screen
+    np.testing.assert_allclose(1.0 / now.depth_before - 1.0 / now.depth, 3.0)
+    assert FAR < now.depth.min() < now.depth.max() < NEAR
+    away = np.stack(np.broadcast_arrays(*places(DISPLAY)), axis=-1) - (EXTENT[0] / 2, -FAR / Floor.SLOPE)
+    assert (now.motion * away).sum(axis=-1).max() < 0  # all came from its vanishing point
+
+
+def test_a_changed_light_and_a_cut_keep_what_a_scene_says_of_its_past() -> None:
+    scene = DiscOverPlane()
+    for wrapped in (ShadingStep(scene, at=4), Cut(Plane(dots), scene, at=2)):
+        np.testing.assert_array_equal(wrapped.disoccluded(4, DISPLAY), scene.disoccluded(4, DISPLAY))
+    assert ShadingStep(Cut(Plane(dots), scene, at=2), at=4).cut(2)
+
+
+def test_evidence_holds_the_ranges_and_the_mean_of_the_samples_drawn() -> None:
+    scene = DiscOverPlane()
+    drawn = scene.evidence(3, RENDER, samples=4)
+    np.testing.assert_array_equal(drawn.pixels.color_mean, scene.truth(3, RENDER, samples=4))
+    np.testing.assert_array_equal(drawn.motion, scene.frame(3, RENDER).motion)
+    np.testing.assert_array_equal(drawn.depth_before, scene.frame(3, RENDER).depth)  # nothing comes closer
+    depths = np.array([sample.depth for sample in scene.samples(3, RENDER, 4)], np.float32)
+    np.testing.assert_array_equal(drawn.pixels.depth_min, depths.min(axis=0))
+    np.testing.assert_array_equal(drawn.pixels.depth_max, depths.max(axis=0))
+    assert [scene.evidence(i, RENDER, samples=1).cut for i in (0, 1)] == [True, False]
+
+
+def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
+    flat, bumpy = (Plane(plain, bumps=bumps).evidence(0, RENDER) for bumps in (Plane(plain).bumps, ripples))
+    assert bumpy.pixels.normal_mapped_spread.min() > 0.3
+    assert not flat.pixels.normal_mapped_spread.any()
+    assert not bumpy.pixels.normal_spread.any()
+    normals = Plane(plain, bumps=ripples).surface(0, *places(RENDER)).normal_mapped
+    np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0)

@@ -1,0 +1,330 @@
+"""Scenes with exact truth at any resolution and exact motion, in numpy: no file, no renderer, no licence.
+
+A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
+at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
+over that area. The size of a picture in pixels is chosen when it is drawn, so 1 unit is 1 pixel at 64 x 36
+and 2 pixels at 128 x 72.
+
+>>> scene = Plane(zone_plate)
+>>> frames = [scene.frame(i, (64, 36), jitter) for i, jitter in enumerate(jitters)]
+>>> truth = scene.truth(0, (128, 72))
+>>> labels = label(scene.evidence(1, (128, 72)), scene.evidence(0, (128, 72)))
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Frame
+from supersampler.frame import Float32, Size
+from supersampler_model.data.labels import Evidence, Sample, statistics_of
+
+Values = NDArray[np.float64]
+Mask = NDArray[np.bool_]
+Vector = tuple[float, float]
+Pattern = Callable[[Values, Values], Values]
+"""(x, y), (...) units each, to (..., 3): linear RGB in [0, 1], or unit normals."""
+
+EXTENT = (64.0, 36.0)
+FAR, NEAR = 0.01, 0.1  # reversed depth of the background and of what is before it
+
+
+class Surface(NamedTuple):
+    """What is seen at some places."""
+
+    color: Values  # (..., 3) linear RGB
+    depth: Values  # (...) reversed
+    motion: Values  # (..., 2) units, previous minus current
+    depth_before: Values  # (...) reversed, of the same point one frame ago
+    normal: Values  # (..., 3) unit length, x right, y up, z to the camera; without the normal map
+    normal_mapped: Values  # (..., 3) with it
+
+
+class Scene:
+    """Base of the scenes: they say what is seen where, and this draws it."""
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return what is seen at (x, y) units in frame `index`."""
+        raise NotImplementedError
+
+    def cut(self, index: int) -> bool:
+        """Return True where frame `index` starts anew."""
+        return index == 0
+
+    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
+        """Return where what is seen in frame `index` was in sight one frame ago, at its motion's end."""
+        motion = self.surface(index, x, y).motion
+        x, y = x + motion[..., 0], y + motion[..., 1]
+        inside = (x > 0) & (x < EXTENT[0]) & (y > 0) & (y < EXTENT[1])
+        return np.asarray(inside & (not self.cut(index)))
+
+    def frame(self, index: int, size: Size, jitter: Vector = (0.0, 0.0)) -> Frame:
+        """Sample the scene once a pixel, at centre + jitter: conventions of DESIGN.md section 3."""
+        surface = self.surface(index, *places(size, jitter))
+        motion = surface.motion * np.array(size) / EXTENT
+        return Frame(
+            color=surface.color.astype(np.float32),
+            depth=surface.depth.astype(np.float32),
+            motion=motion.astype(np.float32),
+            jitter=jitter,
+            reset=self.cut(index),
+            exposure=1.0,
+        )
+
+    def truth(self, index: int, size: Size, samples: int = 16) -> Float32:
+        """Average the scene over each pixel by samples x samples regular ones: (H, W, 3) linear RGB."""
+        total = np.zeros((size[1], size[0], 3))
+        for x, y in grids(size, samples):
+            total += self.surface(index, x, y).color
+        return (total / samples**2).astype(np.float32)
+
+    def disoccluded(self, index: int, size: Size) -> Mask:
+        """(H, W), True where a pixel's centre sees what was hidden or off screen one frame ago."""
+        return ~self.visible_before(index, *places(size))
+
+    def samples(self, index: int, size: Size, samples: int = 8) -> Iterator[Sample]:
+        """Yield samples x samples regular ones of each pixel, the upper left one first."""
+        for x, y in grids(size, samples):
+            surface = self.surface(index, x, y)
+            yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
+
+    def evidence(self, index: int, size: Size, samples: int = 8) -> Evidence:
+        """Gather what the labels are made from, at exposure 1, by samples x samples regular ones a pixel."""
+        centers = self.surface(index, *places(size))
+        return Evidence(
+            pixels=statistics_of(self.samples(index, size, samples)),
+            motion=(centers.motion * np.array(size) / EXTENT).astype(np.float32),
+            depth_before=centers.depth_before.astype(np.float32),
+            cut=self.cut(index),
+        )
+
+
+def places(size: Size, offset: Vector = (0.0, 0.0)) -> tuple[Values, Values]:
+    """Return x and y, (H, W) each, in units, of all pixel centres + offset (pixels)."""
+    width, height = size
+    x = (np.arange(width) + 0.5 + offset[0]) * EXTENT[0] / width
+    y = (np.arange(height) + 0.5 + offset[1]) * EXTENT[1] / height
+    return tuple(np.meshgrid(x, y))  # type: ignore[return-value]
+
+
+def grids(size: Size, samples: int) -> Iterator[tuple[Values, Values]]:
+    """Yield the places of one sample of each pixel after another, samples x samples regular ones in all."""
+    offsets = (np.arange(samples) + 0.5) / samples - 0.5
+    for dy in offsets:  # sample by sample, so that memory does not grow with their number
+        for dx in offsets:
+            yield places(size, (dx, dy))
+
+
+# --- patterns: colours, hard to sample but for the plain one, and normals ---
+
+
+def plain(x: Values, y: Values) -> Values:
+    """Grey all over: what remains of a scene is its shape."""
+    return np.broadcast_to(0.5, (*np.broadcast(x, y).shape, 3))
+
+
+def zone_plate(x: Values, y: Values) -> Values:
+    """Rings ever finer from the middle outwards, to one a unit in the corners."""
+    dx, dy = x - EXTENT[0] / 2, y - EXTENT[1] / 2
+    finest = np.hypot(*EXTENT) / 2  # units from the middle, where the phase grows by 2 pi a unit
+    return grey(0.5 + 0.5 * np.cos(np.pi / finest * (dx * dx + dy * dy)))
+
+
+def thin_lines(x: Values, y: Values) -> Values:
+    """Bright lines, 0.4 units wide, as spokes at twelve angles, on dark."""
+    return on_dark(from_spokes(x, y) < 0.2)
+
+
+def dots(x: Values, y: Values) -> Values:
+    """Bright discs of 0.35 units radius, smaller than a pixel at 64 x 36, 4.3 units apart, on dark."""
+    spacing = 4.3  # no multiple of a pixel: the dots fall on pixels in all ways
+    return on_dark(np.hypot(*((v + spacing / 2) % spacing - spacing / 2 for v in (x, y))) < 0.35)
+
+
+def checker(x: Values, y: Values) -> Values:
+    """Squares of 3.7 units, turned by 20 degrees so that their edges alias, orange and blue."""
+    turned = np.cos(0.35) * x + np.sin(0.35) * y, np.cos(0.35) * y - np.sin(0.35) * x
+    odd = sum(np.floor(v / 3.7).astype(int) for v in turned) % 2
+    return np.where(odd[..., None] == 1, (0.9, 0.5, 0.1), (0.05, 0.1, 0.3))
+
+
+def facing(x: Values, y: Values) -> Values:
+    """Normals that look at the camera."""
+    return np.broadcast_to((0.0, 0.0, 1.0), (*np.broadcast(x, y).shape, 3))
+
+
+def ripples(x: Values, y: Values) -> Values:
+    """Normals of waves of 0.8 units, 30 degrees to either side: several a pixel at 64 x 36."""
+    tilt = np.pi / 6 * np.sin(2 * np.pi * (x + 0.5 * y) / 0.8)
+    return np.stack([np.sin(tilt), np.zeros_like(tilt), np.cos(tilt)], axis=-1)
+
+
+def from_spokes(x: Values, y: Values) -> Values:
+    """Return the distance, units, from the nearest of twelve lines through the screen's middle."""
+    dx, dy = x - EXTENT[0] / 2, y - EXTENT[1] / 2
+    angles = np.pi * (np.arange(12) + 0.3) / 12  # +0.3: none along an axis
+    return np.asarray(np.abs(dx[..., None] * np.sin(angles) - dy[..., None] * np.cos(angles)).min(axis=-1))
+
+
+def grey(values: Values) -> Values:
+    """(...) to (..., 3)."""
+    return np.repeat(values[..., None], 3, axis=-1)
+
+
+def on_dark(bright: Mask) -> Values:
+    """Return white where `bright`, dark grey elsewhere."""
+    return grey(np.where(bright, 1.0, 0.05))
+
+
+# --- scenes ---
+
+
+@dataclass(frozen=True)
+class Plane(Scene):
+    """A pattern that fills the screen and pans by `velocity`, units a frame; (0, 0) is a still camera.
+
+    `bumps` is its normal map, and pans with it.
+    """
+
+    pattern: Pattern
+    velocity: Vector = (0.0, 0.0)
+    bumps: Pattern = facing
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the pattern, moved."""
+        there = x - index * self.velocity[0], y - index * self.velocity[1]
+        depth = np.full(x.shape, FAR)
+        motion = np.broadcast_to(-np.array(self.velocity), (*x.shape, 2))  # previous minus current
+        return Surface(self.pattern(*there), depth, motion, depth, facing(x, y), self.bumps(*there))
+
+
+@dataclass(frozen=True)
+class Floor(Scene):
+    """A slanted plane, seen by a camera that goes `speed` distance units a frame towards its horizon.
+
+    The horizon is above the screen. Distances are 1 / reversed depth, which grows evenly from FAR at the
+    screen's top to NEAR at its bottom, as any plane's. The pattern lies on the floor: its x to the right, its
+    y away from the first camera, distance units.
+    """
+
+    pattern: Pattern = plain
+    speed: float = 0.0
+
+    SLOPE = (NEAR - FAR) / EXTENT[1]  # reversed depth a unit of y
+    FOCAL = EXTENT[0]  # units of the screen at distance 1; 53 degrees from left to right
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the floor, nearer by `speed` with each frame."""
+        depth = FAR + self.SLOPE * y
+        depth_before = 1.0 / (1.0 / depth + self.speed)
+        aside = x - EXTENT[0] / 2
+        motion = aside * (depth_before / depth - 1.0), (depth_before - depth) / self.SLOPE
+        up = np.broadcast_to((0.0, 1.0, 0.0), (*x.shape, 3))
+        color = self.pattern(aside / (depth * self.FOCAL), 1.0 / depth + index * self.speed)
+        return Surface(color, depth, np.stack(motion, axis=-1), depth_before, up, up)
+
+
+@dataclass(frozen=True)
+class WiresOverPlane(Scene):
+    """White wires near the camera, before a plane; all stand still. `half_width` in units."""
+
+    background: Plane = Plane(plain)
+    half_width: float = 0.2
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return wires, white, and between them the plane."""
+        behind, wires = self.background.surface(index, x, y), from_spokes(x, y) < self.half_width
+        color, depth = np.where(wires[..., None], 1.0, behind.color), np.where(wires, NEAR, FAR)
+        return behind._replace(color=color, depth=depth, depth_before=depth)
+
+
+@dataclass(frozen=True)
+class DiscOverPlane(Scene):
+    """A near, ringed disc that crosses a panning background: it hides at its front and reveals at its back.
+
+    Its rings move with it. `start` and `radius` in units, velocities in units a frame.
+    """
+
+    velocity: Vector = (1.0, 0.5)
+    background_velocity: Vector = (-0.5, 0.0)
+    start: Vector = (20.0, 14.0)
+    radius: float = 8.0
+    pattern: Pattern = checker
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the disc where it is, else the background."""
+        behind = Plane(self.pattern, self.background_velocity).surface(index, x, y)
+        inside = self.covers(index, x, y)
+        rings = 0.5 + 0.5 * np.cos(2.0 * self.distance(index, x, y))
+        depth = np.where(inside, NEAR, FAR)
+        return behind._replace(
+            color=np.where(inside[..., None], grey(rings), behind.color),
+            depth=depth,
+            motion=np.where(inside[..., None], -np.array(self.velocity), behind.motion),
+            depth_before=depth,
+        )
+
+    def distance(self, index: int, x: Values, y: Values) -> Values:
+        """Return the distance from the disc's middle in frame `index`, units."""
+        middle = np.array(self.start) + index * np.array(self.velocity)
+        return np.asarray(np.hypot(x - middle[0], y - middle[1]))
+
+    def covers(self, index: int, x: Values, y: Values) -> Mask:
+        """Return where the disc is in frame `index`."""
+        return self.distance(index, x, y) < self.radius
+
+    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
+        """Return where the disc hid nothing and the screen's border neither."""
+        x_before, y_before = x - self.background_velocity[0], y - self.background_velocity[1]
+        hidden = ~self.covers(index, x, y) & self.covers(index - 1, x_before, y_before)
+        return super().visible_before(index, x, y) & ~hidden
+
+
+@dataclass(frozen=True)
+class ShadingStep(Scene):
+    """A scene whose light changes by `gain` at frame `at`, without any motion to tell of it."""
+
+    scene: Scene
+    at: int
+    gain: float = 0.25
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the scene, in the light of now."""
+        surface = self.scene.surface(index, x, y)
+        return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
+
+    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
+        """Return what the scene says: light hides nothing."""
+        return self.scene.visible_before(index, x, y)
+
+    def cut(self, index: int) -> bool:
+        """Return what the scene says."""
+        return self.scene.cut(index)
+
+
+@dataclass(frozen=True)
+class Cut(Scene):
+    """One scene until frame `at`, another from then on, which starts with a reset."""
+
+    before: Scene
+    after: Scene
+    at: int
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the scene that is on."""
+        return self.shown(index).surface(index, x, y)
+
+    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
+        """Return what the scene that is on says, and nothing on the cut."""
+        return self.shown(index).visible_before(index, x, y) & (not self.cut(index))
+
+    def cut(self, index: int) -> bool:
+        """Return True where the scene changes, and where the one that is on starts anew."""
+        return index == self.at or self.shown(index).cut(index)
+
+    def shown(self, index: int) -> Scene:
+        """Return the scene that frame `index` shows."""
+        return self.before if index < self.at else self.after

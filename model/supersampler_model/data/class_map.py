@@ -1,0 +1,115 @@
+"""Class maps as pictures: false colours that colour-blind people tell apart, over a picture, with a legend.
+
+The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; where that is visibility ghosting
+of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler_model.data.labels import Alias, Ghost, Labels
+
+Picture = NDArray[np.uint8]
+
+NOTHING = (24, 24, 24)
+COLORS: Mapping[str, tuple[int, int, int]] = {
+    "visibility": (213, 94, 0),  # vermilion
+    "visibility, aliased": (204, 121, 167),  # purple
+    "shading": (240, 228, 66),  # yellow
+    "geometry": (86, 180, 233),  # sky blue
+    "texture": (0, 158, 115),  # green
+}
+"""sRGB of each class, in the legend's order; NOTHING is that of pixels without a class."""
+
+OPACITY = 0.6
+LUMA = np.array((0.2126, 0.7152, 0.0722))
+
+# Letters of 3 x 5 pixels: five octal digits each, rows from the top; the leftmost pixel is the highest bit.
+GLYPHS = {
+    "a": "25755", "b": "65656", "c": "34443", "d": "65556", "e": "74647", "f": "74644", "g": "34553",
+    "h": "55755", "i": "72227", "j": "11152", "k": "55655", "l": "44447", "m": "57755", "n": "65555",
+    "o": "25552", "p": "65644", "q": "25563", "r": "65655", "s": "34216", "t": "72222", "u": "55557",
+    "v": "55552", "w": "55775", "x": "55255", "y": "55222", "z": "71247", "0": "75557", "1": "26227",
+    "2": "61247", "3": "61216", "4": "55711", "5": "74616", "6": "34752", "7": "71222", "8": "25252",
+    "9": "25716", ".": "00002", ",": "00024", "%": "51245", " ": "00000",
+}  # fmt: skip
+ADVANCE, LINE = 4, 8  # pixels from letter to letter, and from line to line, before scaling
+
+
+def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
+    """Return which pixels (H, W) have each colour of COLORS; no two overlap."""
+    visibility, shading = labels.ghost == Ghost.VISIBILITY, labels.ghost == Ghost.SHADING
+    aliased, ghost = labels.alias != Alias.NONE, labels.ghost != Ghost.NONE
+    return {
+        "visibility": visibility & ~aliased,
+        "visibility, aliased": visibility & aliased,
+        "shading": shading,
+        "geometry": (labels.alias == Alias.GEOMETRY) & ~ghost,
+        "texture": (labels.alias == Alias.TEXTURE) & ~ghost,
+    }
+
+
+def class_picture(labels: Labels) -> Picture:
+    """(H, W, 3) sRGB of the classes alone."""
+    picture = np.full((*labels.ghost.shape, 3), NOTHING, np.uint8)
+    for name, mask in masks_of(labels).items():
+        picture[mask] = COLORS[name]
+    return picture
+
+
+def overlay(labels: Labels, picture: NDArray[Any]) -> Picture:
+    """(H, W, 3) sRGB: the classes' colours over the picture in grey, so that colour always means a class.
+
+    Args:
+        labels: of the frame.
+        picture: (H, W, 3) of that frame as it is displayed, tone-mapped sRGB, uint8 or float in [0, 1].
+
+    Raises:
+        ArgumentError: the picture is not of the labels' size, or of another type.
+    """
+    want = (*labels.ghost.shape, 3)
+    if picture.shape != want or not (picture.dtype == np.uint8 or np.issubdtype(picture.dtype, np.floating)):
+        raise ArgumentError(
+            "picture", got=f"{picture.shape} {picture.dtype}", want=f"{want} uint8, or float in [0, 1]"
+        )
+    values = picture.astype(np.float32) * (1.0 if picture.dtype == np.uint8 else 255.0)
+    shown = np.repeat((values @ LUMA)[..., None], 3, axis=-1)
+    for name, mask in masks_of(labels).items():
+        shown[mask] += OPACITY * (np.array(COLORS[name]) - shown[mask])
+    return np.asarray(np.clip(np.rint(shown), 0, 255), np.uint8)
+
+
+def with_legend(picture: Picture, labels: Labels) -> Picture:
+    """Put a legend under a picture: each colour, its class, and which part of the pixels has it.
+
+    Returns:
+        (H + legend, max(W, legend), 3) sRGB; the picture is in the upper left corner.
+    """
+    scale = 1 + picture.shape[1] // 480
+    lines = [_line(name, float(np.mean(mask)), scale) for name, mask in masks_of(labels).items()]
+    columns = max(1, min(len(lines), picture.shape[1] // lines[0].shape[1]))
+    lines += [np.zeros_like(lines[0])] * (-len(lines) % columns)
+    rows = [np.concatenate(lines[i : i + columns], axis=1) for i in range(0, len(lines), columns)]
+    legend = np.concatenate(rows)
+    width = max(picture.shape[1], legend.shape[1])
+    parts = [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0))) for part in (picture, legend)]
+    return np.concatenate(parts)
+
+
+def _line(name: str, share: float, scale: int) -> Picture:
+    """One entry of the legend, as wide as any other: a swatch, the name, the share in percent."""
+    written = _written(f"{name:<{max(map(len, COLORS))}} {100 * share:5.1f}%")
+    line = np.zeros((LINE, LINE + written.shape[1] + ADVANCE, 3), np.uint8)
+    line[1 : LINE - 1, 1 : LINE - 1] = COLORS[name]
+    line[1 : 1 + written.shape[0], LINE : LINE + written.shape[1]][written] = 255
+    return line.repeat(scale, axis=0).repeat(scale, axis=1)
+
+
+def _written(text: str) -> NDArray[np.bool_]:
+    """(5, ADVANCE * letters), True where ink is."""
+    letters = [[[int(row) >> bit & 1 for bit in (2, 1, 0)] for row in GLYPHS[letter]] for letter in text]
+    return np.concatenate([np.pad(np.array(letter, bool), ((0, 0), (0, 1))) for letter in letters], axis=1)

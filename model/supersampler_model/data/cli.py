@@ -1,0 +1,70 @@
+"""`supersampler render OUT`."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from supersampler.cli.arguments import parse_size, size_text
+from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
+from supersampler_model.data.dataset.sheet import write_sheet
+from supersampler_model.data.dataset.workers import render_dataset
+from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES
+
+app = typer.Typer(help="Render a training set with exact truth and labels.")
+
+
+@app.command()
+def render(
+    output: Annotated[Path, typer.Argument(help="Folder of the set.")],
+    scenes: Annotated[
+        str, typer.Option(help=f"`train`, `test`, or some of {', '.join((*TRAIN_FAMILIES, *TEST_FAMILIES))}.")
+    ] = "train",
+    sequences: Annotated[int, typer.Option(help="How many.")] = 60,
+    frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
+    size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
+    ratios: Annotated[str, typer.Option(help="Display over render size, drawn from these.")] = "1,1.5,2,3,4",
+    samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
+    gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
+    seed: Annotated[int, typer.Option(help="The same seed draws the same set.")] = 0,
+    workers: Annotated[int, typer.Option(help="Processes.")] = 1,
+    show_labels: Annotated[
+        bool, typer.Option(help="Write class maps of each sequence to OUT/labels.")
+    ] = False,
+) -> None:
+    """Render OUT, a training set: frames, references of many samples a pixel, and labels, split by scene.
+
+    A run that was stopped goes on when the same command is given again.
+
+    Examples:
+      supersampler render data --sequences 60 --frames 25 --workers 2
+      supersampler render data --scenes wires,floor --show-labels
+    """
+    families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
+    plan = RenderPlan(
+        families=families,
+        sequences=sequences,
+        frames=frames,
+        display_size=parse_size(size),
+        ratios=[float(r) for r in ratios.split(",")],
+        samples=samples,
+        gbuffers=gbuffers,
+        seed=seed,
+    )
+    console = Console(stderr=True, highlight=False)
+    dataset = create_dataset(output, plan_sequences(plan))
+    total = sum(entry.spec.frames for entry in dataset.entries())
+    done = sum(dataset.complete(entry) for entry in dataset.entries())
+    columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    try:
+        with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
+            task = progress.add_task("", total=total, completed=done)
+            render_dataset(dataset, workers=workers, on_frame=lambda: progress.advance(task))
+    except KeyboardInterrupt:
+        console.print("Stopped. The same command, given again, goes on.")
+        raise typer.Exit(130) from None
+    if show_labels:
+        write_sheet(dataset, output / "labels")
+    console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")

@@ -1,0 +1,30 @@
+"""Training sets on disk: rendered sequences with truth and labels, resumable, read by memory map."""
+
+from supersampler_model.data.dataset.description import (
+    Dataset,
+    Description,
+    SequenceEntry,
+    create_dataset,
+    open_dataset,
+)
+from supersampler_model.data.dataset.frame_file import (
+    TrainingFrame,
+    read_training_frame,
+    write_training_frame,
+)
+from supersampler_model.data.dataset.plan import RenderPlan, plan_sequences
+from supersampler_model.data.dataset.produce import render_sequence
+
+__all__ = [
+    "Dataset",
+    "Description",
+    "RenderPlan",
+    "SequenceEntry",
+    "TrainingFrame",
+    "create_dataset",
+    "open_dataset",
+    "plan_sequences",
+    "read_training_frame",
+    "render_sequence",
+    "write_training_frame",
+]

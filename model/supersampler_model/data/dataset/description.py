@@ -1,0 +1,165 @@
+"""dataset.json: which sequences a training set is made of, and which of them are for what."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+from supersampler.image_io import replacing
+from supersampler_model.data.dataset.frame_file import TrainingFrame, read_training_frame
+from supersampler_model.data.errors import DatasetError
+from supersampler_model.data.sequences import SequenceSpec
+
+FILE_NAME = "dataset.json"
+VERSION = 1
+Split = Literal["train", "validation", "test"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class SequenceEntry:
+    """One sequence of a training set.
+
+    Attributes:
+        spec: draws the same sequence again.
+        ratio: display size over render size.
+        split: what it is for.
+    """
+
+    spec: SequenceSpec
+    ratio: float
+    split: Split
+
+    @property
+    def folder(self) -> str:
+        """Where its frames are, below the set's folder."""
+        return f"{self.split}/{self.spec.family}-{self.spec.seed}"
+
+    def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
+        """(width, height) of its frames."""
+        return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Description:
+    """What a set is to hold; two runs with the same description draw the same pictures on one driver.
+
+    Attributes:
+        display_size: (width, height) of references and labels.
+        samples: a pixel of the reference.
+        gbuffers: whether display-size G-buffers are kept.
+        seed: what the plan was drawn from.
+        sequences: all of them.
+    """
+
+    display_size: tuple[int, int]
+    samples: int
+    gbuffers: bool
+    seed: int
+    sequences: tuple[SequenceEntry, ...]
+
+    def to_json(self) -> dict[str, Any]:
+        """Plain data."""
+        return {"version": VERSION, **asdict(self)}
+
+    @classmethod
+    def from_json(cls, content: Mapping[str, Any]) -> "Description":
+        """Inverse of `to_json`; KeyError or TypeError where it is none."""
+        entries = tuple(
+            SequenceEntry(spec=SequenceSpec(**e["spec"]), ratio=e["ratio"], split=e["split"])
+            for e in content["sequences"]
+        )
+        width, height = content["display_size"]
+        return cls(
+            display_size=(width, height),
+            samples=content["samples"],
+            gbuffers=content["gbuffers"],
+            seed=content["seed"],
+            sequences=entries,
+        )
+
+
+class Dataset:
+    """A training set on disk, as far as it is rendered."""
+
+    def __init__(self, folder: Path, description: Description) -> None:
+        self.folder, self.description = folder, description
+
+    def path(self, entry: SequenceEntry, index: int) -> Path:
+        """File of one frame, there or not."""
+        return self.folder / entry.folder / f"{index:04d}.safetensors"
+
+    def complete(self, entry: SequenceEntry) -> int:
+        """How many frames from the first on are there."""
+        for index in range(entry.spec.frames):
+            if not self.path(entry, index).exists():
+                return index
+        return entry.spec.frames
+
+    def entries(self, split: Split | None = None) -> list[SequenceEntry]:
+        """The sequences of a split, or all."""
+        return [e for e in self.description.sequences if split in (None, e.split)]
+
+    def read(self, entry: SequenceEntry, index: int) -> TrainingFrame:
+        """Map one frame into memory.
+
+        Raises:
+            DatasetError: it is not there, or damaged.
+        """
+        return read_training_frame(self.path(entry, index))
+
+    def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
+        """The frames of a sequence that are there, in order."""
+        for index in range(self.complete(entry)):
+            yield self.read(entry, index)
+
+
+def create_dataset(folder: Path, description: Description) -> Dataset:
+    """Begin a set, or take up one of the same description.
+
+    Raises:
+        DatasetError: a set of another description is there.
+    """
+    path = folder / FILE_NAME
+    if path.exists():
+        there = open_dataset(folder).description
+        for name, wanted in asdict(description).items():
+            if asdict(there)[name] != wanted:
+                hint = "Give the options of the first run, or another folder."
+                raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
+    else:
+        with replacing(path) as partial:
+            partial.write_text(json.dumps(description.to_json(), indent=1) + "\n", encoding="utf-8")
+    return Dataset(folder, description)
+
+
+def open_dataset(folder: Path) -> Dataset:
+    """Open a set; frames are read when asked for.
+
+    Raises:
+        DatasetError: there is none, or its description is damaged or of another version.
+    """
+    path = folder / FILE_NAME
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+        if content["version"] != VERSION:
+            raise DatasetError(path, f"version {content['version']}, this code reads {VERSION}")
+        return Dataset(folder, Description.from_json(content))
+    except FileNotFoundError as error:
+        raise DatasetError(path, "is not there", "`supersampler render` makes training sets.") from error
+    except (ValueError, KeyError, TypeError) as error:
+        raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
+
+
+def shares(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
+    """Share of each class over all pixels of the given sequences: visibility, shading, geometry, texture."""
+    counts = {"visibility": 0, "shading": 0, "geometry": 0, "texture": 0}
+    pixels = 0
+    for entry in entries:
+        for frame in dataset.frames(entry):
+            pixels += frame.ghost.size
+            counts["visibility"] += int((frame.ghost == 1).sum())
+            counts["shading"] += int((frame.ghost == 2).sum())
+            counts["geometry"] += int((frame.alias == 1).sum())
+            counts["texture"] += int((frame.alias == 2).sum())
+    return {name: count / max(pixels, 1) for name, count in counts.items()}

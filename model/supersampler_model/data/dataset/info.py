@@ -1,0 +1,57 @@
+"""What `supersampler info DATASET` says."""
+
+from collections import Counter
+from pathlib import Path
+
+from supersampler.image_io import write_png
+from supersampler_model.data.dataset.description import Dataset, Split, open_dataset, shares
+from supersampler_model.data.dataset.sheet import contact_sheet
+
+_SPLITS: tuple[Split, ...] = ("train", "validation", "test")
+
+
+def rows(folder: Path) -> dict[str, str]:
+    """Return name and text of each line, and write the contact sheet beside the set.
+
+    Raises:
+        DatasetError: it is no training set, or a frame is damaged.
+    """
+    dataset = open_dataset(folder)
+    description = dataset.description
+    width, height = description.display_size
+    sheet = folder / "contact-sheet.png"
+    write_png(sheet, contact_sheet(dataset))
+    return {
+        "training set": str(folder),
+        "display size": f"{width}x{height}, {description.samples} samples a pixel",
+        "sequences": _counts(dataset),
+        "ratios": _ratios(dataset),
+        "families": _families(dataset),
+        "classes": "\n".join(_shares(dataset, split) for split in _SPLITS if dataset.entries(split)),
+        "sheet": str(sheet),
+    }
+
+
+def _counts(dataset: Dataset) -> str:
+    lines = []
+    for split in _SPLITS:
+        entries = dataset.entries(split)
+        if entries:
+            there, all_of_it = sum(map(dataset.complete, entries)), sum(e.spec.frames for e in entries)
+            lines.append(f"{split}: {len(entries)} sequences, {there} of {all_of_it} frames")
+    return "\n".join(lines)
+
+
+def _ratios(dataset: Dataset) -> str:
+    counts = Counter(entry.ratio for entry in dataset.entries())
+    return ", ".join(f"{ratio:g} in {count}" for ratio, count in sorted(counts.items()))
+
+
+def _families(dataset: Dataset) -> str:
+    counts = Counter(entry.spec.family for entry in dataset.entries())
+    return ", ".join(f"{family} {count}" for family, count in sorted(counts.items()))
+
+
+def _shares(dataset: Dataset, split: Split) -> str:
+    texts = [f"{name} {share:.1%}" for name, share in shares(dataset, dataset.entries(split)).items()]
+    return f"{split}: {', '.join(texts)}"

@@ -1,0 +1,122 @@
+// GGX with height-correlated Smith masking on Lambert, under a sun, a spot, points and an environment.
+
+layout(std140) uniform Lights {
+    mat4 world_to_sun;
+    mat4 world_to_spot;
+    vec4 sun_direction;   // to the light; w: metres per texel of its shadow map
+    vec4 sun_color;
+    vec4 spot_position;   // w: reach
+    vec4 spot_axis;       // from the light; w: texels' size at a distance of 1 m
+    vec4 spot_color;      // w: cosine of the inner angle
+    vec4 counts;          // sun, spot, points; w: cosine of the spot's outer angle
+    vec4 panorama;        // x: levels, y: level of a mirror of alpha 1
+    vec4 irradiance[9];
+    vec4 point_position[MAX_POINTS];  // w: reach
+    vec4 point_color[MAX_POINTS];
+};
+
+uniform sampler2D environment;
+uniform sampler2DShadow sun_shadow;
+uniform sampler2DShadow spot_shadow;
+
+const float PI = 3.14159265;
+
+// Where a direction is in the panorama: the middle looks at -z.
+vec3 panorama_at(vec3 direction, float level) {
+    vec2 uv = vec2(atan(direction.x, -direction.z) / (2.0 * PI) + 0.5, acos(clamp(direction.y, -1.0, 1.0)) / PI);
+    return textureLod(environment, uv, level).rgb;
+}
+
+vec3 diffuse_environment(vec3 n) {
+    vec3 sum = irradiance[0].rgb + irradiance[1].rgb * n.x + irradiance[2].rgb * n.y + irradiance[3].rgb * n.z;
+    sum += irradiance[4].rgb * n.x * n.y + irradiance[5].rgb * n.y * n.z;
+    sum += irradiance[6].rgb * (3.0 * n.z * n.z - 1.0) + irradiance[7].rgb * n.x * n.z;
+    sum += irradiance[8].rgb * (n.x * n.x - n.y * n.y);
+    return max(sum, 0.0);
+}
+
+// Scale and offset of F0 in the preintegrated environment BRDF: Karis' fit for mobile GPUs.
+vec2 environment_brdf(float roughness, float n_v) {
+    vec4 r = roughness * vec4(-1.0, -0.0275, -0.572, 0.022) + vec4(1.0, 0.0425, 1.04, -0.04);
+    float edge = min(r.x * r.x, exp2(-9.28 * n_v)) * r.x + r.y;
+    return vec2(-1.04, 1.04) * edge + r.zw;
+}
+
+// Diffuse and specular BRDF times the cosine, for one direction to a light.
+vec3 reflected(Shaded s, vec3 f0, float alpha, vec3 v, vec3 l) {
+    float n_l = dot(s.normal, l);
+    if (n_l <= 0.0) {
+        return vec3(0.0);
+    }
+    vec3 h = normalize(v + l);
+    float n_v = max(dot(s.normal, v), 1e-4), n_h = clamp(dot(s.normal, h), 0.0, 1.0);
+    float a2 = alpha * alpha;
+    float lobe = n_h * n_h * (a2 - 1.0) + 1.0;
+    float d = a2 / (PI * lobe * lobe);
+    float g = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2) + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
+    vec3 f = f0 + (1.0 - f0) * pow(1.0 - clamp(dot(v, h), 0.0, 1.0), 5.0);
+    vec3 diffuse = (1.0 - f) * (1.0 - s.metallic) * s.base_color / PI;
+    return (diffuse + d * g * f) * n_l;
+}
+
+// Share of the light that arrives, by 3 x 3 texels. `bias` is in the map's depth.
+float lit(sampler2DShadow map, vec4 clip, float bias) {
+    vec3 at = clip.xyz / clip.w;
+    if (clip.w <= 0.0 || any(greaterThan(abs(at.xy), vec2(1.0))) || at.z > 1.0) {
+        return 1.0;
+    }
+    vec3 p = vec3(0.5 * at.xy + 0.5, at.z - bias);
+    vec2 texel = 0.5 / vec2(textureSize(map, 0));
+    float sum = texture(map, p + vec3(texel, 0.0)) + texture(map, p - vec3(texel, 0.0));
+    sum += texture(map, p + vec3(texel.x, -texel.y, 0.0)) + texture(map, p + vec3(-texel.x, texel.y, 0.0));
+    return 0.25 * sum;
+}
+
+// Fades to nothing at the light's reach, else by the square of the distance.
+float attenuation(float distance, float reach) {
+    float x = distance / reach;
+    float window = clamp(1.0 - x * x * x * x, 0.0, 1.0);
+    return window * window / max(distance * distance, 1e-4);
+}
+
+vec3 radiance(Shaded s) {
+    vec3 v = normalize(eye.xyz - s.world);
+    float alpha = max(s.roughness * s.roughness, 2e-3);
+    vec3 f0 = mix(vec3(0.08 * s.specular), s.base_color, s.metallic);
+    float n_v = clamp(dot(s.normal, v), 0.0, 1.0);
+
+    vec3 mirrored = reflect(-v, s.normal);
+    float level = clamp(panorama.y + log2(alpha), 0.0, panorama.x - 1.0);
+    vec2 brdf = environment_brdf(s.roughness, n_v);
+    vec3 diffuse = (1.0 - s.metallic) * s.base_color / PI * diffuse_environment(s.normal);
+    vec3 sum = s.emission + s.occlusion * (diffuse + panorama_at(mirrored, level) * (f0 * brdf.x + brdf.y));
+
+    if (counts.x > 0.5 && dot(s.smooth_normal, sun_direction.xyz) > 0.0) {
+        float slope = 1.0 - dot(s.smooth_normal, sun_direction.xyz);
+        vec3 beside = s.world + s.smooth_normal * sun_direction.w * (1.0 + 2.0 * slope);
+        float share = lit(sun_shadow, world_to_sun * vec4(beside, 1.0), 1e-4);
+        sum += share * sun_color.rgb * reflected(s, f0, alpha, v, sun_direction.xyz);
+    }
+    if (counts.y > 0.5) {
+        vec3 to = spot_position.xyz - s.world;
+        float distance = length(to);
+        vec3 l = to / distance;
+        float cone = smoothstep(counts.w, spot_color.w, dot(-l, spot_axis.xyz));
+        if (cone > 0.0 && dot(s.smooth_normal, l) > 0.0) {
+            float slope = 1.0 - dot(s.smooth_normal, l);
+            vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
+            float share = lit(spot_shadow, world_to_spot * vec4(beside, 1.0), 1e-5);
+            float arriving = share * cone * attenuation(distance, spot_position.w);
+            sum += arriving * spot_color.rgb * reflected(s, f0, alpha, v, l);
+        }
+    }
+    for (int i = 0; i < int(counts.z); i++) {
+        vec3 to = point_position[i].xyz - s.world;
+        float distance = length(to);
+        if (distance < point_position[i].w) {
+            float arriving = attenuation(distance, point_position[i].w);
+            sum += arriving * point_color[i].rgb * reflected(s, f0, alpha, v, to / max(distance, 1e-4));
+        }
+    }
+    return sum;
+}

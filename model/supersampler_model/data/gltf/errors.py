@@ -1,0 +1,67 @@
+"""What is wrong with a glTF file, and where in it.
+
+GltfError       a DataError: names the file, the place in it and the reason
+  MalformedError     its beginning inside this package: the reason; each `at` on the way out adds a place
+"""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from supersampler_model.data.errors import DataError, SceneError
+
+
+class GltfError(DataError, ValueError):
+    """A glTF file is broken, or holds what this renderer does not draw.
+
+    Attributes:
+        path: the file.
+        place: where in it, as "mesh 0 'Chair', primitive 1"; empty if it is the whole file.
+        problem: the reason.
+    """
+
+    def __init__(self, path: Path, place: str, problem: str) -> None:
+        self.path, self.place, self.problem = path, place, problem
+        super().__init__(f"{path}: {place}{': ' if place else ''}{problem}.")
+
+
+class MalformedError(Exception):
+    """A reason, without its place."""
+
+    def __init__(self, problem: str) -> None:
+        super().__init__(problem)
+        self.problem, self.places = problem.rstrip("."), list[str]()
+
+
+@contextmanager
+def at(place: str) -> Iterator[None]:
+    """Add `place` to what is raised inside, where JSON of any shape may be met."""
+    try:
+        yield
+    except MalformedError as error:
+        error.places.insert(0, place)
+        raise
+    except SceneError as error:
+        raise _placed(str(error), place) from error
+    except KeyError as error:
+        raise _placed(f"{error} is missing", place) from error
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+        raise _placed(f"this is not as glTF 2.0 has it ({error})", place) from error
+
+
+@contextmanager
+def reading(path: Path) -> Iterator[None]:
+    """Turn what is raised inside into a GltfError about `path`."""
+    try:
+        with at(""), np.errstate(all="ignore"):  # damaged numbers are found by checks, and named
+            yield
+    except MalformedError as error:
+        raise GltfError(path, ", ".join(filter(None, error.places)), error.problem) from error
+
+
+def _placed(problem: str, place: str) -> MalformedError:
+    malformed = MalformedError(problem)
+    malformed.places.append(place)
+    return malformed

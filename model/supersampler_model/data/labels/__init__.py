@@ -1,0 +1,21 @@
+"""Classes of pixels, made automatically from many samples: what temporal upscalers get wrong, and where.
+
+>>> labels = label(now, before)  # two `Evidence`: statistics, motion, expected previous depth
+>>> labels.ghost, labels.alias   # (H, W) uint8 each
+"""
+
+from supersampler_model.data.labels.rules import Alias, Ghost, Labels, LabelThresholds, label
+from supersampler_model.data.labels.statistics import Evidence, PixelStatistics, Sample, statistics_of, toned
+
+__all__ = [
+    "Alias",
+    "Evidence",
+    "Ghost",
+    "LabelThresholds",
+    "Labels",
+    "PixelStatistics",
+    "Sample",
+    "label",
+    "statistics_of",
+    "toned",
+]

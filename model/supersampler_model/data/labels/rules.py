@@ -1,0 +1,253 @@
+"""The rules that make classes: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
+
+Where the supplement is silent or contradicts itself, what was chosen is said at the line:
+
+- Equation 1 as printed compares with the depth at the same place on the screen; the sentence before it asks
+  for the point's own. Here it is the reversed depth which the point had one frame ago.
+- Velocity is motion in display pixels a frame.
+- Equations 5 and 9 hold for any channel. Equation 5 is taken absolute: shadows arrive as well as leave.
+- Opening is idempotent, so "twice" is read as two erosions, then two dilations.
+- What was off screen has no valid history and counts as hidden.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from enum import IntEnum
+from itertools import product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler_model.data.labels.statistics import Evidence, PixelStatistics
+
+Mask = NDArray[np.bool_]
+ClassMap = NDArray[np.uint8]
+Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+
+
+class Ghost(IntEnum):
+    """Why the past is of no use in a pixel."""
+
+    NONE = 0
+    VISIBILITY = 1  # it was hidden, off screen, or before a cut
+    SHADING = 2  # its light has changed
+
+
+class Alias(IntEnum):
+    """Why one sample does not tell a pixel's colour."""
+
+    NONE = 0
+    GEOMETRY = 1  # edges of surfaces
+    TEXTURE = 2  # detail on one surface: texture, normal map, highlights
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LabelThresholds:
+    """Thresholds of the rules; the paper's where it gives them.
+
+    Attributes:
+        depth_ghost: T_D^G of equations 1 and 3, part of the closer reversed depth.
+        velocity: T_V^G of equations 2 and 4, square of display pixels a frame.
+        color_change: T_I^G of equation 5, toned colour in [0, 1). Not in the paper; calibrated on 16 samples.
+        color_overlap: T_IoU^G of equation 6. Not in the paper either.
+        box_padding: moves every face of equation 6's boxes outwards, toned colour: flat pixels need volume.
+        openings: erosions, then as many dilations, by 3x3, of what (5) and (6) say.
+        depth_alias: T_D^A of equation 7, part of the closer reversed depth.
+        normal: T_N^A of equation 8, L1 distance of unit vectors.
+        color_range: T_I^A of equation 9, part of the brightest sample, of linear colour.
+        darkest: equation 9 leaves out channels with nothing brighter, toned colour: ratios explode in blacks.
+        slope_aware: in the depth tests (1), (3) and (7), let pass what a plane's slope explains. The paper's
+            tests (False) take every plane at a grazing angle for an edge.
+    """
+
+    depth_ghost: float = 0.01
+    velocity: float = 1.0
+    color_change: float = 0.05
+    color_overlap: float = 0.1
+    box_padding: float = 2.0 / 255.0
+    openings: int = 2
+    depth_alias: float = 0.01
+    normal: float = 0.5
+    color_range: float = 0.5
+    darkest: float = 0.02
+    slope_aware: bool = True
+
+
+DEFAULTS = LabelThresholds()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Labels:
+    """The two class maps of one frame, (H, W) uint8 each: values of `Ghost` and of `Alias`."""
+
+    ghost: ClassMap
+    alias: ClassMap
+
+    def shares(self) -> dict[str, float]:
+        """Return which part of the pixels each class has: visibility, shading, geometry, texture."""
+        counted = ((self.ghost, Ghost), (self.alias, Alias))
+        return {c.name.lower(): float(np.mean(map_ == c)) for map_, classes in counted for c in classes if c}
+
+
+def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
+    """Label one frame.
+
+    Args:
+        now: the frame.
+        before: the frame before it, toned at the same exposure; None where there is none, as on a cut.
+        thresholds: of the rules.
+
+    Raises:
+        ArgumentError: the frames differ in size.
+    """
+    geometry, aliased = aliasing(now.pixels, thresholds)
+    if before is None or now.cut:
+        hidden, relit = np.ones_like(geometry), np.zeros_like(geometry)
+    else:
+        if before.pixels.shape != now.pixels.shape:
+            want = f"{now.pixels.shape}, as the frame after it"
+            raise ArgumentError("before", got=before.pixels.shape, want=want)
+        hidden = visibility_ghosting(now, before, thresholds)
+        relit = shading_ghosting(now, before, thresholds) & ~aliased
+    # The paper's "shading ghosting label correction": what is hidden or aliased is not relit.
+    ghost = np.where(hidden, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
+    alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
+    return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))
+
+
+def visibility_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
+    """R_G, (H, W): what is seen now was hidden by something closer of another velocity, or off screen."""
+    past, on_screen = reprojected(now.motion)
+    there = before.pixels.depth_max[past]
+    slope = _allowance(before.pixels, thresholds)[past]  # half for the samples' spread, half for the rounding
+    hidden = _closer(there, now.depth_before, slope, thresholds.depth_ghost)  # (1)
+    hidden &= _apart(now.motion, before.motion[past], thresholds.velocity)  # (2)
+    return _dilated(hidden | ~on_screen, now, thresholds)
+
+
+def _dilated(ghosts: Mask, now: Evidence, thresholds: LabelThresholds) -> Mask:
+    """Spread to each of 8 neighbours that is behind the labelled pixel and moves otherwise.
+
+    Upscalers dilate motion, so such a neighbour fetches its history where the labelled surface was.
+    """
+    depth, slope = now.pixels.depth_max, _allowance(now.pixels, thresholds)
+    spread = ghosts.copy()
+    for source, target in _neighbours():
+        behind = _closer(depth[source], depth[target], slope[source], thresholds.depth_ghost)  # (3)
+        moves = _apart(now.motion[source], now.motion[target], thresholds.velocity)  # (4)
+        spread[target] |= ghosts[source] & behind & moves
+    return spread
+
+
+def shading_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
+    """R_S before its correction, (H, W): on screen a frame ago, in another light, and not just a speck."""
+    past, on_screen = reprojected(now.motion)
+    low, high = now.pixels.color_min, now.pixels.color_max
+    low_before, high_before = before.pixels.color_min[past], before.pixels.color_max[past]
+    changed = np.abs(high - high_before).max(axis=-1) > thresholds.color_change  # (5)
+    overlap = box_overlap(low, high, low_before, high_before, thresholds.box_padding)
+    return opened(on_screen & changed & (overlap < thresholds.color_overlap), thresholds.openings)  # (6)
+
+
+def aliasing(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> tuple[Mask, Mask]:
+    """A_G and A, (H, W) each: geometry aliasing, and all aliasing."""
+    slope = _allowance(pixels, thresholds)
+    depth = _closer(pixels.depth_max, pixels.depth_min, slope, thresholds.depth_alias)  # (7)
+    geometry = depth | (pixels.normal_spread > thresholds.normal)  # (8), without normal maps
+    detail = pixels.normal_mapped_spread > thresholds.normal  # (8), with them
+    return geometry, geometry | detail | color_varies(pixels, thresholds)
+
+
+def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> Mask:
+    """Equation 9, (H, W), of linear colour, so that no exposure changes it above the darkest.
+
+    With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
+    """
+    low, high = pixels.color_min, pixels.color_max
+    varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), nothing divided
+    return np.asarray((varies & (high > thresholds.darkest)).any(axis=-1))
+
+
+def reprojected(motion: Float32) -> tuple[Places, Mask]:
+    """Return (rows, columns) of the nearest pixel one frame ago, and where that is on screen, (H, W) each.
+
+    Off screen, and where the motion is no number, the place is row 0, column 0.
+    """
+    height, width = motion.shape[:2]
+    x = np.arange(width) + 0.5 + motion[..., 0]
+    y = np.arange(height)[:, None] + 0.5 + motion[..., 1]
+    on_screen = (x > 0) & (x < width) & (y > 0) & (y < height)  # the border is off, as for the methods
+    columns, rows = (np.where(on_screen, v, 0.0).astype(np.intp) for v in (x, y))
+    return (rows, columns), on_screen
+
+
+def plane_slope(pixels: PixelStatistics) -> Float32:
+    """(H, W) by how much a plane's reversed depth differs over one pixel: |dD/dx| + |dD/dy|.
+
+    A plane's reversed depth is linear on the screen, so its ranges step evenly from pixel to pixel and this
+    is exact. Edges are kept out by the smallest of four steps along each axis (to both sides; of the closest
+    and of the farthest samples), as an edge moves some of the four, not all; specks by 0 where the steps to
+    both sides point to or from the pixel.
+    """
+    slope = np.zeros(pixels.shape, np.float32)
+    for axis in (0, 1):
+        if pixels.shape[axis] == 1:
+            continue
+        by_closest, by_farthest = (np.diff(d, axis=axis) for d in (pixels.depth_max, pixels.depth_min))
+        step = np.where(np.abs(by_closest) < np.abs(by_farthest), by_closest, by_farthest)
+        first, last = np.take(step, [0], axis), np.take(step, [-1], axis)  # borders have one side only
+        one, other = np.concatenate([first, step], axis), np.concatenate([step, last], axis)
+        slope += np.where((one > 0) == (other > 0), np.minimum(np.abs(one), np.abs(other)), 0.0)
+    return slope
+
+
+def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padding: float) -> Float32:
+    """(H, W) intersection over union, by volume, of the colour boxes (H, W, 3) after padding, [0, 1]."""
+    sides = np.minimum(high, high2) - np.maximum(low, low2) + 2.0 * padding
+    common = np.maximum(sides, 0.0).prod(axis=-1)
+    volume, volume2 = ((b - a + 2.0 * padding).prod(axis=-1) for a, b in ((low, high), (low2, high2)))
+    return np.asarray(common / (volume + volume2 - common))
+
+
+def opened(mask: Mask, times: int) -> Mask:
+    """Erode `times` times by 3x3, then dilate as often: removes what is narrower than 2 `times` + 1 pixels.
+
+    What is beyond the screen's border neither erodes nor dilates.
+    """
+    for _ in range(times):
+        mask = ~_grown(~mask)
+    for _ in range(times):
+        mask = _grown(mask)
+    return mask
+
+
+def _grown(mask: Mask) -> Mask:
+    grown = mask.copy()
+    for source, target in _neighbours():
+        grown[target] |= mask[source]
+    return grown
+
+
+def _neighbours() -> Iterator[tuple[tuple[slice, slice], tuple[slice, slice]]]:
+    """Yield (source, target) of 8 directions: all pixels with a neighbour there, and their neighbours."""
+    all_, but_first, but_last = slice(None), slice(1, None), slice(None, -1)
+    steps = ((but_first, but_last), (all_, all_), (but_last, but_first))  # by -1, 0, 1
+    for (rows, rows_there), (columns, columns_there) in product(steps, steps):
+        if rows is not all_ or columns is not all_:
+            yield (rows, columns), (rows_there, columns_there)
+
+
+def _closer(front: Float32, back: Float32, slope: Float32, threshold: float) -> Mask:
+    """Where `front` is closer than `back` by more than `threshold` of it and than the slope explains."""
+    return np.asarray(front - back - slope > threshold * front)
+
+
+def _apart(velocity: Float32, other: Float32, threshold: float) -> Mask:
+    """(..., 2) each to (...): where the velocities' squared distance is above `threshold`."""
+    return np.asarray(np.square(velocity - other).sum(axis=-1) > threshold)
+
+
+def _allowance(pixels: PixelStatistics, thresholds: LabelThresholds) -> Float32:
+    return plane_slope(pixels) if thresholds.slope_aware else np.zeros(pixels.shape, np.float32)

@@ -1,0 +1,163 @@
+"""A street where vans, drones and signs rush past close to the camera and uncover what is behind them."""
+
+import numpy as np
+
+from supersampler_model.data.mesh import Mesh
+from supersampler_model.data.procedural import lighting, materials, shapes
+from supersampler_model.data.procedural.fixtures import bulb, skyline
+from supersampler_model.data.procedural.particles import dust, smoke
+from supersampler_model.data.procedural.paths import (
+    Vantage,
+    carried,
+    circuit,
+    drift,
+    headed,
+    spinning,
+    swing,
+    together,
+)
+from supersampler_model.data.procedural.stage import Stage
+from supersampler_model.data.procedural.transforms import placed
+
+Rng = np.random.Generator
+
+
+def movers(rng: Rng) -> Stage:
+    """Build the street, by day or at night."""
+    night = rng.random() < 0.35
+    if night:
+        sky = lighting.outdoors(rng, (0.015, 0.02, 0.05), (0.07, 0.06, 0.09), (0.02, 0.02, 0.02), stars=0.06)
+    else:
+        sky = lighting.outdoors(rng, (0.16, 0.3, 0.65), (0.6, 0.6, 0.6), (0.15, 0.14, 0.13), clouds=1.0)
+    stage = Stage(environment=sky, exposure=2.2 if night else 0.75)
+    if not night:
+        clouds = lighting.pulse(rng, "fade") if rng.random() < 0.4 else lighting.steady
+        stage.sun = lighting.sunlight(rng, 5.0, 13.0, elevation=(28, 58), center=(0, 0, -3), pulsing=clouds)
+    _street(rng, stage, 1.5 if night else 0.4)
+    skyline(rng, stage)
+    for _ in range(int(rng.integers(2, 4))):
+        _van(rng, stage)
+    for _ in range(int(rng.integers(2, 5))):
+        _drone(rng, stage)
+    _lights(rng, stage, night)
+    if rng.random() < 0.4:
+        stage.particles.append(smoke(rng, (float(rng.uniform(-4, 4)), 0.0, -4.8)))
+    if rng.random() < 0.3:
+        stage.particles.append(dust(rng, (-5, 0, -4), (5, 2, 3)))
+    stage.vantages += [
+        Vantage(position=(-1.0, 1.6, 5.2), target=(0.5, 1.5, -5.0), room=1.2),
+        Vantage(position=(-5.5, 1.9, 3.0), target=(2.5, 1.2, -4.0), room=1.2),
+        Vantage(position=(5.0, 1.1, 4.2), target=(-1.0, 1.6, -4.5), room=1.0),
+    ]
+    return stage
+
+
+def _street(rng: Rng, stage: Stage, shine: float) -> None:
+    stage.put(shapes.plane(60.0, 60.0, 0.4), materials.ground(rng, (0.3, 0.3, 0.31), 0.6))
+    stage.put(shapes.box(60.0, 0.15, 3.0, 0.6), materials.tiles(rng, 8, 0.1, 0.25), placed(0, 0, -6.2))
+    paint = materials.ground(rng, (0.8, 0.78, 0.7), 0.6)
+    stage.put(
+        shapes.merged((shapes.plane(1.6, 0.14), placed(x, 0.012, -1.3)) for x in range(-18, 20, 4)), paint
+    )
+    x = -17.0
+    while x < 16.0:
+        width, height = float(rng.uniform(3.5, 6.0)), float(rng.uniform(4.0, 8.0))
+        front = materials.brick(rng) if rng.random() < 0.7 else materials.planks(rng)
+        stage.put(shapes.box(width, height, 5.0, 0.5), front, placed(x + width / 2.0, 0, -10.1))
+        _front(rng, stage, x + width / 2.0, width, height, shine)
+        x += width + float(rng.choice([0.0, 0.0, 1.5]))
+    rails = [(shapes.tube([(-12, y, -4.8), (12, y, -4.8)], 0.02, 6), np.eye(4)) for y in (0.5, 0.95)]
+    posts = [(shapes.cylinder(0.03, 1.1, 8), placed(x, 0, -4.8)) for x in np.arange(-12.0, 12.1, 1.5)]
+    stage.put(shapes.merged(rails + posts), materials.paint(rng))
+
+
+def _front(rng: Rng, stage: Stage, x: float, width: float, height: float, shine: float) -> None:
+    frames, panes = [], []
+    for y in np.arange(0.9, height - 1.5, 2.1):
+        for k in np.arange(x - width / 2.0 + 0.9, x + width / 2.0 - 0.5, 1.5):
+            frames.append((shapes.box(1.0, 1.35, 0.12), placed(float(k), float(y), -7.6)))
+            panes.append((shapes.wall(0.8, 1.15), placed(float(k), float(y) + 0.1, -7.53)))
+    if frames:
+        stage.put(shapes.merged(frames), materials.paint(rng, (0.85, 0.83, 0.78), 0.3))
+        stage.put(shapes.merged(panes), materials.metal(rng, (0.25, 0.28, 0.32), 0.08))
+    if rng.random() < 0.6:
+        sign = materials.poster(rng, shine if rng.random() < 0.6 else 0.0)
+        pulsing = lighting.pulse(rng) if rng.random() < 0.4 else lighting.steady
+        stage.put(
+            shapes.panel(1.6, 0.8), sign, placed(x, float(rng.uniform(1.9, 2.6)), -7.42), emission=pulsing
+        )
+
+
+def _van(rng: Rng, stage: Stage) -> None:
+    z, speed = float(rng.uniform(-3.5, 1.2)), float(rng.uniform(4.0, 12.0))
+    pose = headed(swing(rng, (-9.0, 0.0, z), (9.0, 0.0, z), speed))
+    stage.put(_van_body(rng), materials.paint(rng, gloss=0.9), pose)
+    stage.put(_van_glass(), materials.metal(rng, (0.2, 0.22, 0.25), 0.08), pose)
+    for side in (-0.86, 0.86):
+        yaw = float(np.sign(side) * np.pi / 2.0)
+        stage.put(
+            shapes.panel(1.8, 0.8),
+            materials.poster(rng),
+            carried(pose, placed(side, 0.8, -0.6, yaw=yaw)),
+        )
+    wheel = shapes.merged((shapes.torus(0.24, 0.12, 20), placed(x) @ _UPRIGHT) for x in (-0.78, 0.78))
+    rubber = materials.paint(rng, (0.06, 0.06, 0.06), 0.2)
+    for z_axle in (-1.1, 1.2):
+        stage.put(wheel, rubber, carried(pose, placed(0, 0.36, z_axle)))
+
+
+_UPRIGHT = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])  # y to x: a ring becomes a wheel
+
+
+def _van_body(rng: Rng) -> Mesh:
+    tall = float(rng.uniform(1.3, 1.8))
+    return shapes.merged(
+        [
+            (shapes.box(1.7, tall, 2.6), placed(0, 0.4, -0.6)),
+            (shapes.box(1.66, 0.7, 1.3), placed(0, 0.4, 1.2)),
+            (shapes.box(1.6, 0.15, 4.1), placed(0, 0.3, 0)),
+        ]
+    )
+
+
+def _van_glass() -> Mesh:
+    return shapes.merged([(shapes.box(1.5, 0.5, 0.7), placed(0, 1.1, 0.95))])
+
+
+def _drone(rng: Rng, stage: Stage) -> None:
+    home = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(1.2, 2.8)), float(rng.uniform(-2.5, 1.5)))
+    path, shake = (
+        circuit(rng, home, (float(rng.uniform(1.5, 4)), 1.2), float(rng.uniform(3.0, 9.0))),
+        drift(rng, 0.15, 1.0),
+    )
+    pose = carried(headed(together(path, shake)), placed(size=float(rng.uniform(0.8, 1.6))))
+    arms = [
+        (shapes.tube([(0, 0, 0), (x, 0.05, z)], 0.02, 6), np.eye(4)) for x in (-0.3, 0.3) for z in (-0.3, 0.3)
+    ]
+    body = [
+        (shapes.box(0.22, 0.12, 0.34), placed(0, -0.06, 0)),
+        (shapes.ball(0.08, 8), placed(0, -0.08, 0.12)),
+    ]
+    stage.put(shapes.merged(arms + body), materials.paint(rng), pose)
+    blade, dark = shapes.box(0.36, 0.01, 0.03), materials.paint(rng, (0.1, 0.1, 0.1))
+    for x in (-0.3, 0.3):
+        for z in (-0.3, 0.3):
+            spin = spinning(placed(x, 0.06, z), (0, 1, 0), float(rng.uniform(25.0, 60.0)))
+            stage.put(blade, dark, carried(pose, spin))
+    pulsing, color = lighting.pulse(rng, "strobe"), lighting.tint(rng, float(rng.uniform(2, 6)))
+    stage.points.append(
+        lighting.lamp(together(path, shake, (0.0, -0.2, 0.0)), color, reach=5.0, pulsing=pulsing)
+    )
+
+
+def _lights(rng: Rng, stage: Stage, night: bool) -> None:
+    sweep = swing(rng, (-5.0, 0.0, -4.0), (5.0, 1.5, -6.0), float(rng.uniform(3.0, 8.0)))
+    mast, color = (float(rng.uniform(-3, 3)), 6.0, 2.5), lighting.tint(rng, 140.0 if night else 160.0, 0.2)
+    stage.spot = lighting.spotlight(
+        lighting.at_rest(mast), sweep, color, outer=24.0, reach=24.0, pulsing=lighting.pulse(rng)
+    )
+    for x in (-6.0, 0.0, 6.0):
+        pulsing = lighting.pulse(rng, "flicker") if rng.random() < 0.4 else lighting.steady
+        head = lighting.at_rest((x, 3.7, -5.0))
+        bulb(stage, head, lighting.tint(rng, 7.0, 0.6), size=0.14, reach=8.0, pulsing=pulsing)
+        stage.put(shapes.cylinder(0.05, 3.6, 8), materials.paint(rng, (0.15, 0.15, 0.16)), placed(x, 0, -5.0))

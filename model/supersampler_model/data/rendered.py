@@ -1,0 +1,145 @@
+"""What the renderer yields for one frame, and what upscalers and labels make of it."""
+
+from dataclasses import dataclass
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Frame
+from supersampler_model.data.labels import Evidence, PixelStatistics, toned
+
+Float16: TypeAlias = NDArray[np.float16]
+Float32: TypeAlias = NDArray[np.float32]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Surfaces:
+    """What is seen at each pixel, by one sample: (h, w, ...). Row 0 is on top, x points right, y down.
+
+    Attributes:
+        depth: (h, w) near / view distance; 0 at the sky.
+        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: what is at p now was
+            at p + motion[p] a frame ago. What was behind the camera then is sent off screen.
+        previous_depth: (h, w) the depth that the surface seen now had a frame ago, hidden or not.
+        base_color: (h, w, 3) in [0, 1].
+        normal: (h, w, 3) world, unit length, normal map applied; 0 at the sky.
+        smooth_normal: (h, w, 3) the same without the normal map.
+        roughness, metallic, specular: (h, w) in [0, 1].
+    """
+
+    depth: Float32
+    motion: Float32
+    previous_depth: Float32
+    base_color: Float16
+    normal: Float16
+    smooth_normal: Float16
+    roughness: Float16
+    metallic: Float16
+    specular: Float16
+
+    def gbuffer(self) -> dict[str, NDArray[Any]]:
+        """Return the buffers of `Frame.gbuffer` by name."""
+        names = ("base_color", "normal", "roughness", "metallic", "specular")
+        return {name: getattr(self, name) for name in names}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Reference:
+    """The truth at display size, (H, W, ...), by many samples a pixel, and how far these lie apart.
+
+    Attributes:
+        color: (H, W, 3) linear RGB, the samples' mean.
+        color_min, color_max: (H, W, 3) of the samples, each channel on its own.
+        depth_min, depth_max: (H, W) reversed depth of the samples.
+        normal_spread: (H, W) largest L1 distance of a sample's normal to that of the pixel's first sample,
+            in [0, 2 sqrt(3)], without normal maps; the sky's normal is 0.
+        normal_mapped_spread: (H, W) the same with normal maps.
+    """
+
+    color: Float32
+    color_min: Float32
+    color_max: Float32
+    depth_min: Float32
+    depth_max: Float32
+    normal_spread: Float32
+    normal_mapped_spread: Float32
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Rendered:
+    """One frame.
+
+    Attributes:
+        color: (h, w, 3) linear RGB at render size, one sample a pixel, taken at pixel centre + jitter.
+        render: what those samples see.
+        display: the same at display size, at pixel centres without jitter.
+        reference: the truth at display size.
+        jitter: (x, y) render pixels, in [-0.5, 0.5].
+        reset: True on the first frame after a cut.
+        exposure: what the colour is to be multiplied by before the tone curve.
+    """
+
+    color: Float16
+    render: Surfaces
+    display: Surfaces
+    reference: Reference
+    jitter: tuple[float, float]
+    reset: bool
+    exposure: float
+
+    def frame(self) -> Frame:
+        """Return what an `Upscaler` steps on."""
+        return frame_of(
+            self.color,
+            self.render,
+            self.display,
+            jitter=self.jitter,
+            reset=self.reset,
+            exposure=self.exposure,
+        )
+
+    def evidence(self, exposure: float | None = None) -> Evidence:
+        """Return what the labels of this frame are made from.
+
+        Args:
+            exposure: that colours are compared at; None is the frame's own. Two frames are compared at one.
+        """
+        truth, exposure = self.reference, self.exposure if exposure is None else exposure
+        pixels = PixelStatistics(
+            depth_min=truth.depth_min,
+            depth_max=truth.depth_max,
+            color_min=toned(truth.color_min, exposure).astype(np.float32),
+            color_max=toned(truth.color_max, exposure).astype(np.float32),
+            color_mean=truth.color,
+            normal_spread=truth.normal_spread,
+            normal_mapped_spread=truth.normal_mapped_spread,
+        )
+        return Evidence(
+            pixels=pixels,
+            motion=self.display.motion,
+            depth_before=self.display.previous_depth,
+            cut=self.reset,
+        )
+
+
+def frame_of(
+    color: Float16,
+    render: Surfaces,
+    display: Surfaces | None,
+    *,
+    jitter: tuple[float, float],
+    reset: bool = False,
+    exposure: float = 1.0,
+) -> Frame:
+    """Return what an `Upscaler` steps on; `display` is for the methods that read G-buffers, else None."""
+    return Frame(
+        color=color,
+        depth=render.depth,
+        motion=render.motion,
+        jitter=jitter,
+        reset=reset,
+        exposure=exposure,
+        gbuffer=render.gbuffer(),
+        gbuffer_display=None if display is None else {**display.gbuffer(), "depth": display.depth},
+    )

@@ -1,0 +1,271 @@
+"""Tiny scenes for the renderer's tests: shapes, textures, and what moves as functions of a frame's index."""
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler_model.data.camera import Camera
+from supersampler_model.data.environment import Environment, directions
+from supersampler_model.data.lights import Point, Spot, Sun
+from supersampler_model.data.mesh import Mesh, Skin, tangents_of
+from supersampler_model.data.scene import Instance, Material, Particles, Scene, Texture
+
+Values = NDArray[np.float64]
+
+
+# --- shapes ---
+
+
+def mesh_of(
+    positions: Values, normals: Values, uv: Values, indices: Values, skin: Skin | None = None
+) -> Mesh:
+    p, n, t = (np.ascontiguousarray(array, np.float32) for array in (positions, normals, uv))
+    i = np.ascontiguousarray(indices, np.uint32)
+    return Mesh(positions=p, normals=n, uv=t, tangents=tangents_of(p, n, t, i), indices=i, skin=skin)
+
+
+def grid_faces(rows: int, columns: int) -> Values:
+    """Two triangles for each cell of rows x columns vertices."""
+    y, x = np.mgrid[: rows - 1, : columns - 1]
+    a = (y * columns + x).ravel()
+    b, c = a + 1, a + columns
+    return np.concatenate([np.stack([a, c, b], 1), np.stack([b, c, c + 1], 1)])
+
+
+def plane(repeat: float) -> Mesh:
+    """2 x 2, facing +y; u along x, v along z."""
+    corners = np.array([[-1, 0, -1], [1, 0, -1], [-1, 0, 1], [1, 0, 1]], float)
+    uv = (corners[:, [0, 2]] + 1) / 2 * repeat
+    return mesh_of(corners, np.tile([0.0, 1.0, 0.0], (4, 1)), uv, grid_faces(2, 2))
+
+
+def box() -> Mesh:
+    """2 x 2 x 2."""
+    parts: list[tuple[Values, Values, Values, Values]] = []
+    for axis in range(3):
+        for side in (-1.0, 1.0):
+            normal, u = np.zeros(3), np.zeros(3)
+            normal[axis], u[(axis + 1) % 3] = side, 1.0
+            v = np.cross(normal, u)
+            square = [(-1, -1), (1, -1), (-1, 1), (1, 1)]
+            corners = np.array([normal + s * u + t * v for s, t in square])
+            faces = grid_faces(2, 2)[:, ::-1] + 4 * len(parts)
+            parts.append((corners, np.tile(normal, (4, 1)), (np.array(square, float) + 1) / 2, faces))
+    positions, normals, uv, indices = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
+    return mesh_of(positions, normals, uv, indices)
+
+
+def turned(
+    radii: Values, heights: Values, slopes: Values, sides: int = 32
+) -> tuple[Values, Values, Values, Values]:
+    """A surface of revolution around y, from below; `slopes` are the normals' y. Arrays for mesh_of."""
+    phi = np.linspace(0.0, 2.0 * np.pi, sides + 1)
+    around = np.stack([np.sin(phi), np.zeros_like(phi), np.cos(phi)], axis=-1)
+    up = np.array([0.0, 1.0, 0.0])
+    positions = radii[:, None, None] * around + heights[:, None, None] * up
+    normals = np.sqrt(1.0 - slopes**2)[:, None, None] * around + slopes[:, None, None] * up
+    u, v = np.meshgrid(np.linspace(0.0, 2.0, sides + 1), np.linspace(2.0, 0.0, len(radii)))
+    faces = grid_faces(len(radii), sides + 1)[:, ::-1]
+    return positions.reshape(-1, 3), normals.reshape(-1, 3), np.stack([u, v], -1).reshape(-1, 2), faces
+
+
+def ball() -> Mesh:
+    """Radius 1."""
+    theta = np.linspace(-np.pi / 2, np.pi / 2, 24)
+    return mesh_of(*turned(np.maximum(np.cos(theta), 1e-4), np.sin(theta), np.sin(theta)))
+
+
+def bending_tube() -> Mesh:
+    """Radius 0.25, height 2 from 0 up, bound to two joints, the upper one ever more from half way up."""
+    heights = np.linspace(0.0, 2.0, 17)
+    arrays = turned(np.full(17, 0.25), heights, np.zeros(17))
+    upper = np.clip(arrays[0][:, 1] - 0.5, 0.0, 1.0).astype(np.float32)
+    weights = np.stack([1 - upper, upper, 0 * upper, 0 * upper], axis=1)
+    joints = np.tile(np.array([0, 1, 0, 0], np.uint16), (len(upper), 1))
+    return mesh_of(*arrays, skin=Skin(joints=joints, weights=weights))
+
+
+# --- matrices ---
+
+
+def moved(x: float, y: float, z: float, size: float | tuple[float, float, float] = 1.0) -> Values:
+    matrix = np.diag([*np.broadcast_to(size, 3), 1.0])
+    matrix[:3, 3] = x, y, z
+    return matrix
+
+
+def rotated(axis: int, angle: float) -> Values:
+    matrix = np.eye(4)
+    a, b = (axis + 1) % 3, (axis + 2) % 3
+    matrix[[a, b], [a, b]] = np.cos(angle)
+    matrix[a, b], matrix[b, a] = -np.sin(angle), np.sin(angle)
+    return matrix
+
+
+# --- textures ---
+
+
+def smooth_noise(seed: int, size: int = 64, blur: float = 0.06) -> Values:
+    """(size, size) in [0, 1], repeating, without frequencies above about `blur` size."""
+    waves = np.fft.fft2(np.random.default_rng(seed).standard_normal((size, size)))
+    y, x = np.meshgrid(np.fft.fftfreq(size), np.fft.fftfreq(size), indexing="ij")
+    image = np.fft.ifft2(waves * np.exp(-(x * x + y * y) / (2.0 * blur**2))).real
+    return np.asarray((image - image.min()) / np.ptp(image))
+
+
+def tinted(values: Values, dark: tuple[int, int, int], bright: tuple[int, int, int]) -> Texture:
+    pixels = np.array(dark) + values[..., None] * (np.array(bright) - dark)
+    return Texture(pixels=pixels.round().astype(np.uint8))
+
+
+def bumps(seed: int, strength: float) -> Texture:
+    height = smooth_noise(seed) * strength * 64
+    slope_x, slope_y = (np.roll(height, 1, axis) - np.roll(height, -1, axis) for axis in (1, 0))
+    normals = np.stack([slope_x / 2, -slope_y / 2, np.ones_like(height)], axis=-1)  # green points up
+    normals /= np.linalg.norm(normals, axis=-1, keepdims=True)
+    return Texture(pixels=(127.5 * normals + 127.5).round().astype(np.uint8), srgb=False)
+
+
+def fence_texture() -> Texture:
+    y, x = np.mgrid[:64, :64] / 64.0
+    wire = np.minimum(np.abs((x + y) % 1.0 - 0.5), np.abs((x - y) % 1.0 - 0.5))
+    opacity = np.clip(0.5 + (0.09 - wire) * 16.0, 0.0, 1.0)
+    pixels = np.concatenate([np.full((64, 64, 3), 190.0), 255.0 * opacity[..., None]], axis=-1)
+    return Texture(pixels=pixels.round().astype(np.uint8))
+
+
+def sky(seed: int = 0) -> Environment:
+    """Blue above, brown below, some bright clouds."""
+    up = directions(64)[..., 1]
+    clouds = 2.0 * np.clip(np.tile(smooth_noise(seed), (1, 2)) - 0.6, 0.0, 1.0)
+    color = np.where((up > 0)[..., None], (0.35, 0.55, 0.95), (0.25, 0.2, 0.15))
+    color = color * (0.6 + 0.4 * np.abs(up))[..., None] + (clouds * (up > 0))[..., None]
+    return Environment(pixels=color.astype(np.float32))
+
+
+# --- scenes ---
+
+
+class Yard:
+    """Everything the renderer can draw, at once. Frame 0 onwards at 30 frames a second.
+
+    Args:
+        seed: of the textures.
+        frozen_lights: nothing but objects and the camera moves, no highlights follow them.
+        still: nothing moves at all.
+    """
+
+    def __init__(self, seed: int = 0, *, frozen_lights: bool = False, still: bool = False) -> None:
+        self.frozen_lights, self.still = frozen_lights, still
+        floor = tinted(smooth_noise(seed + 1, blur=0.12), (70, 60, 55), (200, 180, 150))
+        paint = tinted(smooth_noise(seed + 2, blur=0.07), (30, 60, 160), (250, 200, 60))
+        skin = tinted(smooth_noise(seed + 3, blur=0.08), (160, 40, 30), (240, 200, 170))
+        orm = np.stack([np.full((64, 64), 255.0), 100 + 120 * smooth_noise(seed + 4), np.zeros((64, 64))], -1)
+        matte = frozen_lights
+        self.floor = Material(
+            base_color_texture=floor, roughness=1.0, specular=0.0 if matte else 0.5,
+            normal_texture=bumps(seed + 5, 0.01),
+            orm_texture=None if matte else Texture(pixels=orm.astype(np.uint8), srgb=False),
+        )  # fmt: skip
+        self.paint = Material(
+            base_color_texture=paint, roughness=1.0 if matte else 0.4, specular=0.0 if matte else 0.5
+        )
+        self.skin = Material(base_color_texture=skin, roughness=1.0, specular=0.0 if matte else 0.5)
+        self.metal = Material(base_color=(0.95, 0.75, 0.4), metallic=0.0 if matte else 1.0, roughness=0.15)
+        if matte:
+            self.metal = replace(self.metal, roughness=1.0, specular=0.0)
+        self.fence = Material(
+            base_color_texture=fence_texture(), alpha_cutoff=0.5, double_sided=True, roughness=0.6
+        )
+        self.lamp = Material(base_color=(0.0, 0.0, 0.0), emissive=(4.0, 2.0, 0.5))
+        self.shapes = {"plane": plane(10.0), "box": box(), "ball": ball(), "tube": bending_tube()}
+        self.fence_shape = plane(8.0)
+        self.sky = sky(seed)
+
+    def camera(self, index: int) -> Camera:
+        t = 0.0 if self.still else index / 30.0
+        return Camera(
+            position=(1.5 * t, 1.6 + 0.6 * t, 5.0 - t), target=(0.3 * t, 0.7 - 0.6 * t, 0.0), fov_y=50.0
+        )
+
+    def instances(self, index: int) -> tuple[Instance, ...]:
+        now, before = self.poses(index), self.poses(index - 1)
+        things = [
+            (self.shapes["plane"], self.floor, "floor"), (self.shapes["box"], self.paint, "box"),
+            (self.shapes["ball"], self.metal, "ball"), (self.fence_shape, self.fence, "fence"),
+            (self.shapes["ball"], self.lamp, "lamp"),
+        ]  # fmt: skip
+        rigid = [
+            Instance(
+                mesh=mesh,
+                material=material,
+                model=now[name],
+                model_before=before[name],
+                emission=self.glow(index),
+            )
+            for mesh, material, name in things
+        ]
+        bent, bent_before = self.palette(index), self.palette(index - 1)
+        place = moved(-1.0, 0.0, 0.8)
+        tube = self.shapes["tube"]
+        return (
+            *rigid,
+            Instance(mesh=tube, material=self.skin, model=place, palette=bent, palette_before=bent_before),
+        )
+
+    def poses(self, index: int) -> dict[str, Values]:
+        t = 0.0 if self.still else index / 30.0
+        return {
+            "floor": moved(0, 0, -2, (8, 1, 8)),
+            "box": moved(0.1 + 2.0 * t, 0.55, 0.2) @ rotated(1, 0.5 + 2.0 * t) @ moved(0, 0, 0, 0.5),
+            "ball": moved(1.6, 0.6, -0.4, 0.6),
+            "fence": moved(-1.5, 1.0, -1.5) @ rotated(0, np.pi / 2) @ moved(0, 0, 0, (2, 1, 1)),
+            "lamp": moved(0.9, 0.15, 1.4, 0.15),
+        }
+
+    def palette(self, index: int) -> Values:
+        t = 0.0 if self.still else index / 30.0
+        bend = moved(0, 1, 0) @ rotated(2, 0.6 * np.sin(6.0 * t)) @ moved(0, -1, 0)
+        return np.stack([np.eye(4), bend])
+
+    def glow(self, index: int) -> float:
+        return 1.0 if self.frozen_lights or self.still else 1.0 + 0.5 * np.sin(3.0 * index)
+
+    def scene(self, index: int) -> Scene:
+        t = 0.0 if self.still or self.frozen_lights else index / 30.0
+        pulse = 1.5 + np.sin(9.0 * t)
+        sparks = np.random.default_rng(7).uniform((-1, 0.2, 0), (2, 2, 2), (20, 3))
+        sparks[:, 1] += 0.3 * t
+        particles = Particles(
+            centers=sparks.astype(np.float32), radii=np.full(20, 0.05, np.float32),
+            colors=np.tile(np.array([1.0, 0.5, 0.2, 0.3], np.float32), (20, 1)),
+        )  # fmt: skip
+        return Scene(
+            camera=self.camera(index),
+            camera_before=self.camera(index - 1),
+            environment=self.sky,
+            instances=self.instances(index),
+            sun=Sun(direction=(-0.5, -1.0, -0.45), color=(3.0, 2.8, 2.5), radius=7.0),
+            spot=Spot(
+                position=(2.5 - t, 3.5, 2.5), target=(0.5, 0.0, 0.0), color=(10.0, 8.0, 20.0), outer=30.0
+            ),
+            points=(
+                Point(position=(0.9, 0.5, 1.4), color=(1.2 * pulse, 0.6 * pulse, 0.15 * pulse), reach=4.0),
+            ),
+            particles=() if self.frozen_lights else (particles,),
+        )
+
+
+def unlit(scene: Scene) -> Scene:
+    """Show base colours only: black surfaces that emit theirs, before a black sky."""
+    dark = Environment(pixels=np.zeros((32, 64, 3), np.float32))
+    glowing: dict[Material, Material] = {}
+    for instance in scene.instances:
+        material = instance.material
+        glowing[material] = replace(
+            material, base_color=(0.0, 0.0, 0.0), specular=0.0, metallic=0.0, orm_texture=None,
+            emissive=material.base_color, emissive_texture=material.base_color_texture,
+        )  # fmt: skip
+    instances = tuple(replace(i, material=glowing[i.material], emission=1.0) for i in scene.instances)
+    return replace(scene, environment=dark, instances=instances, sun=None, spot=None, points=(), particles=())

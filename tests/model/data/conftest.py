@@ -1,0 +1,12 @@
+"""One renderer for the tests of this folder: without OpenGL they fail with the line that mends it."""
+
+import pytest
+
+from supersampler_model.data.gl.renderer import Renderer
+
+DISPLAY = (160, 90)
+
+
+@pytest.fixture(scope="session")
+def renderer() -> Renderer:
+    return Renderer(DISPLAY)

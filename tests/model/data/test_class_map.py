@@ -1,0 +1,72 @@
+"""Class maps as pictures: every class has its colour, the picture stays readable, the legend tells shares."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError
+from supersampler_model.data.class_map import COLORS, NOTHING, class_picture, masks_of, overlay, with_legend
+from supersampler_model.data.labels import Labels
+
+NAMES = [
+    ["nothing", "geometry", "texture"],
+    ["visibility", "visibility, aliased", "visibility, aliased"],
+    ["shading", "shading", "shading"],  # the last two never come of `label`
+]
+
+
+def labels(repeat: int = 1) -> Labels:
+    """All combinations: ghosts from the top, aliases from the left."""
+    ghost, alias = np.indices((3, 3)).astype(np.uint8).repeat(repeat, axis=1).repeat(repeat, axis=2)
+    return Labels(ghost, alias)
+
+
+def test_each_class_has_a_color_of_its_own() -> None:
+    picture = class_picture(labels())
+    assert picture.dtype == np.uint8
+    for row, names in enumerate(NAMES):
+        for column, name in enumerate(names):
+            assert tuple(picture[row, column]) == {**COLORS, "nothing": NOTHING}[name]
+    assert len({*COLORS.values(), NOTHING}) == len(COLORS) + 1
+    assert sum(masks_of(labels()).values()).max() == 1  # type: ignore[union-attr]
+
+
+def test_classes_differ_for_colour_blind_eyes() -> None:
+    """Seen without reds (Viénot 1999, protanopia) any two differ by more than a tenth of white."""
+    linear = np.array([*COLORS.values(), NOTHING]) / 255.0
+    linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
+    blind = linear @ np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]).T
+    seen = np.clip(blind, 0.0, 1.0) ** (1 / 2.2)
+    apart = np.linalg.norm(seen[:, None] - seen[None], axis=-1) + np.eye(len(seen))
+    assert apart.min() > 0.1
+
+
+@pytest.mark.parametrize("picture", [np.full((3, 3, 3), 255, np.uint8), np.ones((3, 3, 3), np.float32)])
+def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(picture: NDArray[np.generic]) -> None:
+    tinted = overlay(labels(), picture)
+    assert tuple(tinted[0, 0]) == (255, 255, 255)
+    np.testing.assert_allclose(tinted[2, 0], 0.4 * 255 + 0.6 * np.array(COLORS["shading"]), atol=1)
+    red = np.zeros((3, 3, 3), np.uint8)
+    red[..., 0] = 200
+    assert np.ptp(overlay(labels(), red)[0, 0].astype(int)) == 0  # this pixel has no class
+
+
+@pytest.mark.parametrize("width", [3, 90, 640, 1920])
+def test_a_legend_goes_under_the_picture_and_names_each_class_with_its_share(width: int) -> None:
+    shown = labels(width // 3)
+    picture = class_picture(shown)
+    full = with_legend(picture, shown)
+    height = picture.shape[0]
+    np.testing.assert_array_equal(full[:height, : picture.shape[1]], picture)
+    legend = full[height:]
+    for color in COLORS.values():
+        assert (legend == np.array(color)).all(axis=-1).sum() >= 36  # a swatch
+    other = with_legend(picture, Labels(np.zeros_like(shown.ghost), shown.alias))
+    assert other.shape == full.shape
+    assert (other[height:] != legend).any()  # other shares
+
+
+@pytest.mark.parametrize("picture", [np.zeros((3, 4, 3), np.uint8), np.zeros((3, 3, 3), np.int32)])
+def test_a_picture_that_does_not_fit_is_named(picture: NDArray[np.generic]) -> None:
+    with pytest.raises(ArgumentError, match=r"picture is .*; want \(3, 3, 3\) uint8"):
+        overlay(labels(), picture)

@@ -1,0 +1,194 @@
+"""A training set is rendered once, survives any stop, and gives back what was drawn."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gl_scenes import Yard
+from supersampler import ArgumentError, Upscaler, display_transform
+from supersampler_model.data.camera import Camera
+from supersampler_model.data.dataset import (
+    Dataset,
+    Description,
+    RenderPlan,
+    SequenceEntry,
+    create_dataset,
+    open_dataset,
+    plan_sequences,
+    produce,
+    read_training_frame,
+    render_sequence,
+)
+from supersampler_model.data.dataset.description import shares
+from supersampler_model.data.dataset.info import rows
+from supersampler_model.data.errors import DatasetError
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.scene import Scene
+from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
+
+DISPLAY = (96, 54)
+FRAMES = 3
+
+
+class YardSequence:
+    """The renderer's test scene, with a cut before the last frame, and an exposure that rises."""
+
+    def __init__(self, spec: SequenceSpec) -> None:
+        self.spec, self.yard = spec, Yard(spec.seed)
+
+    def scene(self, index: int) -> Scene:
+        scene = self.yard.scene(index)
+        exposure = 1.0 + 0.5 * index
+        camera = replace(scene.camera, exposure=exposure)
+        before: Camera = camera if self.cut(index) else replace(scene.camera_before, exposure=exposure)
+        return replace(scene, camera=camera, camera_before=before)
+
+    def cut(self, index: int) -> bool:
+        return index in (0, FRAMES - 1)
+
+
+@pytest.fixture(scope="session")
+def small_renderer() -> Renderer:
+    return Renderer(DISPLAY, samples=16)
+
+
+@pytest.fixture(autouse=True)
+def _yard(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(produce, "make_sequence", YardSequence)
+
+
+def description(*, gbuffers: bool = False) -> Description:
+    spec = SequenceSpec(family="yard", seed=1, frames=FRAMES, frame_rate=30.0)
+    entry = SequenceEntry(spec=spec, ratio=2.0, split="train")
+    return Description(display_size=DISPLAY, samples=16, gbuffers=gbuffers, seed=0, sequences=(entry,))
+
+
+def rendered(folder: Path, renderer: Renderer, *, gbuffers: bool = False) -> tuple[Dataset, SequenceEntry]:
+    dataset = create_dataset(folder, description(gbuffers=gbuffers))
+    [entry] = dataset.entries()
+    render_sequence(dataset, entry, renderer)
+    return dataset, entry
+
+
+def test_what_was_drawn_is_read_again(tmp_path: Path, small_renderer: Renderer) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer)
+    frames = list(dataset.frames(entry))
+    assert [f.reset for f in frames] == [True, False, True]
+    assert [f.exposure for f in frames] == [1.0, 1.5, 2.0]
+    again = small_renderer.render(YardSequence(entry.spec).scene(1), (48, 27), jitter=frames[1].jitter)
+    np.testing.assert_array_equal(frames[1].color, again.color)
+    np.testing.assert_array_equal(frames[1].depth, again.render.depth)
+    np.testing.assert_allclose(frames[1].motion, again.render.motion, rtol=1e-3, atol=1e-3)
+    np.testing.assert_allclose(frames[1].reference, again.reference.color, rtol=1e-3, atol=1e-4)
+
+
+def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
+    tmp_path: Path, small_renderer: Renderer
+) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer)
+    first, between, last = dataset.frames(entry)
+    assert (first.ghost == 1).all()
+    assert (last.ghost == 1).all()
+    assert 0 < (between.ghost == 1).mean() < 0.5
+    assert (between.alias > 0).any()
+    assert shares(dataset, [entry])["visibility"] > 0.6
+
+
+def test_a_frame_can_be_stepped_and_its_reference_is_better_than_its_input(
+    tmp_path: Path, small_renderer: Renderer
+) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer, gbuffers=True)
+    frame = dataset.read(entry, 0)
+    assert frame.gbuffer_display is not None
+    assert frame.gbuffer_display["base_color"].dtype == np.uint8
+    assert frame.frame().gbuffer_display is not None
+    image = Upscaler("bilinear", display_size=DISPLAY, validate="off").step(frame.frame())
+    off = display_transform(image) - display_transform(np.asarray(frame.reference, np.float32))
+    assert np.abs(off).mean() < 0.1
+
+
+def test_a_stopped_run_goes_on_with_the_same_pictures(tmp_path: Path, small_renderer: Renderer) -> None:
+    whole, entry = rendered(tmp_path / "whole", small_renderer)
+    dataset = create_dataset(tmp_path / "stopped", description())
+
+    def stop() -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        render_sequence(dataset, entry, small_renderer, on_frame=stop)
+    assert dataset.complete(entry) == 1
+    again = create_dataset(tmp_path / "stopped", description())
+    render_sequence(again, entry, small_renderer)
+    for index in range(FRAMES):
+        assert whole.path(entry, index).read_bytes() == again.path(entry, index).read_bytes()
+
+
+def test_a_complete_sequence_is_not_drawn_again(tmp_path: Path, small_renderer: Renderer) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer)
+    times = [dataset.path(entry, i).stat().st_mtime_ns for i in range(FRAMES)]
+    render_sequence(dataset, entry, small_renderer)
+    assert [dataset.path(entry, i).stat().st_mtime_ns for i in range(FRAMES)] == times
+
+
+def test_a_full_disk_leaves_whole_frames_only(
+    tmp_path: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset = create_dataset(tmp_path, description())
+    [entry] = dataset.entries()
+    render_sequence(dataset, entry, small_renderer)
+    dataset.path(entry, 1).unlink()
+
+    def refuse(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(Path, "write_bytes", refuse)
+    with pytest.raises(OSError, match="No space"):
+        render_sequence(dataset, entry, small_renderer)
+    assert dataset.complete(entry) == 1
+    assert not list((tmp_path / entry.folder).glob("*partial*"))
+
+
+def test_another_description_in_the_same_folder_is_refused(tmp_path: Path) -> None:
+    create_dataset(tmp_path, description())
+    with pytest.raises(DatasetError, match="has other gbuffers"):
+        create_dataset(tmp_path, description(gbuffers=True))
+
+
+def test_damage_is_named(tmp_path: Path, small_renderer: Renderer) -> None:
+    with pytest.raises(DatasetError, match=r"dataset.json: is not there"):
+        open_dataset(tmp_path)
+    dataset, entry = rendered(tmp_path, small_renderer)
+    path = dataset.path(entry, 0)
+    path.write_bytes(path.read_bytes()[:-10])
+    with pytest.raises(DatasetError, match=r"0000\.safetensors: not a whole training frame"):
+        read_training_frame(path)
+    (tmp_path / "dataset.json").write_text("{}")
+    with pytest.raises(DatasetError, match="not a description"):
+        open_dataset(tmp_path)
+
+
+def test_info_counts_and_draws_a_contact_sheet(tmp_path: Path, small_renderer: Renderer) -> None:
+    rendered(tmp_path, small_renderer)
+    said = rows(tmp_path)
+    assert said["sequences"] == "train: 1 sequences, 3 of 3 frames"
+    assert said["ratios"] == "2 in 1"
+    assert "visibility" in said["classes"]
+    assert (tmp_path / "contact-sheet.png").stat().st_size > 1000
+
+
+def test_a_plan_is_drawn_from_its_seed_and_keeps_test_families_apart() -> None:
+    plan = RenderPlan(families=(*TRAIN_FAMILIES, *TEST_FAMILIES), sequences=150)
+    drawn = plan_sequences(plan)
+    assert drawn == plan_sequences(plan)
+    assert drawn != plan_sequences(replace(plan, seed=1))
+    splits = {
+        family: {e.split for e in drawn.sequences if e.spec.family == family} for family in plan.families
+    }
+    assert all(splits[family] == {"test"} for family in TEST_FAMILIES)
+    assert all(splits[family] == {"train", "validation"} for family in TRAIN_FAMILIES)
+    assert {e.ratio for e in drawn.sequences} == {1.0, 1.5, 2.0, 3.0, 4.0}
+    assert Description.from_json(drawn.to_json()) == drawn
+    with pytest.raises(ArgumentError, match="families is 'none'"):
+        plan_sequences(RenderPlan(families=("none",)))

@@ -1,0 +1,285 @@
+"""What the renderer draws, against what is known of light, surfaces and samples."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from gl_scenes import Yard, ball, box, fence_texture, moved, plane, rotated, unlit
+from supersampler_model.data.camera import Camera
+from supersampler_model.data.environment import Environment, harmonics
+from supersampler_model.data.errors import SceneError
+from supersampler_model.data.gl import renderer as module
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.lights import Point, Spot, Sun
+from supersampler_model.data.rendered import Surfaces
+from supersampler_model.data.scene import Instance, Material, Particles, Scene, Texture
+
+MATTE = Material(base_color=(0.5, 0.25, 1.0), roughness=1.0, specular=0.0)
+ABOVE = Camera(position=(0.0, 4.0, 0.0), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, -1.0))  # x right, -z up
+MIDDLE = (45, 80)  # row, column
+
+
+def uniform(radiance: float) -> Environment:
+    return Environment(pixels=np.full((32, 64, 3), radiance, np.float32))
+
+
+def seen_from(camera: Camera, *instances: Instance, radiance: float = 0.0, **lights: Any) -> Scene:
+    return Scene(
+        camera=camera,
+        camera_before=camera,
+        environment=uniform(radiance),
+        instances=instances,
+        **lights,
+    )
+
+
+def floor(material: Material = MATTE) -> Instance:
+    return Instance(mesh=plane(1.0), material=material, model=moved(0, 0, 0, (9, 1, 9)))
+
+
+def middle(renderer: Renderer, scene: Scene) -> NDArray[np.float32]:
+    return np.asarray(renderer.reference(scene).color[MIDDLE])
+
+
+# --- light ---
+
+
+def test_a_matte_floor_reflects_its_share_of_all_lights(renderer: Renderer) -> None:
+    white, base = (np.pi, np.pi, np.pi), np.array(MATTE.base_color)
+    sun = Sun(direction=(0.0, -1.0, -1.0), color=white, radius=10.0)
+    point = Point(position=(0.0, 2.0, 0.0), color=white, reach=1000.0)
+    spot = Spot(position=(0.0, 2.0, 0.0), target=(0.0, 0.0, 0.0), color=white, reach=1000.0)
+    for scene, share in (
+        (seen_from(ABOVE, floor(), radiance=0.8), 0.8),
+        (seen_from(ABOVE, floor(), sun=sun), np.cos(np.pi / 4)),
+        (seen_from(ABOVE, floor(), points=(point,)), 1.0 / 2.0**2),
+        (seen_from(ABOVE, floor(), spot=spot), 1.0 / 2.0**2),
+    ):  # Fresnel leaves a little even with specular 0
+        np.testing.assert_allclose(middle(renderer, scene), share * base, rtol=0.01, atol=0.002)
+
+
+def test_a_metal_ball_nearly_vanishes_in_a_uniform_room(renderer: Renderer) -> None:
+    chrome = Material(roughness=0.1, metallic=1.0)
+    here = Instance(mesh=ball(), material=chrome, model=moved(0, 0, 0))
+    color = renderer.reference(seen_from(ABOVE, here, radiance=0.7)).color
+    np.testing.assert_allclose(color, 0.7, rtol=0.06)  # what the fit of the BRDF's integral loses
+
+
+@pytest.mark.parametrize(
+    ("light", "half"),
+    [
+        ({"sun": Sun(direction=(0.0, -1.0, 0.0), color=(1.0, 1.0, 1.0), radius=3.0)}, 0.5),
+        ({"spot": Spot(position=(0, 4, 0), target=(0, 0, 0), color=(9, 9, 9), inner=50.0, outer=60.0)}, 1.0),
+    ],
+    ids=["sun", "spot"],
+)
+def test_shadows_fall_under_things_and_nowhere_else(renderer: Renderer, light: Any, half: float) -> None:
+    camera = replace(ABOVE, position=(0.0, 1.8, 0.0), fov_y=75.0)  # below what casts the shadow
+    cover = Instance(mesh=plane(2.0), material=MATTE, model=moved(0, 2, 0, 0.5))
+    holes = Material(base_color_texture=fence_texture(), alpha_cutoff=0.5)
+    fence = replace(cover, material=holes)
+    lit, covered, fenced = (
+        renderer.reference(seen_from(camera, floor(), *things, **light)).color[..., 0]
+        for things in ((), (cover,), (fence,))
+    )
+    row, column = np.mgrid[:90, :160]
+    pixel = 1.8 * np.tan(np.radians(37.5)) / 45.0  # metres
+    off = np.maximum(np.abs(column - 79.5), np.abs(row - 44.5)) * pixel  # from the middle
+    assert lit.min() > 0.01
+    assert (covered[off < half - 0.05] < 1e-4).all()
+    np.testing.assert_allclose(covered[off > half + 0.05], lit[off > half + 0.05], rtol=1e-3)  # no acne
+    share = fenced[off < half].sum() / lit[off < half].sum()
+    assert 0.3 < share < 0.8  # light falls through holes
+
+
+def test_a_far_fence_is_as_dense_as_a_near_one(renderer: Renderer) -> None:
+    glowing = Material(
+        base_color=(0.0, 0.0, 0.0), specular=0.0, emissive=(1.0, 1.0, 1.0),
+        base_color_texture=fence_texture(), alpha_cutoff=0.5,
+    )  # fmt: skip
+    fence = Instance(mesh=plane(6.0), material=glowing, model=moved(0, 0, 0))
+    light = []
+    for distance in (3.0, 12.0, 24.0):  # metres; 8, 31 and 62 texels of 64 to a pixel
+        camera = replace(ABOVE, position=(0.0, distance, 0.0))
+        light.append(renderer.reference(seen_from(camera, fence)).color.sum() * distance**2)
+    np.testing.assert_allclose(light, light[0], rtol=0.1)
+
+
+def test_normal_maps_lean_to_the_right_and_up(renderer: Renderer) -> None:
+    lean = Texture(pixels=np.full((4, 4, 3), (218, 128, 218), np.uint8), srgb=False)
+    rise = Texture(pixels=np.full((4, 4, 3), (128, 218, 218), np.uint8), srgb=False)
+    half = np.sqrt(0.5)
+    for texture, want in (
+        (lean, (half, half, 0.0)),
+        (rise, (0.0, half, -half)),
+    ):  # u is x; v, downwards, is z
+        surfaces = renderer.display(seen_from(ABOVE, floor(replace(MATTE, normal_texture=texture))))
+        np.testing.assert_allclose(surfaces.normal[MIDDLE], want, atol=0.01)
+        np.testing.assert_allclose(surfaces.smooth_normal[MIDDLE], (0, 1, 0), atol=1e-3)
+
+
+def test_material_maps_multiply_the_constants(renderer: Renderer) -> None:
+    orm = Texture(pixels=np.full((4, 4, 3), (0, 51, 204), np.uint8), srgb=False)
+    paint = Texture(pixels=np.full((4, 4, 3), (188, 0, 255), np.uint8))
+    material = Material(
+        base_color=(1.0, 1.0, 0.5), roughness=0.5, metallic=0.5, specular=0.25,
+        orm_texture=orm, base_color_texture=paint,
+    )  # fmt: skip
+    surfaces = renderer.display(seen_from(ABOVE, floor(material)))
+    np.testing.assert_allclose(surfaces.base_color[MIDDLE], (0.503, 0.0, 0.5), atol=2e-3)
+    found = [float(image[MIDDLE]) for image in (surfaces.roughness, surfaces.metallic, surfaces.specular)]
+    np.testing.assert_allclose(found, (0.1, 0.4, 0.25), atol=1e-3)
+
+
+def test_particles_are_in_the_colour_and_nowhere_else(renderer: Renderer) -> None:
+    puff = Particles(
+        centers=np.array([[0.0, 1.0, 0.0]], np.float32),
+        radii=np.array([0.5], np.float32),
+        colors=np.array([[3.0, 0.0, 0.0, 0.5]], np.float32),
+    )
+    bare = seen_from(ABOVE, floor(), radiance=0.5)
+    with_puff = replace(bare, particles=(puff,))
+    hidden = replace(with_puff, particles=(replace(puff, centers=puff.centers * np.float32(-1.0)),))
+    (without, a), (there, b) = (renderer.frame(s, (80, 45), jitter=(0.0, 0.0)) for s in (bare, with_puff))
+    assert_same_surfaces(a, b)
+    np.testing.assert_allclose(there[22, 40], 0.5 * without[22, 40] + (3.0, 0.0, 0.0), rtol=0.02)
+    np.testing.assert_array_equal(renderer.frame(hidden, (80, 45), jitter=(0.0, 0.0))[0], without)
+    np.testing.assert_array_equal(renderer.reference(with_puff).depth_min, renderer.reference(bare).depth_min)
+
+
+# --- surfaces and samples ---
+
+
+def test_depth_is_near_over_distance(renderer: Renderer) -> None:
+    surfaces = renderer.display(seen_from(ABOVE, floor()))
+    np.testing.assert_allclose(surfaces.depth, 0.1 / 4.0, rtol=1e-5)  # view distance, not length of the ray
+    np.testing.assert_allclose(surfaces.previous_depth, 0.1 / 4.0, rtol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "rows", "columns"),
+    [(0.0, -1.0, slice(0, 45), slice(40, 120)), (1.0, 0.0, slice(25, 65), slice(80, 160))],
+    ids=["up", "right"],
+)
+def test_row_0_is_on_top_and_x_points_right(
+    renderer: Renderer, x: float, z: float, rows: slice, columns: slice
+) -> None:
+    here = Instance(mesh=box(), material=MATTE, model=moved(x, 0, z, 0.3))
+    seen = renderer.display(seen_from(ABOVE, here)).depth > 0.0
+    assert seen.any()
+    assert seen[rows, columns].sum() == seen.sum()
+
+
+def test_the_sky_has_no_surface_but_moves_with_the_camera(renderer: Renderer) -> None:
+    camera = Camera(position=(0.0, 0.0, 0.0), target=(0.0, 0.0, -1.0), fov_y=60.0)
+    turn = replace(camera, target=(np.tan(np.radians(1.0)), 0.0, -1.0))  # by 1 degree to the right
+    surfaces = renderer.display(replace(seen_from(turn), camera_before=camera))
+    assert not any(image.any() for image in surfaces.gbuffer().values())
+    assert not surfaces.depth.any()
+    assert not surfaces.previous_depth.any()
+    want = np.tan(np.radians(1.0)) / np.tan(np.radians(30.0)) * 45.0  # what is in the middle was right of it
+    np.testing.assert_allclose(surfaces.motion[MIDDLE], (want, 0.0), atol=0.01 * want)
+
+
+def test_what_was_behind_the_camera_was_off_screen(renderer: Renderer) -> None:
+    before = replace(ABOVE, position=(0.0, -1.0, 0.0), target=(0.0, -2.0, 0.0))
+    surfaces = renderer.display(replace(seen_from(ABOVE, floor()), camera_before=before))
+    assert (np.abs(surfaces.motion) >= (160, 90)).any(axis=-1).all()
+    assert np.isfinite(surfaces.previous_depth).all()
+
+
+def test_a_mirrored_model_shows_its_front(renderer: Renderer) -> None:
+    mirrored = moved(0, 0, 0) @ np.diag([-1.0, 1.0, 1.0, 1.0]) @ rotated(1, 0.3)
+    here = Instance(mesh=box(), material=MATTE, model=mirrored)
+    np.testing.assert_allclose(renderer.display(seen_from(ABOVE, here)).depth[MIDDLE], 0.1 / 3.0, rtol=1e-5)
+
+
+def test_statistics_hold_the_samples(renderer: Renderer) -> None:
+    scene = Yard().scene(4)
+    truth, seen = renderer.reference(scene), renderer.display(scene)
+    assert (truth.color_min <= truth.color * 1.0001).all()
+    assert (truth.color <= truth.color_max * 1.0001).all()
+    inside = (truth.depth_min * 0.999 <= seen.depth) & (seen.depth <= truth.depth_max * 1.001)
+    assert inside.mean() > 0.998  # the centre itself is no sample
+    assert (truth.normal_spread <= 2.0 * np.sqrt(3.0) + 1e-3).all()
+    smooth = unlit(replace(scene, instances=scene.instances[:1]))
+    assert renderer.reference(smooth).normal_mapped_spread.max() > 0.05  # the floor has bumps...
+    assert renderer.reference(smooth).normal_spread[50:].max() < 1e-3  # ...on flat ground
+
+
+def test_an_edge_spreads_normals_by_their_difference(renderer: Renderer) -> None:
+    camera = Camera(position=(3.0, 3.0, 0.0), target=(0.0, 0.0, 0.0), up=(0.0, 0.0, 1.0))
+    here = Instance(mesh=box(), material=MATTE, model=moved(0.013, 0, 0))
+    spread = renderer.reference(seen_from(camera, here)).normal_spread
+    on_edge = spread[20:70, 70:90].max(axis=1)  # it runs from top to bottom
+    np.testing.assert_allclose(on_edge, 2.0, atol=1e-3)  # |(1, 0, 0) - (0, 1, 0)|
+
+
+def test_a_reference_drawn_in_parts_is_the_same(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Yard().scene(2)
+    whole = renderer.reference(scene)
+    monkeypatch.setattr(module, "LARGEST", 8 * 64)
+    parts = renderer.reference(scene)
+    difference = np.abs(parts.color - whole.color)
+    assert np.quantile(difference, 0.999) < 1e-3
+    np.testing.assert_allclose(parts.depth_max, whole.depth_max, rtol=1e-3, atol=1e-4)
+
+
+def test_the_same_scene_gives_the_same_bytes(renderer: Renderer) -> None:
+    size, jitter = (107, 60), (0.2, -0.4)
+    renderer.reference(Yard(seed=4).scene(1))  # whatever was drawn before
+    one = renderer.render(Yard(seed=3).scene(5), size, jitter=jitter)
+    two = Renderer(renderer.display_size).render(Yard(seed=3).scene(5), size, jitter=jitter)
+    assert one.color.tobytes() == two.color.tobytes()
+    assert_same_surfaces(one.render, two.render)
+    assert_same_surfaces(one.display, two.display)
+    for name in type(one.reference).__slots__:
+        assert getattr(one.reference, name).tobytes() == getattr(two.reference, name).tobytes()
+
+
+def assert_same_surfaces(a: Surfaces, b: Surfaces) -> None:
+    for name in type(a).__slots__:
+        assert getattr(a, name).tobytes() == getattr(b, name).tobytes(), name
+
+
+def test_a_rendered_frame_is_a_frame_and_evidence(renderer: Renderer) -> None:
+    scene = Yard().scene(0)
+    scene = replace(scene, camera=replace(scene.camera, exposure=2.0))
+    rendered = renderer.render(scene, (80, 45), jitter=(0.125, -0.25), reset=True)
+    frame, evidence = rendered.frame(), rendered.evidence()
+    assert (frame.size, frame.jitter, frame.reset, frame.exposure) == ((80, 45), (0.125, -0.25), True, 2.0)
+    assert frame.gbuffer is not None
+    assert frame.gbuffer_display is not None
+    assert set(frame.gbuffer_display) == {*frame.gbuffer, "depth"}
+    assert evidence.cut
+    assert evidence.pixels.shape == (90, 160)
+    lengths = np.linalg.norm(np.asarray(frame.gbuffer["normal"], np.float64), axis=-1)
+    np.testing.assert_allclose(lengths, frame.depth > 0.0, atol=2e-3)
+
+
+@pytest.mark.parametrize("arguments", [{"samples": 60}, {"display_size": (0, 9)}])
+def test_a_renderer_refuses_what_it_cannot_draw(arguments: dict[str, object]) -> None:
+    with pytest.raises(SceneError, match=next(iter(arguments))):
+        Renderer(**{"display_size": (16, 9), **arguments})  # type: ignore[arg-type]
+
+
+# --- the environment's two other forms ---
+
+
+def test_a_uniform_environment_stays_uniform() -> None:
+    environment = uniform(0.5)
+    for level in environment.mips():
+        np.testing.assert_allclose(level, 0.5, rtol=1e-5)
+    normals = np.array([[1.0, 0.0, 0.0], [0.0, -0.6, 0.8]])
+    np.testing.assert_allclose(harmonics(normals) @ environment.irradiance(), 0.5 * np.pi, rtol=1e-3)
+
+
+def test_irradiance_comes_from_where_the_light_is() -> None:
+    pixels = np.zeros((32, 64, 3), np.float32)
+    pixels[:16] = 1.0  # the upper half
+    irradiance = Environment(pixels=pixels).irradiance()
+    up, side, down = harmonics(np.array([[0, 1.0, 0], [1.0, 0, 0], [0, -1.0, 0]])) @ irradiance
+    np.testing.assert_allclose([up[0], side[0], down[0]], [np.pi, np.pi / 2, 0.0], atol=0.02)

@@ -1,0 +1,171 @@
+"""Sequences made of a folder's files: reproducible, exact in what was before, and where there is room."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageOutput, ImageSpec
+
+from gl_scenes import box, plane
+from gltf_files import GltfFile, cube, strip
+from supersampler_model.data.errors import SceneError
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.gltf import GltfError, GltfScene, compose
+from supersampler_model.data.gltf.compose import triangles_of
+from supersampler_model.data.gltf.ground import Ground
+from supersampler_model.data.gltf.motions import Course, to_and_fro
+
+FRAMES = 12
+
+
+def room(*, table: bool = False) -> GltfFile:
+    """12 x 12 m, with a hollow cupboard, 2 m a side, in the middle, or with a table there, 1 m high."""
+    file = GltfFile()
+    for shape in (plane(1.0), box()):
+        normals = file.array(shape.normals)
+        file.add("meshes", primitives=[file.primitive(shape.positions, shape.indices, NORMAL=normals)])
+    file.add("nodes", mesh=0, scale=[6, 1, 6])
+    height = {"translation": [0, 1, 0], "scale": [1, 0.05 if table else 1, 1]}
+    file.json["scenes"][0]["nodes"] = [0, file.add("nodes", mesh=1, **height)]
+    return file
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "props").mkdir()
+    room().save(tmp_path / "room.glb")
+    cube().save(tmp_path / "props" / "cube.glb")
+    strip().save(tmp_path / "props" / "strip.gltf", "data")
+    return tmp_path
+
+
+def ground_of(file: GltfFile, folder: Path) -> Ground:
+    return Ground(triangles_of(GltfScene(file.save(folder / "stage.glb")).instances(0.0, 0.0, np.eye(4))))
+
+
+@pytest.mark.parametrize("table", [True, False])
+def test_nobody_stands_in_or_under_things(tmp_path: Path, table: bool) -> None:
+    ground, rng = ground_of(room(table=table), tmp_path), np.random.default_rng(0)
+    spots = np.array([ground.spot(rng) for _ in range(200)])
+    assert (np.abs(spots[:, [0, 2]]).max(axis=1) > 1.25).all()
+    assert np.abs(spots[:, [0, 2]]).max() < 6.0
+    assert np.abs(spots[:, 1]).max() < 0.3
+    assert not ground.clear(np.array([-4.0, 0, 0]), np.array([4.0, 0, 0]))
+    assert ground.clear(np.array([-4.0, 0, 4]), np.array([4.0, 0, 4]))
+
+
+def test_places_near_another_are_at_that_distance_and_in_sight(tmp_path: Path) -> None:
+    ground, rng = ground_of(room(), tmp_path), np.random.default_rng(1)
+    for _ in range(20):
+        place = ground.spot(rng)
+        other = ground.near(rng, place, 1.0, 3.0)
+        assert 1.0 <= np.hypot(*(other - place)[[0, 2]]) <= 3.0
+        assert ground.clear(place, other)
+
+
+def test_the_same_seed_is_the_same_sequence(folder: Path) -> None:
+    one, again, other = (compose(folder, seed, FRAMES).scene(5) for seed in (3, 3, 4))
+    assert one.camera == again.camera
+    assert (one.sun, one.spot, one.points) == (again.sun, again.spot, again.points)
+    for a, b in zip(one.instances, again.instances, strict=True):
+        np.testing.assert_array_equal(a.model, b.model)
+    np.testing.assert_array_equal(one.environment.pixels, again.environment.pixels)
+    assert one.camera != other.camera
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_before_is_the_frame_before_except_at_cuts(folder: Path, seed: int) -> None:
+    sequence = compose(folder, seed, FRAMES)
+    scenes = [sequence.scene(index) for index in range(FRAMES)]
+    assert sequence.cut(0)
+    for index in range(1, FRAMES):
+        before, now = scenes[index - 1], scenes[index]
+        assert now.camera_before == (now.camera if sequence.cut(index) else before.camera)
+        assert now.camera.exposure == sequence.exposure(index)
+        for a, b in zip(before.instances, now.instances, strict=True):
+            assert a.mesh is b.mesh  # drawn from what has been uploaded
+            assert b.model_before is not None
+            np.testing.assert_array_equal(a.model, b.model_before)
+            assert (a.palette is None) == (b.palette_before is None)
+            if a.palette is not None:
+                assert b.palette_before is not None
+                np.testing.assert_array_equal(a.palette, b.palette_before)
+
+
+def test_things_move_and_cuts_happen(folder: Path) -> None:
+    sequences = [compose(folder, seed, FRAMES) for seed in range(8)]
+    scenes = [sequence.scene(1) for sequence in sequences]
+    moves = [
+        i.model - i.model_before for scene in scenes for i in scene.instances if i.model_before is not None
+    ]
+    assert any(move.any() for move in moves)
+    assert any(scene.camera != scene.camera_before for scene in scenes)
+    assert any(sequence.cut(index) for sequence in sequences for index in range(1, FRAMES))
+    assert any(scene.spot for scene in scenes)
+    assert any(scene.points for scene in scenes)
+
+
+def test_props_stand_on_the_stage_and_the_camera_above_it(folder: Path) -> None:
+    for seed in range(8):
+        sequence = compose(folder, seed, FRAMES)
+        assert folder / "room.glb" in sequence.files
+        scene = sequence.scene(0)
+        assert 0.2 < scene.camera.position[1] < 2.2
+        assert max(abs(scene.camera.position[0]), abs(scene.camera.position[2])) < 6.1
+        boxes = [i for i in scene.instances if len(i.mesh.positions) == 24][1:]  # the first is the cupboard
+        for instance in boxes:
+            low = (instance.model @ np.append(instance.mesh.positions.min(axis=0), 1.0))[1]
+            assert -0.3 < low < 1.2  # at most a hop above the floor
+
+
+def test_without_a_stage_things_stand_on_a_bare_floor(tmp_path: Path) -> None:
+    cube().save(tmp_path / "cube.glb")
+    sequence = compose(tmp_path, 0, FRAMES)
+    assert sequence.files == (tmp_path / "cube.glb",)
+    assert len(sequence.scene(0).instances) > 2
+
+
+def test_a_composition_can_be_drawn(folder: Path, renderer: Renderer) -> None:
+    scene = compose(folder, 1, FRAMES).scene(1)
+    surfaces, reference = renderer.display(scene), renderer.reference(scene)
+    assert (surfaces.depth > 0.0).mean() > 0.2
+    assert 0.01 < reference.color.mean() < 20.0
+
+
+def test_panoramas_of_the_folder_are_used_and_bad_ones_named(folder: Path) -> None:
+    def write(height: int) -> None:
+        output = ImageOutput.create("some.hdr")
+        assert output is not None
+        assert output.open(str(folder / "some.hdr"), ImageSpec(2 * height, height, 3, "float"))
+        assert output.write_image(np.full((height, 2 * height, 3), 0.5, np.float32))
+        output.close()
+
+    write(32)
+    shapes = {compose(folder, seed, FRAMES).scene(0).environment.pixels.shape for seed in range(8)}
+    assert shapes == {(32, 64, 3), (64, 128, 3)}
+    write(33)
+    with pytest.raises(GltfError, match=r"some\.hdr: environment\.pixels is \(33, 66, 3\); want"):
+        [compose(folder, seed, FRAMES) for seed in range(8)]
+
+
+def test_what_is_not_there_or_broken_is_named(folder: Path, tmp_path: Path) -> None:
+    (tmp_path / "empty").mkdir()
+    with pytest.raises(SceneError, match=r"empty, without any \.glb or \.gltf; want"):
+        compose(tmp_path / "empty", 0)
+    with pytest.raises(SceneError, match=r"frames, frame_rate is \(0, 30.0\)"):
+        compose(folder, 0, 0)
+    with pytest.raises(SceneError, match=r"index is 32; want 0 to 31"):
+        compose(folder, 0).scene(32)
+    (folder / "room.glb").write_bytes(b"glTF")
+    with pytest.raises(GltfError, match=r"room\.glb: "):
+        compose(folder, 0)
+
+
+def test_clips_run_to_and_fro_and_courses_stay_between_their_ends() -> None:
+    assert [to_and_fro(t, 2.0) for t in (-0.5, 0.0, 1.5, 2.5, 4.5)] == [0.5, 0.0, 1.5, 1.5, 0.5]
+    assert to_and_fro(3.0, 0.0) == 0.0
+    course = Course(np.zeros(3), np.array([4.0, 0, 0]), speed=2.0)
+    places = np.array([course.at(t)[0] for t in np.linspace(0.0, 2.0, 21)])
+    assert (np.diff(places) > 0.0).all()
+    assert (places[0], places[-1]) == (0.0, pytest.approx(4.0))
+    assert course.at(4.0)[0] == pytest.approx(0.0)

@@ -1,0 +1,194 @@
+"""Labels equal the closed form on scenes whose truth is exact."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from supersampler_model.data.analytic import (
+    EXTENT,
+    FAR,
+    DiscOverPlane,
+    Floor,
+    Plane,
+    Scene,
+    ShadingStep,
+    WiresOverPlane,
+    checker,
+    dots,
+    from_spokes,
+    places,
+    plain,
+    ripples,
+    thin_lines,
+    zone_plate,
+)
+from supersampler_model.data.labels import (
+    Alias,
+    Ghost,
+    Labels,
+    LabelThresholds,
+    Sample,
+    label,
+    statistics_of,
+)
+from supersampler_model.data.labels.rules import aliasing
+
+Mask = NDArray[np.bool_]
+SIZE = (128, 72)
+PAPER = LabelThresholds(slope_aware=False)
+
+
+def labelled(scene: Scene, index: int = 3, size: tuple[int, int] = SIZE, **thresholds: Any) -> Labels:
+    now, before = scene.evidence(index, size), scene.evidence(index - 1, size)
+    return label(now, before, LabelThresholds(**thresholds))
+
+
+def near(mask: Mask) -> Mask:
+    """Return the mask and the pixels that touch it."""
+    padded = np.pad(mask, 1)
+    height, width = mask.shape
+    shifted = [padded[i : i + height, j : j + width] for i in range(3) for j in range(3)]
+    return np.asarray(np.any(shifted, axis=0))
+
+
+@pytest.mark.parametrize("size", [(64, 36), (128, 72), (101, 57)])
+@pytest.mark.parametrize("velocities", [((4.0, 1.0), (0.0, 0.0)), ((-3.0, 0.4), (0.7, -0.5))])
+def test_what_a_disc_reveals_is_visibility_ghosting_and_nothing_else_is(velocities: Any, size: Any) -> None:
+    scene = DiscOverPlane(velocities[0], velocities[1], start=(30.0, 16.0))
+    hidden = labelled(scene, size=size).ghost == Ghost.VISIBILITY
+    revealed = scene.disoccluded(3, size)
+    inner = ~near(~revealed)
+    assert inner.any()
+    assert not (inner & ~hidden).any()
+    assert not (hidden & ~near(revealed)).any()
+    assert (hidden != revealed).sum() < 0.2 * revealed.sum()
+
+
+def test_motion_read_the_wrong_way_round_finds_other_pixels() -> None:
+    scene = DiscOverPlane((3.0, 0.0), (-3.0, 0.0))
+    now, before, revealed = scene.evidence(3, SIZE), scene.evidence(2, SIZE), scene.disoccluded(3, SIZE)
+
+    def found(sign: float) -> float:
+        turned, turned_before = (replace(e, motion=sign * e.motion) for e in (now, before))
+        hidden = label(turned, turned_before).ghost == Ghost.VISIBILITY
+        return float((hidden & revealed).sum() / (hidden | revealed).sum())
+
+    assert found(1.0) > 0.85
+    assert found(-1.0) < 0.6
+
+    pan = Plane(plain, (2.0, 0.0)).evidence(3, SIZE)
+    for motion, columns in ((pan.motion, slice(None, 4)), (-pan.motion, slice(-4, None))):
+        ghosts = label(replace(pan, motion=motion), replace(pan, motion=motion)).ghost
+        assert (ghosts[:, columns] == Ghost.VISIBILITY).all()
+        assert (ghosts == Ghost.VISIBILITY).sum() == 4 * 72
+
+
+@pytest.mark.parametrize("gain", [0.25, 0.7, 2.5])
+def test_a_step_of_light_is_shading_ghosting_whether_it_darkens_or_brightens(gain: float) -> None:
+    labels = labelled(ShadingStep(Plane(plain), 3, gain))
+    assert (labels.ghost == Ghost.SHADING).all()
+    assert not labelled(ShadingStep(Plane(plain), 3, gain), 4).ghost.any()  # only as it happens
+
+
+def test_a_step_of_light_is_shading_ghosting_outside_aliased_pixels() -> None:
+    labels = labelled(ShadingStep(DiscOverPlane((0.0, 0.0), (0.0, 0.0)), 3, 0.25))
+    relit, smooth = labels.ghost == Ghost.SHADING, labels.alias == Alias.NONE
+    assert not (relit & ~smooth).any()
+    assert (relit & smooth).sum() > 0.97 * smooth.sum()  # the opening takes what is narrow between edges
+    assert not (labels.ghost == Ghost.VISIBILITY).any()
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [Plane(zone_plate), Plane(thin_lines), Plane(dots, bumps=ripples), Plane(checker), Floor(checker),
+     WiresOverPlane(), DiscOverPlane((0.0, 0.0), (0.0, 0.0))],
+)  # fmt: skip
+def test_a_still_scene_in_still_light_has_no_ghosting(scene: Scene) -> None:
+    assert not labelled(scene).ghost.any()
+
+
+@pytest.mark.parametrize(
+    "scene", [Plane(checker, (0.37, -0.21)), Plane(dots, (1.4, 0.6)), Floor(checker, 2.0)]
+)
+def test_what_stays_in_sight_while_the_camera_moves_has_no_ghosting(scene: Scene) -> None:
+    ghosts = labelled(scene).ghost > 0
+    assert not (ghosts & ~near(scene.disoccluded(3, SIZE))).any()
+
+
+@pytest.mark.parametrize("size", [(64, 36), (320, 180)])
+def test_a_plane_at_a_grazing_angle_is_geometry_aliasing_by_the_papers_test_alone(size: Any) -> None:
+    now = Floor(plain).evidence(0, size)
+    y = np.array([[0.5], [-0.5]]) * (1 - 1 / 8)  # the lowest and the highest sample
+    nearest, farthest = FAR + Floor.SLOPE * (np.arange(size[1]) + 0.5 + y) * EXTENT[1] / size[1]
+    grazing = (nearest - farthest) / nearest > 0.01
+    assert grazing.any()
+    paper = label(now, None, PAPER).alias == Alias.GEOMETRY
+    np.testing.assert_array_equal(paper, np.broadcast_to(grazing[:, None], paper.shape))
+    assert not label(now, None).alias.any()
+
+
+@pytest.mark.parametrize("thresholds", [LabelThresholds(), PAPER])
+def test_a_silhouette_is_geometry_aliasing(thresholds: LabelThresholds) -> None:
+    scene = DiscOverPlane()
+    corners = [scene.distance(0, *places(SIZE, (dx, dy))) for dx in (-0.5, 0.5) for dy in (-0.5, 0.5)]
+    inner = [scene.distance(0, *places(SIZE, (dx, dy))) for dx in (-0.4, 0.4) for dy in (-0.4, 0.4)]
+    edge = label(scene.evidence(0, SIZE), None, thresholds).alias == Alias.GEOMETRY
+    bulge = 0.01  # units by which the circle leaves the line between a pixel's corners
+    may = (np.min(corners, axis=0) < scene.radius + bulge) & (np.max(corners, axis=0) > scene.radius - bulge)
+    must = (np.min(inner, axis=0) < scene.radius) & (np.max(inner, axis=0) > scene.radius)
+    assert must.any()
+    assert not (edge & ~may).any()
+    assert not (must & ~edge).any()
+
+
+def test_a_silhouette_before_a_grazing_plane_is_geometry_aliasing_and_its_surroundings_are_not() -> None:
+    size = (64, 36)
+    depth = np.array([s.depth for s in Floor(plain).samples(0, size)])  # 1 % and more from pixel to pixel
+    x = np.array([x for x, _ in ((places(size, (dx / 8 - 0.4375, 0.0))) for dx in range(8))] * 8)
+    depth[x < 20.6] = 0.2
+    zeros = np.zeros((36, 64, 3))
+    pixels = statistics_of(Sample(zeros, d, zeros, zeros) for d in depth)
+    edge, _ = aliasing(pixels)
+    assert edge[:, 20].all()
+    assert edge.sum() == 36
+
+
+def test_thin_wires_are_geometry_aliasing_and_the_same_lines_painted_are_texture_aliasing() -> None:
+    x, y = places(SIZE)
+    away = np.hypot(x - EXTENT[0] / 2, y - EXTENT[1] / 2) > 5.0  # where each wire is alone
+    pixel = EXTENT[0] / SIZE[0]
+    off = np.abs(from_spokes(x, y) - 0.2) / pixel  # from a wire's edge, pixels
+    for scene, name in ((WiresOverPlane(), Alias.GEOMETRY), (Plane(thin_lines), Alias.TEXTURE)):
+        alias = label(scene.evidence(0, SIZE), None).alias
+        assert (alias[away & (off < 0.4)] == name).all()
+        assert not alias[away & (off > 0.5 * np.sqrt(2.0))].any()
+        assert set(np.unique(alias)) == {Alias.NONE, name}
+
+
+@pytest.mark.parametrize("scene", [Plane(dots), Plane(zone_plate), Plane(plain, bumps=ripples)])
+def test_fine_texture_and_fine_normals_are_texture_aliasing(scene: Scene) -> None:
+    alias = label(scene.evidence(0, (64, 36)), None).alias
+    assert (alias == Alias.TEXTURE).mean() > 0.05
+    assert not (alias == Alias.GEOMETRY).any()
+
+
+def test_a_change_of_exposure_is_no_change_of_light() -> None:
+    scene = Plane(zone_plate)
+    before = statistics_of(scene.samples(0, SIZE))
+    now = statistics_of(scene.samples(1, SIZE), exposure=3.0)
+    frames = [replace(scene.evidence(1, SIZE), pixels=p) for p in (now, before.at_exposure(3.0), before)]
+    assert not label(frames[0], frames[1]).ghost.any()
+    assert (label(frames[0], frames[2]).ghost == Ghost.SHADING).any()
+
+
+def test_what_came_closer_or_went_away_is_judged_by_the_depth_it_had() -> None:
+    scene = Floor(plain, speed=-2.0)
+    now, before = scene.evidence(3, SIZE), scene.evidence(2, SIZE)
+    anything_moves = LabelThresholds(velocity=-1.0)  # the depth test alone
+    on_screen = ~near(scene.disoccluded(3, SIZE))
+    assert not label(now, before, anything_moves).ghost[on_screen].any()
+    naive = replace(now, depth_before=now.pixels.depth_max)
+    assert label(naive, before, anything_moves).ghost[on_screen].any()
