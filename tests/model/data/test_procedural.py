@@ -1,5 +1,7 @@
 """Each family draws, is neither black nor blown out, moves, and is lit by lights that change."""
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -8,15 +10,26 @@ from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.mesh import Mesh
 from supersampler_model.data.procedural import lighting, paths, shapes, textures
 from supersampler_model.data.scene import Instance, Scene
-from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
+from supersampler_model.data.sequences import (
+    TEST_FAMILIES,
+    TRAIN_FAMILIES,
+    Sequence,
+    SequenceSpec,
+    make_sequence,
+)
 
 FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES)
 SIZE = (96, 54)
 MOST_TRIANGLES = 60_000
 
 
-def scene_of(family: str, seed: int, index: int = 4) -> Scene:
-    return make_sequence(SequenceSpec(family=family, seed=seed, frames=32)).scene(index)
+@cache
+def sequence_of(family: str, seed: int) -> Sequence:
+    return make_sequence(SequenceSpec(family=family, seed=seed, frames=32))
+
+
+def scene_of(family: str, seed: int = 1, index: int = 4) -> Scene:
+    return sequence_of(family, seed).scene(index)
 
 
 def moves(thing: Instance) -> bool:
@@ -32,18 +45,17 @@ def small_renderer() -> Renderer:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_frame_is_neither_black_nor_blown_out(family: str, small_renderer: Renderer) -> None:
-    for seed in (11, 12):
-        scene = scene_of(family, seed)
-        shown = display_transform(small_renderer.reference(scene).color, scene.camera.exposure)
-        assert 0.12 < shown.mean() < 0.7
-        assert (shown.max(axis=-1) < 0.04).mean() < 0.25
-        assert (shown.min(axis=-1) > 0.95).mean() < 0.02
-        assert shown.std() > 0.05
+    scene = scene_of(family)
+    shown = display_transform(small_renderer.reference(scene).color, scene.camera.exposure)
+    assert 0.12 < shown.mean() < 0.7
+    assert (shown.max(axis=-1) < 0.04).mean() < 0.25
+    assert (shown.min(axis=-1) > 0.95).mean() < 0.02
+    assert shown.std() > 0.05
 
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_things_move_and_lights_change(family: str) -> None:
-    for seed in range(3):
+    for seed in (1, 2):
         scene, later = scene_of(family, seed), scene_of(family, seed, 20)
         moving = [thing for thing in scene.instances if moves(thing)]
         assert len(moving) >= 3
@@ -52,7 +64,7 @@ def test_things_move_and_lights_change(family: str) -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_scene_is_cheap_to_draw(family: str) -> None:
-    for seed in range(3):
+    for seed in (1, 2):
         scene = scene_of(family, seed)
         assert sum(len(thing.mesh.indices) for thing in scene.instances) < MOST_TRIANGLES
 
@@ -61,13 +73,11 @@ def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Rend
     """Else there would be next to no shading ghosting to learn from."""
     changed = []
     for family in TRAIN_FAMILIES:
-        sequence = make_sequence(SequenceSpec(family=family, seed=5, frames=12))
-        scene = sequence.scene(4)
+        scene, after = scene_of(family), scene_of(family, index=7)
         still = Scene(
             camera=scene.camera, camera_before=scene.camera, environment=scene.environment,
             instances=scene.instances, sun=scene.sun, spot=scene.spot, points=scene.points,
         )  # fmt: skip
-        after = sequence.scene(7)
         relit = Scene(
             camera=scene.camera, camera_before=scene.camera, environment=scene.environment,
             instances=scene.instances, sun=after.sun, spot=after.spot, points=after.points,

@@ -91,14 +91,14 @@ def test_some_sequences_have_cuts_and_cuts_move_the_camera() -> None:
 
 def test_some_exposures_change_and_some_are_left_to_be_measured() -> None:
     ranges, measured = [], 0
-    for seed in range(24):
-        sequence = make_sequence(spec_of("metals", seed))
+    for seed in range(12):
+        sequence = make_sequence(spec_of("floors", seed))
         given = [sequence.exposure(index) for index in (0, FRAMES - 1)]
         cameras = [sequence.scene(index).camera.exposure for index in (0, FRAMES - 1)]
         assert given in ([None, None], cameras)
         measured += given[0] is None
         ranges.append(max(cameras) / min(cameras))
-    assert 0 < measured < 24
+    assert 0 < measured < 12
     assert min(ranges) == pytest.approx(1.0)
     assert 1.3 < max(ranges) < 3.0
 

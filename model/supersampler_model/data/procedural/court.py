@@ -16,7 +16,7 @@ def court(rng: Rng) -> Stage:
     """Build the court, by day or under floodlights."""
     night = rng.random() < 0.5
     if night:
-        sky = lighting.outdoors(rng, (0.01, 0.015, 0.04), (0.05, 0.05, 0.09), (0.02, 0.02, 0.02), stars=0.06)
+        sky = lighting.outdoors(rng, (0.01, 0.015, 0.04), (0.05, 0.05, 0.09), (0.02, 0.02, 0.02))
     else:
         sky = lighting.outdoors(rng, (0.14, 0.3, 0.7), (0.5, 0.62, 0.8), (0.12, 0.13, 0.12), clouds=1.1)
     stage = Stage(environment=sky, exposure=1.5 if night else 0.7)

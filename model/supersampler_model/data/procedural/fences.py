@@ -123,7 +123,7 @@ def _cart(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.merged(wheels), tyres, pose)
     stage.spot = lighting.spotlight(
         point_of(pose, (0.0, 0.7, 0.95)), point_of(pose, (0.0, 0.4, 5.0)),
-        lighting.tint(rng, 60.0, 0.2),
+        lighting.tint(rng, 160.0, 0.2), pulsing=lighting.pulse(rng),
     )  # fmt: skip
     top, color = point_of(pose, (0.0, 1.6, -0.3)), lighting.tint(rng, 14.0, 0.9)
     bulb(stage, top, color, size=0.09, glow=8.0, pulsing=lighting.pulse(rng, "strobe"))

@@ -113,10 +113,8 @@ def at_rest(position: Sequence[float]) -> Place:
     return lambda _: fixed
 
 
-def outdoors(
-    rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5, stars: float = 0.0
-) -> Environment:
-    """Return a sky over a ground: radiances, the clouds' brightness on top, and that of stars."""
+def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5) -> Environment:
+    """Return a sky over a ground: radiances, and the clouds' brightness on top."""
     around = directions(HEIGHT)
     up = around[..., 1:2]
     sky = np.array(horizon) + (np.array(zenith) - horizon) * np.clip(up, 0.0, 1.0) ** 0.5
@@ -127,10 +125,9 @@ def outdoors(
     )
     cover = np.clip(mist / mist.std() * 0.8 - 0.1, 0.0, 1.0)[..., None] * np.clip(up * 6.0, 0.0, 1.0)
     sky = sky * (1.0 - 0.6 * cover) + cover * clouds * (np.array(horizon) + 0.5 * np.mean(horizon))
-    points = (rng.random((HEIGHT, 2 * HEIGHT, 1)) < 0.004) * stars
     earth = np.array(ground) * (1.0 + 0.4 * np.sin(5.0 * around[..., :1] + 3.0 * around[..., 2:]))
     blend = np.clip(up * 40.0 + 0.5, 0.0, 1.0)
-    return Environment(pixels=(blend * (sky + points) + (1.0 - blend) * earth).astype(np.float32))
+    return Environment(pixels=(blend * sky + (1.0 - blend) * earth).astype(np.float32))
 
 
 def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environment:

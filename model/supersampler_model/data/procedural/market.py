@@ -26,9 +26,10 @@ def market(rng: Rng) -> Stage:
     stage.put(shapes.plane(60.0, 60.0, 0.7), _paving(rng))
     skyline(rng, stage)
     _houses(rng, stage)
+    woods = [materials.planks(rng) for _ in range(3)]
     for side in (-1.0, 1.0):
         for z in (-8.0, -5.0, -2.0, 1.0):
-            _stall(rng, stage, side, z)
+            _stall(rng, stage, side, z, woods[int(rng.integers(3))])
     _bunting(rng, stage)
     for _ in range(int(rng.integers(5, 8))):
         _walker(rng, stage)
@@ -51,6 +52,7 @@ def _paving(rng: Rng) -> Material:
 
 
 def _houses(rng: Rng, stage: Stage) -> None:
+    boards = materials.planks(rng, 16)
     for side in (-1.0, 1.0):
         z = 5.0
         while z > -16.0:
@@ -65,14 +67,13 @@ def _houses(rng: Rng, stage: Stage) -> None:
                         (shapes.box(0.1, 1.1, 0.4), placed(side * 3.5, float(y), middle + k * width))
                     )
             if shutters:
-                stage.put(shapes.merged(shutters), materials.planks(rng, 16))
+                stage.put(shapes.merged(shutters), boards)
             z -= width
     stage.put(shapes.box(10.0, 9.0, 2.0, 0.4), materials.brick(rng), placed(0, 0, -18.0))
 
 
-def _stall(rng: Rng, stage: Stage, side: float, z: float) -> None:
+def _stall(rng: Rng, stage: Stage, side: float, z: float, wood: Material) -> None:
     x = side * 2.5
-    wood = materials.planks(rng)
     frame = [(shapes.box(1.2, 0.08, 2.2, 0.8), placed(x, 0.8, z))]
     frame += [
         (shapes.box(0.06, 2.1, 0.06), placed(x + a, 0, z + b)) for a in (-0.6, 0.6) for b in (-1.0, 1.0)

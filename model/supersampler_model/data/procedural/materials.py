@@ -76,7 +76,7 @@ def plaster(rng: Rng, hue: Color) -> Material:
 
 def facade(rng: Rng) -> Material:
     """Return a house front with 8 x 8 windows on one texture, some of them dark, some that mirror the sky."""
-    wall, tone = textures.courses(rng, 8, 8, joint=0.6, shift=0.0)
+    wall, tone = textures.courses(rng, 8, 8, joint=0.3, shift=0.0)
     window = wall > 0.45
     stone = np.array(textures.color(rng, 0.25, 0.5))
     pixels = np.where(window[..., None], 0.1 + 0.3 * tone[..., None] * (0.8, 0.9, 1.0), stone)

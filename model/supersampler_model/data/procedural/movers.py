@@ -26,7 +26,7 @@ def movers(rng: Rng) -> Stage:
     """Build the street, by day or at night."""
     night = rng.random() < 0.35
     if night:
-        sky = lighting.outdoors(rng, (0.015, 0.02, 0.05), (0.07, 0.06, 0.09), (0.02, 0.02, 0.02), stars=0.06)
+        sky = lighting.outdoors(rng, (0.015, 0.02, 0.05), (0.07, 0.06, 0.09), (0.02, 0.02, 0.02))
     else:
         sky = lighting.outdoors(rng, (0.16, 0.3, 0.65), (0.6, 0.6, 0.6), (0.15, 0.14, 0.13), clouds=1.0)
     stage = Stage(environment=sky, exposure=2.2 if night else 0.75)

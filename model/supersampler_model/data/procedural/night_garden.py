@@ -15,9 +15,7 @@ Rng = np.random.Generator
 
 def night_garden(rng: Rng) -> Stage:
     """Build the garden."""
-    sky = lighting.outdoors(
-        rng, (0.008, 0.012, 0.035), (0.03, 0.035, 0.06), (0.01, 0.012, 0.008), clouds=0.6, stars=0.08
-    )
+    sky = lighting.outdoors(rng, (0.008, 0.012, 0.035), (0.03, 0.035, 0.06), (0.01, 0.012, 0.008), clouds=0.6)
     stage = Stage(environment=sky, exposure=float(rng.uniform(1.7, 2.4)))
     stage.sun = lighting.sunlight(rng, 0.22, 11.0, elevation=(25, 50), warmth=-0.7, center=(0, 0, -2))
     green = ((0.2, 0.36, 0.16), (0.24, 0.32, 0.2), (0.3, 0.36, 0.12))[int(rng.integers(3))]
