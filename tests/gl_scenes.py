@@ -9,6 +9,7 @@ from supersampler_model.data.camera import Camera
 from supersampler_model.data.environment import Environment, directions
 from supersampler_model.data.lights import Point, Spot, Sun
 from supersampler_model.data.mesh import Mesh, Skin, tangents_of
+from supersampler_model.data.procedural.transforms import turned_by
 from supersampler_model.data.scene import Instance, Material, Particles, Scene, Texture
 
 Values = NDArray[np.float64]
@@ -92,14 +93,6 @@ def bending_tube() -> Mesh:
 def moved(x: float, y: float, z: float, size: float | tuple[float, float, float] = 1.0) -> Values:
     matrix = np.diag([*np.broadcast_to(size, 3), 1.0])
     matrix[:3, 3] = x, y, z
-    return matrix
-
-
-def rotated(axis: int, angle: float) -> Values:
-    matrix = np.eye(4)
-    a, b = (axis + 1) % 3, (axis + 2) % 3
-    matrix[[a, b], [a, b]] = np.cos(angle)
-    matrix[a, b], matrix[b, a] = -np.sin(angle), np.sin(angle)
     return matrix
 
 
@@ -218,15 +211,15 @@ class Yard:
         t = 0.0 if self.still else index / 30.0
         return {
             "floor": moved(0, 0, -2, (8, 1, 8)),
-            "box": moved(0.1 + 2.0 * t, 0.55, 0.2) @ rotated(1, 0.5 + 2.0 * t) @ moved(0, 0, 0, 0.5),
+            "box": moved(0.1 + 2.0 * t, 0.55, 0.2) @ turned_by(1, 0.5 + 2.0 * t) @ moved(0, 0, 0, 0.5),
             "ball": moved(1.6, 0.6, -0.4, 0.6),
-            "fence": moved(-1.5, 1.0, -1.5) @ rotated(0, np.pi / 2) @ moved(0, 0, 0, (2, 1, 1)),
+            "fence": moved(-1.5, 1.0, -1.5) @ turned_by(0, np.pi / 2) @ moved(0, 0, 0, (2, 1, 1)),
             "lamp": moved(0.9, 0.15, 1.4, 0.15),
         }
 
     def palette(self, index: int) -> Values:
         t = 0.0 if self.still else index / 30.0
-        bend = moved(0, 1, 0) @ rotated(2, 0.6 * np.sin(6.0 * t)) @ moved(0, -1, 0)
+        bend = moved(0, 1, 0) @ turned_by(2, 0.6 * np.sin(6.0 * t)) @ moved(0, -1, 0)
         return np.stack([np.eye(4), bend])
 
     def glow(self, index: int) -> float:

@@ -74,10 +74,6 @@ class ModelInfo:
         """The graph of the whole recurrent step."""
         return self.folder / "step.onnx"
 
-    def wants(self, name: str) -> bool:
-        """Whether the graph takes the frame input `name`."""
-        return any(tensor.name == name for tensor in self.inputs)
-
 
 def model_names() -> list[str]:
     """Names of the models that ship with this package."""

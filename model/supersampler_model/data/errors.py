@@ -8,23 +8,19 @@ DataError              base of all below, itself a SupersamplerError
 
 from pathlib import Path
 
-from supersampler.errors import SupersamplerError
+from supersampler.errors import ArgumentError, SupersamplerError
 
 
 class DataError(SupersamplerError):
     """Base of all errors below."""
 
 
-class SceneError(DataError, ValueError):
+class SceneError(DataError, ArgumentError):
     """A part of a scene cannot be drawn; `name` says which.
 
     >>> str(SceneError("mesh.indices", got="(0, 3)", want="at least one triangle"))
     'mesh.indices is (0, 3); want at least one triangle.'
     """
-
-    def __init__(self, name: str, *, got: object, want: object, hint: str = "") -> None:
-        self.name, self.got, self.want, self.hint = name, got, want, hint
-        super().__init__(f"{name} is {got}; want {want}. {hint}".rstrip())
 
 
 class GraphicsError(DataError, RuntimeError):

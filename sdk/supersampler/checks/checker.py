@@ -19,7 +19,7 @@ _FRAMES = 3  # of a start or cut that "warn" reads: two pairs, and one jitter th
 class FrameChecker:
     """Reads the pixels of the frames of one sequence, in order, and guesses which convention was missed.
 
-    It works on some thousand pixels, so that a frame of 1920 x 1080 takes some tens of milliseconds.
+    It compares frames at some thousand places, so that its cost hardly grows with their size.
 
     Args:
         validate: "off" reads nothing; "warn" reads the first three frames after a start or cut and warns with

@@ -33,8 +33,8 @@ class ShotWriter:
         license: of the pictures.
         attribution: whom to name where the pictures are shown.
         resume: go on after the frames that are there already.
-        compression: of the frames, lossless: "zip", or "zip:9", which is slower and 2 % smaller.
-        reference_compression: of the references; "dwab:45" is lossy (above 50 dB) and a third of the size.
+        compression: of the frames, lossless: "zip", or "zip:9", which is slower and a little smaller.
+        reference_compression: of the references; "dwab:45" is lossy and much smaller.
 
     Raises:
         ShotError: the folder holds a shot already; with `resume`, one of other properties.

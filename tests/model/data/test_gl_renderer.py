@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from gl_scenes import Yard, ball, box, fence_texture, moved, plane, rotated, unlit
+from gl_scenes import Yard, ball, box, fence_texture, moved, plane, unlit
 from supersampler_model.data.camera import Camera
 from supersampler_model.data.environment import Environment, harmonics
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.gl import renderer as module
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.lights import Point, Spot, Sun
+from supersampler_model.data.procedural.transforms import turned_by
 from supersampler_model.data.rendered import Surfaces
 from supersampler_model.data.scene import Instance, Material, Particles, Scene, Texture
 
@@ -192,7 +193,7 @@ def test_what_was_behind_the_camera_was_off_screen(renderer: Renderer) -> None:
 
 
 def test_a_mirrored_model_shows_its_front(renderer: Renderer) -> None:
-    mirrored = moved(0, 0, 0) @ np.diag([-1.0, 1.0, 1.0, 1.0]) @ rotated(1, 0.3)
+    mirrored = moved(0, 0, 0) @ np.diag([-1.0, 1.0, 1.0, 1.0]) @ turned_by(1, 0.3)
     here = Instance(mesh=box(), material=MATTE, model=mirrored)
     np.testing.assert_allclose(renderer.display(seen_from(ABOVE, here)).depth[MIDDLE], 0.1 / 3.0, rtol=1e-5)
 

@@ -6,11 +6,12 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from gl_scenes import box, moved, rotated
+from gl_scenes import box, moved
 from gltf_files import GltfFile, cube, noise, strip
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.gltf import GltfScene
 from supersampler_model.data.mesh import tangents_of
+from supersampler_model.data.procedural.transforms import turned_by
 from supersampler_model.data.scene import Instance, Material, Texture
 from supersampler_model.data.values import Matrix
 
@@ -223,10 +224,10 @@ def test_nodes_hang_on_nodes(tmp_path: Path) -> None:
         {"children": [0], "translation": [7, 0, 0], "rotation": [0, half, 0, half], "scale": [1, 3, 1]},
     ]
     file.json["scenes"][0]["nodes"] = [1]
-    parent = moved(7, 0, 0) @ rotated(1, np.pi / 2) @ moved(0, 0, 0, (1, 3, 1))
+    parent = moved(7, 0, 0) @ turned_by(1, np.pi / 2) @ moved(0, 0, 0, (1, 3, 1))
     expected = parent @ moved(1, 2, 3, (2, 1, -1))
     np.testing.assert_allclose(placed(file, tmp_path), expected, atol=1e-12)
-    world = moved(-1, 0, 0) @ rotated(0, 0.3)
+    world = moved(-1, 0, 0) @ turned_by(0, 0.3)
     before = moved(-2, 0, 0)
     (instance,) = opened(file, tmp_path).instances(0.0, 0.0, world, before)
     np.testing.assert_allclose(instance.model, world @ expected, atol=1e-12)
@@ -240,7 +241,7 @@ def test_a_rotation_turns_evenly_the_short_way(tmp_path: Path) -> None:
     end = -np.array([0.0, 0.0, np.sin(angle / 2), np.cos(angle / 2)])  # the same turn as without the sign
     file.channel("rotation", [1.0, 3.0], [[0, 0, 0, 1], end])
     for time, share in ((0.0, 0.0), (1.5, 0.25), (2.0, 0.5), (9.0, 1.0)):  # still before and after
-        np.testing.assert_allclose(placed(file, tmp_path, time), rotated(2, share * angle), atol=1e-6)
+        np.testing.assert_allclose(placed(file, tmp_path, time), turned_by(2, share * angle), atol=1e-6)
 
 
 def test_keyframes_are_joined_as_the_clip_says(tmp_path: Path) -> None:
@@ -296,7 +297,7 @@ def test_a_skin_follows_its_joints_and_not_its_node(tmp_path: Path) -> None:
     (instance,) = scene.instances(0.5, 0.0, moved(0, 0, -3))
     bound, away = instance.mesh.positions.astype(np.float64), np.array([0, 0, -3])
     np.testing.assert_allclose(skinned(instance, before=True), bound + away, atol=1e-6)
-    bend = moved(0.5, 1, 0) @ rotated(2, np.pi / 4) @ moved(0, -1, 0)
+    bend = moved(0.5, 1, 0) @ turned_by(2, np.pi / 4) @ moved(0, -1, 0)
     upper = np.clip(bound[:, 1:2] - 0.5, 0.0, 1.0)
     turned = bound @ bend[:3, :3].T + bend[:3, 3]
     expected = (1 - upper) * bound + upper * turned + away

@@ -77,7 +77,7 @@ class Renderer:
         gl = self._gl
         self._programs = {kind: _programs(gl, kind) for kind in _FORMATS}
         self._shadow_programs = tuple(
-            build(gl, ("blocks", "shadow_vert"), ("material", "shadow_frag"), defines)
+            build(gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
             for defines in ((), ("SKINNED",))
         )
         self._resolve = build(gl, ("blocks", "screen_vert"), ("resolve_frag",))
@@ -267,7 +267,7 @@ def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
 def _programs(gl: Any, kind: str) -> Programs:
     lighting = () if kind == "SURFACES" else ("lighting",)
     fragment = ("blocks", "material", "outputs", *lighting, "surface_frag")
-    vertex = ("blocks", "surface_vert")
+    vertex = ("blocks", "skin", "surface_vert")
     particle = None
     if kind in _COLOR_AT:
         defines = (f"COLOR {_COLOR_AT[kind]}",)
