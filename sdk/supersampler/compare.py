@@ -157,11 +157,12 @@ def compare_layers(
     Args:
         frame: what was upscaled; without colour there is no layer `input`.
         image: (H, W, 3) linear RGB, the output.
-        reference: (H, W, 3) linear RGB, or None: then there are no layers `reference` and `error`.
+        reference: linear RGB; one of another size than the image is shown, but not compared. Or None.
         exposure: > 0, for all pictures of the frame.
 
     Returns:
-        The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame.
+        The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame; the last
+        two only where there is a reference of the image's size.
     """
     shown = display_transform(image, exposure)
     layers = {} if frame.color is None else {"input": to_uint8(display_transform(frame.color, exposure))}
@@ -170,6 +171,8 @@ def compare_layers(
         return layers, {}
     truth = display_transform(reference, exposure)
     layers["reference"] = to_uint8(truth)
+    if truth.shape != shown.shape:
+        return layers, {}
     layers["error"] = false_color(np.abs(shown - truth).mean(axis=-1) / ERROR_SCALE)
     mean_squared = float(np.square(shown - truth, dtype=np.float64).mean())
     return layers, {PSNR: -10.0 * np.log10(max(mean_squared, 1e-10))}
