@@ -91,11 +91,21 @@ def halved(pixels: Points) -> Points:
 
 
 def reflected(source: Points, height: int, alpha: float) -> Points:
-    """Return what GGX mirrors of roughness alpha reflect, seen straight on: (height, 2 height, 3)."""
-    around = directions(source.shape[0]).reshape(-1, 3)
-    radiance = (source * solid_angles(source.shape[0])[..., None]).reshape(-1, 3)
-    cosine = directions(height).reshape(-1, 3) @ around.T  # of the normal, taken as the reflection, and light
+    """Return what GGX mirrors of roughness alpha reflect, seen straight on: (height, 2 height, 3).
+
+    Weights depend on the two rows and on how far apart the columns are, so each pair of rows is one circular
+    correlation: those of the first column's normals, moved along the row in the frequency domain.
+    """
+    rows = source.shape[0]
+    first = directions(height)[:, 0]  # (height, 3); its column is `rows / height` of the source's wide
+    cosine = np.einsum(
+        "ai,bci->abc", first, directions(rows)
+    )  # of the normal, taken as the reflection, and light
     half = np.clip(0.5 + 0.5 * cosine, 0.0, 1.0)  # squared cosine of half that angle
     weights = np.maximum(cosine, 0.0) / (half * (alpha * alpha - 1.0) + 1.0) ** 2
-    sums = weights @ radiance / (weights @ solid_angles(source.shape[0]).reshape(-1, 1))
-    return sums.reshape(height, 2 * height, 3).astype(np.float32)
+    weights *= solid_angles(rows)
+    weights /= weights.sum(axis=(1, 2), keepdims=True)
+    spectrum = np.einsum(
+        "abf,bfc->afc", np.conj(np.fft.rfft(weights, axis=2)), np.fft.rfft(source.astype(np.float64), axis=1)
+    )
+    return np.fft.irfft(spectrum, 2 * rows, axis=1)[:, :: rows // height].astype(np.float32)
