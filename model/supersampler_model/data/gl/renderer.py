@@ -75,7 +75,7 @@ class Renderer:
 
     def _build(self) -> None:
         gl = self._gl
-        self._programs = {kind: _programs(gl, kind) for kind in _FORMATS}
+        self._programs: dict[tuple[str, ...], Programs] = {}
         self._shadow_programs = tuple(
             build(gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
             for defines in ((), ("SKINNED",))
@@ -173,7 +173,7 @@ class Renderer:
         self._sun_map.texture.use(SAMPLERS["sun_shadow"])
         self._spot_map.texture.use(SAMPLERS["spot_shadow"])
 
-        programs = self._programs[kind]
+        programs = self._programs_for(kind, scene)
         target.framebuffer.use()
         target.framebuffer.clear(depth=0.0)
         gl.enable_only(gl.DEPTH_TEST)
@@ -184,6 +184,13 @@ class Renderer:
         if kind in _COLOR_AT and self._particles is not None:
             self._draw_particles(target, programs.particle, _COLOR_AT[kind])
         return target
+
+    def _programs_for(self, kind: str, scene: Scene) -> Programs:
+        lights = (("SUN", scene.sun), ("SPOT", scene.spot))
+        variant = (kind, *(name for name, light in lights if light is not None and kind != "SURFACES"))
+        if variant not in self._programs:
+            self._programs[variant] = _programs(self._gl, *variant)
+        return self._programs[variant]
 
     def _draw_particles(self, target: Target, program: Any, attachment: int) -> None:
         gl, framebuffer = self._gl, target.framebuffer
@@ -264,7 +271,7 @@ def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
     return np.ascontiguousarray(rows[np.argsort(along, kind="stable")])
 
 
-def _programs(gl: Any, kind: str) -> Programs:
+def _programs(gl: Any, kind: str, *lights: str) -> Programs:
     lighting = () if kind == "SURFACES" else ("lighting",)
     fragment = ("blocks", "material", "outputs", *lighting, "surface_frag")
     vertex = ("blocks", "skin", "surface_vert")
@@ -273,8 +280,8 @@ def _programs(gl: Any, kind: str) -> Programs:
         defines = (f"COLOR {_COLOR_AT[kind]}",)
         particle = build(gl, ("blocks", "particle_vert"), ("particle_frag",), defines)
     return Programs(
-        rigid=build(gl, vertex, fragment, (kind,)),
-        skinned=build(gl, vertex, fragment, (kind, "SKINNED")),
+        rigid=build(gl, vertex, fragment, (kind, *lights)),
+        skinned=build(gl, vertex, fragment, (kind, *lights, "SKINNED")),
         sky=build(
             gl, ("blocks", "screen_vert"), ("blocks", "material", "outputs", *lighting, "sky_frag"), (kind,)
         ),

@@ -107,7 +107,7 @@ def lights_block(scene: Scene, irradiance: Values, panorama_height: int, levels:
     vectors = [
         (*to_sun, 2.0 * sun.radius / SHADOW_SIZE), sun.color,
         (*spot.position, spot.reach), (*axis, spot_texel), (*spot.color, inner),
-        (scene.sun is not None, scene.spot is not None, len(scene.points), outer),
+        (len(scene.points), outer),
         (levels, np.log2(panorama_height / np.pi)),
     ]  # fmt: skip
     padding = [(0.0,)] * (MAX_POINTS - len(scene.points))

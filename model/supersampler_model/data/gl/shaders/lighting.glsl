@@ -8,7 +8,7 @@ layout(std140) uniform Lights {
     vec4 spot_position;   // w: reach
     vec4 spot_axis;       // from the light; w: texels' size at a distance of 1 m
     vec4 spot_color;      // w: cosine of the inner angle
-    vec4 counts;          // sun, spot, points; w: cosine of the spot's outer angle
+    vec4 counts;          // x: points, y: cosine of the spot's outer angle
     vec4 panorama;        // x: levels, y: level of a mirror of alpha 1
     vec4 irradiance[9];
     vec4 point_position[MAX_POINTS];  // w: reach
@@ -42,21 +42,37 @@ vec2 environment_brdf(float roughness, float n_v) {
     return vec2(-1.04, 1.04) * edge + r.zw;
 }
 
-// Diffuse and specular BRDF times the cosine, for one direction to a light.
-vec3 reflected(Shaded s, vec3 f0, float alpha, vec3 v, vec3 l) {
-    float n_l = dot(s.normal, l);
-    if (n_l <= 0.0) {
-        return vec3(0.0);
-    }
-    vec3 h = normalize(v + l);
-    float n_v = max(dot(s.normal, v), 1e-4), n_h = clamp(dot(s.normal, h), 0.0, 1.0);
-    float a2 = alpha * alpha;
-    float lobe = n_h * n_h * (a2 - 1.0) + 1.0;
-    float d = a2 / (PI * lobe * lobe);
-    float g = 0.5 / (n_l * sqrt(n_v * n_v * (1.0 - a2) + a2) + n_v * sqrt(n_l * n_l * (1.0 - a2) + a2));
-    vec3 f = f0 + (1.0 - f0) * pow(1.0 - clamp(dot(v, h), 0.0, 1.0), 5.0);
-    vec3 diffuse = (1.0 - f) * (1.0 - s.metallic) * s.base_color / PI;
-    return (diffuse + d * g * f) * n_l;
+// What the BRDF of one surface, seen from one side, has in common for all lights.
+struct Reflector {
+    vec3 normal;
+    vec3 view;
+    vec3 diffuse;
+    vec3 f0;
+    float a2;
+    float n_v;
+    float smith;  // of the view
+};
+
+Reflector reflector(Shaded s, vec3 f0, float alpha, vec3 v) {
+    float a2 = alpha * alpha, n_v = max(dot(s.normal, v), 1e-4);
+    vec3 diffuse = (1.0 - s.metallic) / PI * s.base_color;
+    return Reflector(s.normal, v, diffuse, f0, a2, n_v, sqrt(n_v * n_v * (1.0 - a2) + a2));
+}
+
+// Diffuse and specular BRDF times the cosine, for one direction to a light. Powers by products and the half vector by
+// its cosines alone: on a processor this is where a frame's time goes.
+vec3 reflected(Reflector r, vec3 l) {
+    float n_l = clamp(dot(r.normal, l), 0.0, 1.0);
+    float v_l = dot(r.view, l);
+    float shorter = inversesqrt(max(2.0 + 2.0 * v_l, 1e-8));  // 1 / |v + l|
+    float n_h = clamp((dot(r.normal, r.view) + n_l) * shorter, 0.0, 1.0);
+    float lobe = n_h * n_h * (r.a2 - 1.0) + 1.0;
+    float smith = n_l * r.smith + r.n_v * sqrt(n_l * n_l * (1.0 - r.a2) + r.a2);
+    float d_g = 0.5 * r.a2 / (PI * lobe * lobe * smith);
+    float grazing = 1.0 - clamp((1.0 + v_l) * shorter, 0.0, 1.0);
+    float squared = grazing * grazing;
+    vec3 f = r.f0 + (1.0 - r.f0) * (squared * squared * grazing);
+    return ((1.0 - f) * r.diffuse + d_g * f) * n_l;
 }
 
 // Share of the light that arrives, by 3 x 3 texels. `bias` is in the map's depth.
@@ -85,37 +101,41 @@ vec3 radiance(Shaded s) {
     vec3 f0 = mix(vec3(0.08 * s.specular), s.base_color, s.metallic);
     float n_v = clamp(dot(s.normal, v), 0.0, 1.0);
 
+    Reflector r = reflector(s, f0, alpha, v);
     vec3 mirrored = reflect(-v, s.normal);
     float level = clamp(panorama.y + log2(alpha), 0.0, panorama.x - 1.0);
     vec2 brdf = environment_brdf(s.roughness, n_v);
-    vec3 diffuse = (1.0 - s.metallic) * s.base_color / PI * diffuse_environment(s.normal);
+    vec3 diffuse = r.diffuse * diffuse_environment(s.normal);
     vec3 sum = s.emission + s.occlusion * (diffuse + panorama_at(mirrored, level) * (f0 * brdf.x + brdf.y));
 
-    if (counts.x > 0.5 && dot(s.smooth_normal, sun_direction.xyz) > 0.0) {
+    // A processor runs both sides of a branch, so lights that a scene lacks are left out of its programs.
+#ifdef SUN
+    if (dot(s.smooth_normal, sun_direction.xyz) > 0.0) {
         float slope = 1.0 - dot(s.smooth_normal, sun_direction.xyz);
         vec3 beside = s.world + s.smooth_normal * sun_direction.w * (1.0 + 2.0 * slope);
         float share = lit(sun_shadow, world_to_sun * vec4(beside, 1.0), 1e-4);
-        sum += share * sun_color.rgb * reflected(s, f0, alpha, v, sun_direction.xyz);
+        sum += share * sun_color.rgb * reflected(r, sun_direction.xyz);
     }
-    if (counts.y > 0.5) {
-        vec3 to = spot_position.xyz - s.world;
-        float distance = length(to);
-        vec3 l = to / distance;
-        float cone = smoothstep(counts.w, spot_color.w, dot(-l, spot_axis.xyz));
-        if (cone > 0.0 && dot(s.smooth_normal, l) > 0.0) {
-            float slope = 1.0 - dot(s.smooth_normal, l);
-            vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
-            float share = lit(spot_shadow, world_to_spot * vec4(beside, 1.0), 1e-5);
-            float arriving = share * cone * attenuation(distance, spot_position.w);
-            sum += arriving * spot_color.rgb * reflected(s, f0, alpha, v, l);
-        }
+#endif
+#ifdef SPOT
+    vec3 to_spot = spot_position.xyz - s.world;
+    float distance = length(to_spot);
+    vec3 l = to_spot / distance;
+    float cone = smoothstep(counts.y, spot_color.w, dot(-l, spot_axis.xyz));
+    if (cone > 0.0 && dot(s.smooth_normal, l) > 0.0) {
+        float slope = 1.0 - dot(s.smooth_normal, l);
+        vec3 beside = s.world + s.smooth_normal * spot_axis.w * distance * (1.0 + 2.0 * slope);
+        float share = lit(spot_shadow, world_to_spot * vec4(beside, 1.0), 1e-5);
+        float arriving = share * cone * attenuation(distance, spot_position.w);
+        sum += arriving * spot_color.rgb * reflected(r, l);
     }
-    for (int i = 0; i < int(counts.z); i++) {
+#endif
+    for (int i = 0; i < int(counts.x); i++) {
         vec3 to = point_position[i].xyz - s.world;
         float distance = length(to);
         if (distance < point_position[i].w) {
             float arriving = attenuation(distance, point_position[i].w);
-            sum += arriving * point_color[i].rgb * reflected(s, f0, alpha, v, to / max(distance, 1e-4));
+            sum += arriving * point_color[i].rgb * reflected(r, to / max(distance, 1e-4));
         }
     }
     return sum;
