@@ -1,13 +1,20 @@
-"""Every example runs from a checkout, and the bare one draws what `Upscaler` draws."""
+"""Every example runs from a checkout, and draws what `Upscaler` draws."""
 
 import json
+import os
 import subprocess
 import sys
 from pathlib import Path
 
 import numpy as np
+import pytest
+from numpy.typing import NDArray
+from OpenImageIO import ImageBuf
 
-from supersampler import Shot, ShotWriter, Upscaler, shipped_shot
+from supersampler import Shot, ShotWriter, Upscaler, display_transform, halton_jitter, shipped_shot
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.rendered import frame_of
+from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
 FRAMES = 3
@@ -37,3 +44,53 @@ def test_bare_onnx_runtime_draws_the_pictures_of_upscaler(tmp_path: Path) -> Non
     for item in shot:
         image = np.load(out / f"{item.index:04d}.npy")
         np.testing.assert_array_equal(image, upscaler.step(item.frame))
+
+
+def live(*arguments: str, **environment: str) -> "subprocess.CompletedProcess[str]":
+    command = [sys.executable, str(EXAMPLES / "live_renderer.py"), *arguments]
+    return subprocess.run(
+        command, env={**os.environ, **environment}, capture_output=True, text=True, timeout=120
+    )
+
+
+def picture(file: Path) -> NDArray[np.float32]:
+    return np.asarray(ImageBuf(str(file)).get_pixels("float"))
+
+
+def test_the_live_renderer_shows_its_input_beside_the_pictures_of_upscaler(tmp_path: Path) -> None:
+    arguments = ["--family", "foliage", "--seed", "3", "--frames", "10", "--display-size", "128x72"]
+    done = live(*arguments, "--zoom", "4", "--window", "never", "-o", str(tmp_path))
+    assert done.returncode == 0, done.stderr
+    assert "rendering" in done.stdout
+    assert "upscaling, taau" in done.stdout
+
+    sequence = make_sequence(SequenceSpec(family="foliage", seed=3, frames=10))
+    assert [index for index in range(10) if sequence.cut(index)] == [0, 6]  # one to get wrong
+    renderer, upscaler = Renderer((128, 72)), Upscaler("taau", display_size=(128, 72))
+    for index in range(10):
+        scene, jitter, exposure = sequence.scene(index), halton_jitter(index, 2.0), sequence.exposure(index)
+        assert exposure is not None
+        color, surfaces = renderer.frame(scene, (64, 36), jitter=jitter)
+        frame = frame_of(color, surfaces, None, jitter=jitter, reset=sequence.cut(index), exposure=exposure)
+        shown = picture(tmp_path / f"{index:04d}.png")
+        assert shown.shape == (144, 256, 3)
+        squares = display_transform(color, exposure).repeat(2, axis=0).repeat(2, axis=1)
+        output = display_transform(upscaler.step(frame), exposure)
+        np.testing.assert_allclose(shown[:72], np.concatenate([squares, output], axis=1), atol=0.004)
+        for left in (0, 128):
+            middle = shown[27:45, left + 48 : left + 80].repeat(4, axis=0).repeat(4, axis=1)
+            np.testing.assert_array_equal(shown[72:, left : left + 128], middle)
+
+
+def test_the_live_renderer_says_in_one_line_what_is_wrong(tmp_path: Path) -> None:
+    done = live("--frames", "0", "-o", str(tmp_path))
+    assert (done.returncode, done.stderr) == (1, "spec.frames is 0; want a finite number >= 1.\n")
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere there is always a display")
+def test_without_a_display_a_window_that_was_asked_for_is_refused_in_one_line(tmp_path: Path) -> None:
+    done = live("--window", "always", "-o", str(tmp_path), DISPLAY=":nowhere")
+    assert done.returncode == 1
+    assert done.stderr.startswith("no window: ")
+    assert done.stderr.endswith("With --window never only files are written.\n")
+    assert not list(tmp_path.iterdir())

@@ -1,0 +1,149 @@
+"""A renderer drives `Upscaler.step` frame by frame, as an engine does; input and output go side by side.
+
+    python examples/live_renderer.py --family fences --ratio 2 --zoom 4 -o out/live
+
+The loop in `main` is what an engine copies. Pictures are written, made into a film where ffmpeg is installed,
+and shown where there is a display. Wants `pip install "supersampler[render]"`; no GPU is needed.
+"""
+
+import atexit
+import shutil
+import subprocess
+import sys
+from argparse import ArgumentDefaultsHelpFormatter, ArgumentParser, Namespace
+from collections.abc import Callable
+from pathlib import Path
+from statistics import median
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Frame, SupersamplerError, Upscaler, display_transform, halton_jitter
+from supersampler.cli.arguments import parse_size
+from supersampler.display import ExposureMeter, to_uint8
+from supersampler.image_io import write_png
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
+
+Picture = NDArray[np.uint8]
+
+
+def main(options: Namespace) -> None:
+    width, height = display_size = options.display_size
+    render_size = (round(width / options.ratio), round(height / options.ratio))
+    game = make_sequence(SequenceSpec(family=options.family, seed=options.seed, frames=options.frames))
+    renderer = Renderer(display_size)
+    upscaler = Upscaler(options.model, display_size=display_size)  # one per camera: it owns the history
+    show = open_window(options.window)
+    meter = ExposureMeter()  # for the pictures; the upscaler has its own
+    rendering, upscaling = [], []  # seconds of each frame
+
+    for index in range(options.frames):
+        began = perf_counter()
+        scene = game.scene(index)  # where everything is, and where it was one frame ago
+        jitter = halton_jitter(index, options.ratio)  # samples are taken at pixel centre + jitter
+        color, surfaces = renderer.frame(scene, render_size, jitter=jitter)
+        frame = Frame(
+            color=color,  # (h, w, 3) linear RGB, before tone mapping, not anti-aliased
+            depth=surfaces.depth,  # (h, w) near / distance, 0 at the sky
+            motion=surfaces.motion,  # (h, w, 2) render pixels, previous minus current, without jitter
+            jitter=jitter,
+            reset=game.cut(index),  # after a cut there is no past
+            exposure=game.exposure(index),  # None: it is measured
+        )
+        rendered = perf_counter()
+        image = upscaler.step(frame)  # (H, W, 3) linear RGB: now come bloom, tone mapping and the interface
+        upscaling.append(perf_counter() - rendered)
+        rendering.append(rendered - began)
+
+        exposure = meter.read(color, given=frame.exposure, reset=frame.reset)
+        picture = side_by_side(color, image, exposure, options.zoom)
+        write_png(options.output / f"{index:04d}.png", picture)
+        if show and not show(picture):
+            break
+
+    print(f"{len(rendering)} pictures, {render_size} to {display_size}: {options.output}")
+    print(f"rendering, with scene and read-back: {times(rendering)}")
+    print(f"upscaling, {upscaler.model.info.method}: {times(upscaling)}")
+    film(options.output, len(rendering), game.spec.frame_rate)
+
+
+def side_by_side(color: NDArray[Any], image: NDArray[Any], exposure: float, zoom: int) -> Picture:
+    """Return input and output as a screen shows them; below them, if `zoom` > 1, the middle of each."""
+    pair = [to_uint8(display_transform(part, exposure)) for part in (color, image)]
+    rows = [[squares(part, image.shape[1::-1], by) for part in pair] for by in sorted({1, zoom})]
+    return np.concatenate([np.concatenate(row, axis=1) for row in rows])
+
+
+def squares(picture: Picture, to: tuple[int, ...], zoom: int) -> Picture:
+    """Fill size `to` with its middle, `zoom` times larger, by nearest pixels: each of them can be seen."""
+    columns, rows = (
+        (np.arange(n) // zoom + (n - n // zoom) // 2) * m // n
+        for n, m in zip(to, picture.shape[1::-1], strict=True)
+    )
+    return np.ascontiguousarray(picture[rows[:, None], columns])
+
+
+def open_window(when: str) -> Callable[[Picture], bool] | None:
+    """Return what shows a picture and says whether the window is still open; None is "without"."""
+    if when == "never":
+        return None
+    try:
+        import tkinter  # not every Python has it
+
+        root = tkinter.Tk(className="supersampler")
+    except Exception as error:  # no tkinter, whose errors have no name then, or no display
+        if when == "always":
+            sys.exit(f"no window: {error}. With --window never only files are written.")
+        return None
+    image, closed = tkinter.PhotoImage(master=root), []
+    tkinter.Label(root, image=image).pack()
+    atexit.register(root.destroy)  # else Tk outlives what it still refers to
+    root.protocol("WM_DELETE_WINDOW", lambda: closed.append(True))
+
+    def show(picture: Picture) -> bool:
+        image.configure(data=b"P6 %d %d 255\n" % picture.shape[1::-1] + picture.tobytes(), format="ppm")
+        root.update()
+        return not closed
+
+    return show
+
+
+def times(seconds: list[float]) -> str:
+    """The first frame also compiles and allocates."""
+    rest = f", then {1000 * median(seconds[1:]):.1f} ms (median)" if seconds[1:] else ""
+    return f"first frame {1000 * seconds[0]:.1f} ms{rest}"
+
+
+def film(folder: Path, frames: int, frame_rate: float) -> None:
+    """Make live.mp4 of the pictures, where ffmpeg is installed."""
+    if shutil.which("ffmpeg"):
+        source = f"-framerate {frame_rate} -i %04d.png -frames:v {frames}"
+        coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # what every player plays: even sizes
+        command = f"ffmpeg -v error -y {source} {coding} live.mp4".split()
+        subprocess.run(command, cwd=folder, check=True)  # noqa: S603
+        print(f"film: {folder / 'live.mp4'}")
+
+
+def parse_arguments() -> Namespace:
+    parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
+    add = parser.add_argument
+    add("--model", default="taau", help="name of a model, or its folder")
+    add("--family", default="fences", choices=(*TRAIN_FAMILIES, *TEST_FAMILIES), help="of scenes")
+    add("--seed", type=int, default=0, help="of the scene, its camera, cuts and exposure")
+    add("--frames", type=int, default=48, help="how many")
+    add("--display-size", type=parse_size, default="640x360", metavar="WxH", help="of the output")
+    add("--ratio", type=float, default=2.0, help="display size over render size, 1 to 4")
+    add("--zoom", type=int, default=1, choices=range(1, 17), help="show the middle too, this much larger")
+    add("--window", choices=("auto", "always", "never"), default="auto", help="auto: where it can be")
+    add("-o", "--output", type=Path, default=Path("out/live"), help="folder of the pictures")
+    return parser.parse_args()
+
+
+if __name__ == "__main__":
+    try:
+        main(parse_arguments())
+    except SupersamplerError as error:
+        sys.exit(str(error))
