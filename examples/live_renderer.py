@@ -34,9 +34,9 @@ def main(options: Namespace) -> None:
     width, height = display_size = options.display_size
     render_size = (round(width / options.ratio), round(height / options.ratio))
     game = make_sequence(SequenceSpec(family=options.family, seed=options.seed, frames=options.frames))
+    show = open_window(options.window)
     renderer = Renderer(display_size)
     upscaler = Upscaler(options.model, display_size=display_size)  # one per camera: it owns the history
-    show = open_window(options.window)
     meter = ExposureMeter()  # for the pictures; the upscaler has its own
     rendering, upscaling = [], []  # seconds of each frame
 

@@ -1,8 +1,11 @@
 """Where OpenGL comes from, and what is said where it is missing."""
 
 import importlib.util
+import re
 import subprocess
 import sys
+from collections.abc import Callable
+from contextlib import nullcontext
 from pathlib import Path
 
 import numpy as np
@@ -11,31 +14,99 @@ import pytest
 from gl_scenes import Yard
 from supersampler_model.data.errors import GraphicsError
 from supersampler_model.data.gl import context
+from supersampler_model.data.gl.context import Backend, Graphics
 from supersampler_model.data.gl.renderer import Renderer
 
 FOUND = importlib.util.find_spec
+APT = "apt-get install libegl1 libgl1 libegl-mesa0 libgl1-mesa-dri"
+PIP = "pip install lavavu-osmesa"
 
-WITH_OSMESA = """
+WITHOUT_EGL = """
 import sys
 import numpy as np
 from gl_scenes import Yard
-from supersampler_model.data.gl.context import open_graphics
+from supersampler_model.data.gl import context
 from supersampler_model.data.gl.renderer import Renderer
 
-renderer = Renderer((160, 90), samples=4, graphics=open_graphics("osmesa"))
-np.save(sys.argv[1], renderer.reference(Yard().scene(2)).color)
+context.find_library = lambda _: None
+graphics = context.open_graphics()
+np.save(sys.argv[1], Renderer((160, 90), samples=4, graphics=graphics).reference(Yard().scene(2)).color)
+"""
+
+WITHOUT_OPENGL = """
+import sys
+import pytest
+from supersampler_model.data.gl import context
+
+def missing():
+    raise Exception("hidden")
+
+context._open_egl = context._open_osmesa = missing
+sys.exit(pytest.main(["-q", "--tb=line", "-p", "no:cacheprovider", *sys.argv[1:]]))
 """
 
 
-def test_without_opengl_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def python(script: str, *arguments: str | Path) -> "subprocess.CompletedProcess[str]":
+    """Run a script in a process of its own, as two Mesas in one do not get on."""
+    path = [*sys.path, str(Path(__file__).parents[2])]
+    command = [sys.executable, "-c", f"import sys; sys.path[:0] = {path!r}\n{script}", *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, timeout=120)
+
+
+class FakeGraphics(Graphics):
+    """A context that does nothing."""
+
+    def call(self, name: str, *arguments: int | None) -> None: ...
+
+
+def opener(name: str, tried: list[str], problem: str | None) -> Callable[[], Graphics]:
+    """Return a way to open a context that fails where there is a problem, as moderngl does."""
+
+    def open_() -> Graphics:
+        tried.append(name)
+        if problem is not None:
+            raise Exception(problem)
+        return FakeGraphics(nullcontext(name), lambda _: None)
+
+    return open_
+
+
+@pytest.mark.parametrize(
+    ("backend", "problem_of_egl", "tried"),
+    [
+        ("auto", None, ["egl"]),
+        ("auto", "requested device index 0, but found 0 devices", ["egl", "osmesa"]),
+        ("egl", None, ["egl"]),
+        ("osmesa", None, ["osmesa"]),
+    ],
+)
+def test_egl_comes_first_and_osmesa_where_it_does_not_work(
+    backend: Backend, problem_of_egl: str | None, tried: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[str] = []
+    monkeypatch.setattr(context, "_open_egl", opener("egl", seen, problem_of_egl))
+    monkeypatch.setattr(context, "_open_osmesa", opener("osmesa", seen, None))
+    graphics = context.open_graphics(backend)
+    assert seen == tried
+    assert graphics.gl.enter_result == tried[-1]
+
+
+def test_the_backend_that_was_asked_for_is_not_replaced(monkeypatch: pytest.MonkeyPatch) -> None:
+    seen: list[str] = []
+    monkeypatch.setattr(context, "_open_egl", opener("egl", seen, "no\ndevice"))
+    monkeypatch.setattr(context, "_open_osmesa", opener("osmesa", seen, None))
+    with pytest.raises(GraphicsError, match=r"^no OpenGL 4\.5 \(egl: no device\)\. Do one of: apt-get"):
+        context.open_graphics("egl")
+    assert seen == ["egl"]
+
+
+def test_without_opengl_one_line_says_why_and_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(context, "find_library", lambda _: None)
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None if name == "lavavu" else FOUND(name))
     with pytest.raises(GraphicsError) as caught:
         context.open_graphics()
-    message = str(caught.value)
-    assert "\n" not in message
-    for line in ("apt-get install libegl1 libgl1 libegl-mesa0 libgl1-mesa-dri", "pip install lavavu-osmesa"):
-        assert line in message
+    reasons = "egl: libEGL is not installed; osmesa: the wheel lavavu-osmesa is not installed"
+    assert str(caught.value) == f"no OpenGL 4.5 ({reasons}). Do one of: {APT}; {PIP}"
 
 
 def test_without_moderngl_the_message_names_the_extra(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -44,11 +115,20 @@ def test_without_moderngl_the_message_names_the_extra(monkeypatch: pytest.Monkey
         context.open_graphics()
 
 
-def test_osmesa_draws_the_same_picture(tmp_path: Path) -> None:
-    """In a process of its own, as two Mesas in one do not get on."""
-    path = [*sys.path, str(Path(__file__).parents[2])]
-    script = f"import sys; sys.path[:0] = {path!r}\n{WITH_OSMESA}"
-    subprocess.run([sys.executable, "-c", script, str(tmp_path / "color.npy")], check=True)
+def test_where_libegl_is_not_installed_osmesa_draws_the_same_picture(tmp_path: Path) -> None:
+    done = python(WITHOUT_EGL, tmp_path / "color.npy")
+    assert done.returncode == 0, done.stderr
     other = np.load(tmp_path / "color.npy")
     mine = Renderer((160, 90), samples=4).reference(Yard().scene(2)).color
     assert np.quantile(np.abs(other - mine), 0.999) < 0.02
+
+
+def test_without_opengl_the_tests_that_draw_fail_by_the_line_that_mends_it_and_none_is_skipped() -> None:
+    folder = Path(__file__).parent
+    files = [folder / name for name in ("test_gl_motion.py", "test_gl_renderer.py", "test_gltf_drawn.py")]
+    done = python(WITHOUT_OPENGL, "--rootdir", Path(__file__).parents[3], *files)
+    assert done.returncode == pytest.ExitCode.TESTS_FAILED, done.stdout + done.stderr
+    summary = done.stdout.strip().splitlines()[-1]  # "2 passed, 30 errors in 1.2s"
+    counts = {kind: int(number) for number, kind in re.findall(r"(\d+) (\w+)", summary.partition(" in ")[0])}
+    assert set(counts) <= {"passed", "failed", "error", "errors"}, summary
+    assert done.stdout.count(f"Do one of: {APT}; {PIP}") >= sum(counts.values()) - counts.get("passed", 0)
