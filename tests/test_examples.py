@@ -1,10 +1,12 @@
-"""Every example runs from a checkout, and draws what `Upscaler` draws."""
+"""Every example runs from a checkout, and draws what `Upscaler` draws; the docs' snippets on data run too."""
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +14,13 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
 from supersampler import Shot, ShotWriter, Upscaler, display_transform, halton_jitter, shipped_shot
+from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 EXAMPLES = Path(__file__).parents[1] / "examples"
+DOCS = EXAMPLES.parent / "docs"
 FRAMES = 3
 
 
@@ -94,3 +98,19 @@ def test_without_a_display_a_window_that_was_asked_for_is_refused_in_one_line(tm
     assert done.stderr.startswith("no window: ")
     assert done.stderr.endswith("With --window never only files are written.\n")
     assert not list(tmp_path.iterdir())
+
+
+def test_the_snippets_of_the_docs_on_data_run_on_a_training_set(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    spec = SequenceSpec(family="floors", seed=0, frames=2)
+    entry = SequenceEntry(spec=spec, ratio=2.0, split="train")
+    renderer = Renderer((96, 72), samples=1)
+    description = Description(display_size=(96, 72), samples=1, gbuffers=False, seed=0, sequences=(entry,))
+    render_sequence(create_dataset(tmp_path / "data", description), entry, renderer)
+    monkeypatch.chdir(tmp_path)
+    found: dict[str, Any] = {"renderer": renderer}
+    for snippet in re.findall("```python\n(.*?)```", (DOCS / "data.md").read_text("utf-8"), re.DOTALL):
+        exec(snippet, found)  # noqa: S102
+    assert found["crop"].shape == (8, 32, 3)
+    assert found["upscaler_input"].size == (48, 36)
