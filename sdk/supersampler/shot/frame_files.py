@@ -1,9 +1,11 @@
 """The EXR files of one frame: which array lies in which channels, and back."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
@@ -22,7 +24,23 @@ GBUFFER: Mapping[str, Sequence[str]] = {
     "specular": ("specular.Y",),
 }
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
+CLASSES = ("class.ghost", "class.alias")
 _CARRY = "carry."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassMaps:
+    """What makes each pixel of a reference hard, by the classes of Guo et al. 2022.
+
+    Attributes:
+        ghost: (H, W) uint8, why the past is of no use: 0 it is, 1 it was hidden or off screen, 2 its light
+            has changed.
+        alias: (H, W) uint8, why one sample does not tell the colour: 0 it does, 1 an edge of a surface, 2
+            detail on a surface.
+    """
+
+    ghost: NDArray[np.uint8]
+    alias: NDArray[np.uint8]
 
 
 def read_frame(folder: Path, entry: FrameEntry, render_size: Size, display_size: Size | None) -> RawFrame:
@@ -64,32 +82,58 @@ def read_reference(path: Path, display_size: Size | None, names: Sequence[str] =
     return take(path, channels, names).astype(np.float32, copy=False)
 
 
+def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
+    """Read the class maps beside a reference picture; None where the file has none."""
+    channels = read_exr(path, only=CLASSES)
+    check_size(path, channels, display_size)
+    if not channels:
+        return None
+    ghost, alias = (take(path, channels, (name,)).astype(np.uint8) for name in CLASSES)
+    return ClassMaps(ghost, alias)
+
+
+def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
+    """Write a reference picture, (H, W, 3), and the class maps where there are any.
+
+    Raises:
+        ShotError: an array is of a type that EXR does not have, or the disk refused.
+    """
+    channels: dict[str, Channel] = {}
+    _put(channels, COLOR, reference)
+    if classes is not None:
+        maps = zip(CLASSES, (classes.ghost, classes.alias), strict=True)
+        channels.update((name, classes_.astype(np.float16)) for name, classes_ in maps)
+    write_exr(path, channels, compression=compression)
+
+
 def has_display_file(raw: RawFrame) -> bool:
     """Tell whether the frame has anything of display size: G-buffers, or motion vectors."""
     return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
 
 
-def write_frame(folder: Path, entry: FrameEntry, raw: RawFrame, compression: str) -> None:
-    """Write the render-size file, and the display-size file where `entry` names one.
+def write_frame(
+    folder: Path, entry: FrameEntry, raw: RawFrame, compression: str, *, display: bool = True
+) -> None:
+    """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
 
     Raises:
         ShotError: an array is of a type that EXR does not have, or the disk refused.
     """
     render: dict[str, Channel] = {}
-    display: dict[str, Channel] = {}
+    large: dict[str, Channel] = {}
     if raw.color is not None:
         _put(render, COLOR, raw.color)
     _put(render, DEPTH, raw.depth)
-    _put(render if raw.motion.shape[:2] == raw.depth.shape else display, MOTION, raw.motion)
+    _put(render if raw.motion.shape[:2] == raw.depth.shape else large, MOTION, raw.motion)
     for name, array in (raw.gbuffer or {}).items():
         _put(render, GBUFFER[name], array)
     for name, array in (raw.gbuffer_display or {}).items():
-        _put(display, _GBUFFER_DISPLAY[name], array)
+        _put(large, _GBUFFER_DISPLAY[name], array)
     if raw.carry is not None:
         _put(render, [f"{_CARRY}{index}" for index in range(raw.carry.shape[2])], raw.carry)
     write_exr(folder / entry.file, render, compression=compression)
-    if entry.display_file is not None:
-        write_exr(folder / entry.display_file, display, compression=compression)
+    if display and entry.display_file is not None:
+        write_exr(folder / entry.display_file, large, compression=compression)
 
 
 def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> Array:

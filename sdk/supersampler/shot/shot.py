@@ -12,7 +12,7 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json
-from supersampler.shot.frame_files import read_frame, read_reference
+from supersampler.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
 
 _AHEAD = 2  # frames held ready; more would cost memory and hide no more of the disk
 
@@ -53,20 +53,27 @@ class Shot:
         entries: Sequence[FrameEntry],
         read_raw: Callable[[int], RawFrame],
         read_reference: Callable[[int], Float32],
+        read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
     ) -> None:
         self.path, self.info = path, info
-        self._entries, self._raw, self._reference = tuple(entries), read_raw, read_reference
+        self._entries, self._raw = tuple(entries), read_raw
+        self._reference, self._classes = read_reference, read_classes
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
         """Open a folder with a shot.json; pictures are read later, one by one.
 
+        Args:
+            path: the folder; or a JSON file in it, of the several that may share its pictures.
+
         Raises:
             ShotError: shot.json is missing or wrong, or names a file that is not there.
         """
-        folder = Path(path)
-        info, entries = load_shot_json(folder / FILE_NAME)
-        _check_files(folder, entries)
+        path = Path(path)
+        description = path if path.suffix == ".json" else path / FILE_NAME
+        folder = description.parent
+        info, entries = load_shot_json(description)
+        _check_files(description, entries)
 
         def raw_frame(index: int) -> RawFrame:
             size = entries[index].render_size or info.render_size
@@ -75,7 +82,10 @@ class Shot:
         def reference(index: int) -> Float32:
             return read_reference(folder / str(entries[index].reference), info.display_size)
 
-        return cls(folder, info, entries, raw_frame, reference)
+        def classes(index: int) -> ClassMaps | None:
+            return read_classes(folder / str(entries[index].reference), info.display_size)
+
+        return cls(path, info, entries, raw_frame, reference, classes)
 
     @property
     def name(self) -> str:
@@ -161,12 +171,17 @@ class Shot:
         """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
         return None if self._entries[index].reference is None else self._reference(index)
 
+    def read_classes(self, index: int) -> ClassMaps | None:
+        """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
+        return None if self._entries[index].reference is None else self._classes(index)
+
     def _load(self, index: int, converter: Converter) -> ShotFrame:
         raw, reference = self.read_raw(index), self.read_reference(index)
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:
-            file = self.path / self._entries[index].file
+            folder = self.path if self.path.is_dir() else self.path.parent
+            file = folder / self._entries[index].file
             raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
 
@@ -185,9 +200,10 @@ def converter_at(info: ShotInfo, entries: Sequence[FrameEntry], index: int) -> C
     return converter
 
 
-def _check_files(folder: Path, entries: Sequence[FrameEntry]) -> None:
+def _check_files(description: Path, entries: Sequence[FrameEntry]) -> None:
+    folder = description.parent
     for index, entry in enumerate(entries):
         for name in filter(None, (entry.file, entry.display_file, entry.reference)):
             if not (folder / name).is_file():
-                hint = f"{FILE_NAME} lists it; copy or render it again."
+                hint = f"{description.name} lists it; copy or render it again."
                 raise ShotError(folder / name, f"the file of frame {index} is missing", hint)

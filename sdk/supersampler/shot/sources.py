@@ -23,7 +23,7 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
     """Open a shot of this package, a folder of Blender's or anybody's EXR frames, or an Arm sequence.
 
     Args:
-        path: the folder, its shot.json, or the .safetensors file.
+        path: the folder, its shot.json or another JSON file of that format, or the .safetensors file.
         layout: "auto" looks at what is there; else "shot", "blender", "channels" or "arm".
         options: for `import_blender`, `import_channels` or `import_arm`, as the layout asks. Without a
             channel_map the layout "channels" reads the channels.json in the folder.
@@ -52,12 +52,12 @@ def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
     Raises:
         ShotError: it is none that is known; the message says what was found.
     """
-    if path.is_file() and path.suffix == ".safetensors":
-        return "arm"
+    if path.is_file() and path.suffix in (".safetensors", ".json"):
+        return "arm" if path.suffix == ".safetensors" else "shot"
     if not path.exists():
         raise ShotError(path, "there is no such file or folder", _KNOWN)
     if not path.is_dir():
-        raise ShotError(path, "is neither a folder nor a .safetensors file", _KNOWN)
+        raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
     if (path / FILE_NAME).exists():
         return "shot"
     if (path / MAP_FILE_NAME).exists():

@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
+from typing import Any
+
+from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Frame, Size
-from supersampler.image_io import remove_partial_files, replacing, write_exr
+from supersampler.image_io import remove_partial_files, replacing
 from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json, shot_json
-from supersampler.shot.frame_files import has_display_file, write_frame
+from supersampler.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
 from supersampler.shot.shot import Shot, converter_at
 
 
@@ -33,6 +36,8 @@ class ShotWriter:
         license: of the pictures.
         attribution: whom to name where the pictures are shown.
         resume: go on after the frames that are there already.
+        variant: name of one of several shots in the folder that share their display-size files, "2x" say: it
+            is described by 2x.json, and its frames are 2x/0000.exr and so on.
         compression: of the frames, lossless: "zip", or "zip:9", which is slower and a little smaller.
         reference_compression: of the references; "dwab:45" is lossy and much smaller.
 
@@ -51,10 +56,13 @@ class ShotWriter:
         license: str = "",  # noqa: A002  # the word that shot.json and every reader use
         attribution: tuple[str, ...] | list[str] = (),
         resume: bool = False,
+        variant: str | None = None,
         compression: str = "zip",
         reference_compression: str = "zip",
     ) -> None:
         self.path = Path(path)
+        self._description = self.path / (FILE_NAME if variant is None else f"{variant}.json")
+        self._frames_below = "" if variant is None else f"{variant}/"
         self._compression, self._reference_compression = compression, reference_compression
         self._info = ShotInfo(
             name=name,
@@ -66,7 +74,7 @@ class ShotWriter:
             attribution=tuple(attribution),
         )
         self._entries: list[FrameEntry] = []
-        if (self.path / FILE_NAME).exists():
+        if self._description.exists():
             self._continue(resume)
         remove_partial_files(self.path)
 
@@ -82,25 +90,35 @@ class ShotWriter:
     ) -> None:
         """Nothing is left to do: each frame was finished by `write`."""
 
-    def write(self, frame: RawFrame | Frame, *, reference: Array | None = None) -> None:
+    def write(
+        self,
+        frame: RawFrame | Frame,
+        *,
+        reference: Array | None = None,
+        classes: ClassMaps | None = None,
+        shared: bool = False,
+    ) -> None:
         """Write the next frame.
 
         Args:
             frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them.
             reference: (H, W, 3) display size, linear RGB: what a perfect upscaler would return.
+            classes: of the reference's pixels.
+            shared: the display-size file and the reference are there, written by another variant.
 
         Raises:
             ShotError: the disk refused, or an array is float64. After any error the shot is as it was.
             FrameError: the frame breaks the contract.
-            ArgumentError: a display-size array is not of the shot's display size.
+            ArgumentError: a display-size array is not of the shot's display size, or `classes` come without
+                a reference.
         """
         raw = self._checked(frame)
         height, width = raw.depth.shape
         info = self._info if self._entries else replace(self._info, render_size=(width, height))
-        self._check_display(raw, reference)
+        self._check_display(raw, reference, classes)
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
-            file=number,
+            file=f"{self._frames_below}{number}",
             jitter=(0.0, 0.0) if raw.jitter is None else (float(raw.jitter[0]), float(raw.jitter[1])),
             reset=bool(raw.reset),
             exposure=None if raw.exposure is None else float(raw.exposure),
@@ -109,14 +127,15 @@ class ShotWriter:
             render_size=None if (width, height) == info.render_size else (width, height),
             shaded=raw.color is not None,
         )
-        write_frame(self.path, entry, raw, self._compression)
-        if reference is not None:
-            write_exr(self.path / str(entry.reference), reference, compression=self._reference_compression)
+        write_frame(self.path, entry, raw, self._compression, display=not shared)
+        if reference is not None and not shared:
+            path = self.path / str(entry.reference)
+            write_reference(path, reference, classes, self._reference_compression)
         self._publish(info, [*self._entries, entry])
 
     def _publish(self, info: ShotInfo, entries: list[FrameEntry]) -> None:
         """List the frames in shot.json: from here on they count as written."""
-        with replacing(self.path / FILE_NAME) as partial:
+        with replacing(self._description) as partial:
             partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
         self._info, self._entries = info, entries
 
@@ -130,7 +149,7 @@ class ShotWriter:
 
     def _continue(self, resume: bool) -> None:
         """Take over the frames that are there."""
-        path = self.path / FILE_NAME
+        path = self._description
         info, entries = load_shot_json(path)
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
@@ -142,8 +161,12 @@ class ShotWriter:
                 raise ShotError(path, f"its {field} is {there}; this run's is {wanted}", hint)
         self._info, self._entries = info, entries
 
-    def _check_display(self, frame: RawFrame, reference: Array | None) -> None:
-        arrays = {"reference": reference, **(frame.gbuffer_display or {})}
+    def _check_display(self, frame: RawFrame, reference: Array | None, classes: ClassMaps | None) -> None:
+        arrays: dict[str, NDArray[Any] | None] = {"reference": reference, **(frame.gbuffer_display or {})}
+        if classes is not None:
+            if reference is None:
+                raise ArgumentError("classes", got="without a reference", want="both: they lie in one file")
+            arrays |= {"classes.ghost": classes.ghost, "classes.alias": classes.alias}
         if frame.motion.shape[:2] != frame.depth.shape:
             arrays["motion"] = frame.motion
         want = self._info.display_size
@@ -179,5 +202,6 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
         resume=resume,
     )
     for index in range(len(writer), len(shot)):
-        writer.write(shot.read_raw(index), reference=shot.read_reference(index))
+        reference, classes = shot.read_reference(index), shot.read_classes(index)
+        writer.write(shot.read_raw(index), reference=reference, classes=classes)
     return Shot.open(path)

@@ -5,12 +5,13 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from supersampler_model.data.camera import Camera
 from supersampler_model.data.environment import Environment
 from supersampler_model.data.lights import Point, Spot, Sun
 from supersampler_model.data.mesh import Mesh
 from supersampler_model.data.procedural.lighting import Pulse, steady
 from supersampler_model.data.procedural.paths import Pose, Vantage
-from supersampler_model.data.scene import Instance, Material, Particles
+from supersampler_model.data.scene import Instance, Material, Particles, Scene
 from supersampler_model.data.values import Matrices, Matrix
 
 
@@ -74,6 +75,19 @@ class Stage:
                 emission=emission,
                 casts_shadow=shadow,
             )
+        )
+
+    def scene(self, now: float, before: float, camera: Camera, camera_before: Camera) -> Scene:
+        """Return the stage as it is `now`, with how it was `before`, both in seconds."""
+        return Scene(
+            camera=camera,
+            camera_before=camera_before,
+            environment=self.environment,
+            instances=tuple(prop.instance(now, before) for prop in self.props),
+            sun=None if self.sun is None else self.sun(now),
+            spot=None if self.spot is None else self.spot(now),
+            points=tuple(point(now) for point in self.points),
+            particles=tuple(cloud(now) for cloud in self.particles),
         )
 
 

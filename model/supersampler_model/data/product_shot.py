@@ -1,0 +1,73 @@
+"""The shot that ships with the package: a walk across the plaza, in one take."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from supersampler_model.data.camera import Camera
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.procedural.paths import drift, vector
+from supersampler_model.data.procedural.plaza import plaza
+from supersampler_model.data.scene import Scene
+from supersampler_model.data.sequences import Sequence, SequenceSpec
+from supersampler_model.data.shots import ShotForm, render_shot
+
+NAME = "plaza"
+DISPLAY_SIZE = (640, 360)
+_FORM = ShotForm(
+    name=NAME,
+    ratios=(2.0,),
+    variants=False,
+    gbuffers=False,
+    small=True,
+    first_reference=14,
+    license="Apache-2.0",
+    compression="zip:9",
+    reference_compression="dwab:90",
+)
+
+
+class Plaza(Sequence):
+    """The plaza over time: nothing is cut, and the exposure stays."""
+
+    def __init__(self) -> None:
+        self.spec = SequenceSpec(family=NAME, seed=1, frames=32, frame_rate=30.0)
+        content, hand = (np.random.default_rng([self.spec.seed, i]) for i in (0, 1))
+        self._stage, self._shake = plaza(content), drift(hand, 0.015, 1.3)
+
+    def scene(self, index: int) -> Scene:
+        """See `Sequence.scene`."""
+        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
+        return self._stage.scene(now, before, self._camera(now), self._camera(now if index == 0 else before))
+
+    def cut(self, index: int) -> bool:
+        """See `Sequence.cut`."""
+        return index == 0
+
+    def exposure(self, index: int) -> float:  # noqa: ARG002  # the same for all
+        """See `Sequence.exposure`."""
+        return self._stage.exposure
+
+    def _camera(self, t: float) -> Camera:
+        """Walk to the right and ahead, with the eyes on the fountain."""
+        eye = np.array([-1.5 + 2.1 * t, 1.62, 3.0 - 0.6 * t]) + self._shake(t)
+        return Camera(
+            position=vector(eye),
+            target=(0.1 + 0.4 * t, 1.45, -3.6),
+            fov_y=55.0,
+            exposure=self._stage.exposure,
+        )
+
+
+def render_product_shot(
+    folder: Path, *, samples: int = 64, on_frame: Callable[[], None] = lambda: None
+) -> None:
+    """Render the shipped shot into `folder`, or go on with it.
+
+    Raises:
+        ShotError: the disk refused, or another shot is there.
+        GraphicsError: there is no OpenGL.
+    """
+    renderer = Renderer(DISPLAY_SIZE, samples=samples)
+    render_shot(folder, Plaza(), renderer, _FORM, on_frame=on_frame)

@@ -1,0 +1,180 @@
+"""Render a sequence as shots on disk (docs/shots.md), at several ratios that share one reference."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Frame, halton_jitter
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler.shot import ClassMaps, ShotWriter
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.labels import label
+from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.sequences import Sequence
+
+_BYTES = ("base_color", "roughness", "metallic", "specular")  # in [0, 1]; engines store eight bits too
+_FARTHEST = 16384.0  # pixels; motion out of sight need not be exact, and halves end at 65504
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShotForm:
+    """What is kept of a sequence, and how.
+
+    Attributes:
+        name: of the shot.
+        ratios: display over render size, each >= 1, of the shots that are written.
+        variants: one JSON file and one folder of frames a ratio; False, for a single ratio, is a plain shot.
+        gbuffers: keep G-buffers, of render and of display size.
+        small: round what packs badly: depth to 14 bits, motion to 1 / 256 pixel.
+        first_reference: the first frame whose reference is kept.
+        license: of the pictures.
+        compression, reference_compression: see `ShotWriter`.
+    """
+
+    name: str
+    ratios: tuple[float, ...]
+    variants: bool = True
+    gbuffers: bool = True
+    small: bool = False
+    first_reference: int = 0
+    license: str = ""
+    compression: str = "zip"
+    reference_compression: str = "zip"
+
+    def __post_init__(self) -> None:
+        if not self.ratios or min(self.ratios) < 1.0 or (len(self.ratios) > 1 and not self.variants):
+            want = "some of at least 1.0; one, without variants"
+            raise ArgumentError("ratios", got=self.ratios, want=want)
+
+
+def variant_name(ratio: float) -> str:
+    """Return the name of the variant of a ratio, and of its JSON file: 1.5x, 2x."""
+    return f"{ratio:g}x"
+
+
+def render_size(display_size: Size, ratio: float) -> Size:
+    """Return (width, height) of the frames at a ratio."""
+    return round(display_size[0] / ratio), round(display_size[1] / ratio)
+
+
+def render_shot(
+    folder: Path,
+    sequence: Sequence,
+    renderer: Renderer,
+    form: ShotForm,
+    *,
+    on_frame: Callable[[], None] = lambda: None,
+) -> None:
+    """Render the frames that are not there yet; a run that was stopped goes on.
+
+    References carry the truth classes of their pixels (`Shot.read_classes`).
+
+    Args:
+        folder: of the shot.
+        sequence: what is to be seen.
+        renderer: of the display size and the samples.
+        form: what is kept.
+        on_frame: called after each frame that was written, at all ratios.
+
+    Raises:
+        ShotError: the disk refused, or a shot of other properties is there.
+    """
+    writers = [_writer(folder, sequence, renderer, form, ratio) for ratio in form.ratios]
+    first = min(map(len, writers))
+    before: Rendered | None = None
+    if 0 < first < sequence.spec.frames:
+        before = next(_rendered(sequence, renderer, form.ratios[:1], first - 1))
+    for index in range(first, sequence.spec.frames):
+        classes: ClassMaps | None = None
+        now = before
+        for ratio_index, rendered in enumerate(_rendered(sequence, renderer, form.ratios, index)):
+            if ratio_index == 0:
+                now, classes = rendered, _classes(rendered, before)
+            writer = writers[ratio_index]
+            if len(writer) > index:  # by a run that was stopped between two ratios
+                continue
+            kept = index >= form.first_reference
+            writer.write(
+                _frame(rendered, sequence.exposure(index), form),
+                reference=rendered.reference.color.astype(np.float16) if kept else None,
+                classes=classes if kept else None,
+                shared=ratio_index > 0,
+            )
+        before = now
+        on_frame()
+
+
+def _writer(folder: Path, sequence: Sequence, renderer: Renderer, form: ShotForm, ratio: float) -> ShotWriter:
+    return ShotWriter(
+        folder,
+        name=form.name,
+        display_size=renderer.display_size,
+        frame_rate=sequence.spec.frame_rate,
+        license=form.license,
+        resume=True,
+        variant=variant_name(ratio) if form.variants else None,
+        compression=form.compression,
+        reference_compression=form.reference_compression,
+    )
+
+
+def _rendered(
+    sequence: Sequence, renderer: Renderer, ratios: tuple[float, ...], index: int
+) -> Iterator[Rendered]:
+    """Yield frame `index` at each ratio; all share what is of display size."""
+    scene = sequence.scene(index)
+    display, reference = renderer.display(scene), renderer.reference(scene)
+    for ratio in ratios:
+        jitter = halton_jitter(index, ratio)
+        color, surfaces = renderer.frame(scene, render_size(renderer.display_size, ratio), jitter=jitter)
+        yield Rendered(
+            color=color,
+            render=surfaces,
+            display=display,
+            reference=reference,
+            jitter=jitter,
+            reset=sequence.cut(index),
+            exposure=scene.camera.exposure,
+        )
+
+
+def _classes(now: Rendered, before: Rendered | None) -> ClassMaps:
+    """Label a frame; both frames are seen at its exposure, as a change of that is no change of light."""
+    past = None if before is None else before.evidence(now.exposure)
+    labels = label(now.evidence(now.exposure), past)
+    return ClassMaps(labels.ghost, labels.alias)
+
+
+def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
+    """Return what is stored of a frame: halves for motion, eight bits for what lies in [0, 1]."""
+    frame = rendered.frame()
+    motion = np.clip(frame.motion, -_FARTHEST, _FARTHEST)
+    return replace(
+        frame,
+        depth=_rounded(frame.depth) if form.small else frame.depth,
+        motion=(np.round(motion * 256.0) / 256.0 if form.small else motion).astype(np.float16),
+        exposure=exposure,
+        gbuffer=_compact(frame.gbuffer) if form.gbuffers else None,
+        gbuffer_display=_compact(frame.gbuffer_display) if form.gbuffers else None,
+    )
+
+
+def _compact(buffers: Any) -> dict[str, NDArray[Any]]:
+    return {name: _bytes(array) if name in _BYTES else array for name, array in buffers.items()}
+
+
+def _rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Round to 14 significant bits, which half floats have not, and 24-bit depth buffers only near by."""
+    fraction, exponent = np.frexp(depth)
+    return np.asarray(np.ldexp(np.round(np.ldexp(fraction, 14)), exponent - 14), np.float32)
+
+
+def _bytes(values: NDArray[Any]) -> NDArray[np.float16]:
+    """Round [0, 1] to steps of 1 / 255, which pack far better."""
+    steps = np.round(np.clip(values.astype(np.float32), 0.0, 1.0) * 255.0)
+    return (steps / np.float32(255.0)).astype(np.float16)

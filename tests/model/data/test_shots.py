@@ -1,0 +1,168 @@
+"""A sequence becomes shots at several ratios over one set of references, and survives any stop."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gl_scenes import Yard
+from supersampler import ArgumentError, halton_jitter
+from supersampler.shot import Shot, ShotWriter
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.labels import label
+from supersampler_model.data.product_shot import Plaza
+from supersampler_model.data.scene import Scene
+from supersampler_model.data.sequences import Sequence, SequenceSpec
+from supersampler_model.data.shots import ShotForm, render_shot, variant_name
+
+DISPLAY = (96, 54)
+RATIOS = (1.5, 2.0)
+FORM = ShotForm(name="yard", ratios=RATIOS)
+
+
+class YardSequence(Sequence):
+    """Three frames of the renderer's test scene, the last after a cut; the exposure is to be measured."""
+
+    def __init__(self) -> None:
+        self.spec, self.yard = SequenceSpec(family="yard", seed=1, frames=3), Yard(1)
+
+    def scene(self, index: int) -> Scene:
+        return self.yard.scene(index)
+
+    def cut(self, index: int) -> bool:
+        return index in (0, 2)
+
+    def exposure(self, index: int) -> float | None:
+        return None if index == 1 else 1.5
+
+
+@pytest.fixture(scope="module")
+def small_renderer() -> Renderer:
+    return Renderer(DISPLAY, samples=16)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory, small_renderer: Renderer) -> Path:
+    folder = tmp_path_factory.mktemp("yard")
+    render_shot(folder, YardSequence(), small_renderer, FORM)
+    return folder
+
+
+def shots(folder: Path) -> dict[float, Shot]:
+    return {ratio: Shot.open(folder / f"{variant_name(ratio)}.json") for ratio in RATIOS}
+
+
+def test_each_ratio_has_its_own_frames_and_all_have_one_reference(
+    folder: Path, small_renderer: Renderer
+) -> None:
+    sizes = {1.5: (64, 36), 2.0: (48, 27)}
+    for ratio, shot in shots(folder).items():
+        assert (shot.name, shot.render_size, shot.display_size) == ("yard", sizes[ratio], DISPLAY)
+        assert shot.reference_indices == [0, 1, 2]
+        frames = [shot.read(index).frame for index in range(3)]
+        assert [f.jitter for f in frames] == [halton_jitter(index, ratio) for index in range(3)]
+        assert [f.reset for f in frames] == [True, False, True]
+        assert [f.exposure for f in frames] == [1.5, None, 1.5]
+        color, _ = small_renderer.frame(Yard(1).scene(1), sizes[ratio], jitter=frames[1].jitter)
+        np.testing.assert_array_equal(frames[1].color, color)
+    assert len(list(folder.glob("reference/*.exr"))) == len(list(folder.glob("display/*.exr"))) == 3
+
+
+def test_what_is_stored_is_what_was_drawn(folder: Path, small_renderer: Renderer) -> None:
+    item, drawn = shots(folder)[2.0].read(1), small_renderer.display(Yard(1).scene(1))
+    buffers, truth = item.frame.gbuffer_display, small_renderer.reference(Yard(1).scene(1))
+    assert buffers is not None
+    assert item.reference is not None
+    np.testing.assert_array_equal(buffers["depth"], drawn.depth)
+    np.testing.assert_array_equal(buffers["normal"], drawn.normal)
+    np.testing.assert_allclose(buffers["base_color"], drawn.base_color, atol=0.5 / 255 + 1e-3)
+    np.testing.assert_allclose(item.reference, truth.color, rtol=1e-3, atol=1e-6)
+    assert item.frame.gbuffer is not None
+    assert item.frame.motion.dtype == np.float16
+    assert np.abs(item.frame.motion.astype(np.float32)).max() < 20000
+
+
+def test_references_carry_the_labels_of_their_frame(folder: Path, small_renderer: Renderer) -> None:
+    rendered = [
+        small_renderer.render(Yard(1).scene(i), (48, 27), jitter=(0, 0), reset=i in (0, 2)) for i in range(3)
+    ]
+    for index in range(3):
+        exposure = rendered[index].exposure
+        past = rendered[index - 1].evidence(exposure) if index else None
+        wanted, found = (
+            label(rendered[index].evidence(exposure), past),
+            shots(folder)[1.5].read_classes(index),
+        )
+        assert found is not None
+        np.testing.assert_array_equal(found.ghost, wanted.ghost)
+        np.testing.assert_array_equal(found.alias, wanted.alias)
+
+
+def files(folder: Path) -> list[Path]:
+    return sorted(path.relative_to(folder) for path in folder.rglob("*") if path.is_file())
+
+
+class StopError(Exception):
+    """Somebody pulled the plug."""
+
+
+@pytest.mark.parametrize("writes", [1, 2, 3, 4])
+def test_a_run_that_was_stopped_anywhere_goes_on_to_the_same_files(
+    tmp_path: Path, folder: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch, writes: int
+) -> None:
+    write, left = ShotWriter.write, writes
+
+    def stopping(self: ShotWriter, *arguments: object, **options: object) -> None:
+        nonlocal left
+        if left == 0:
+            raise StopError
+        left -= 1
+        write(self, *arguments, **options)  # type: ignore[arg-type]  # whatever they are
+
+    monkeypatch.setattr(ShotWriter, "write", stopping)
+    with pytest.raises(StopError):
+        render_shot(tmp_path, YardSequence(), small_renderer, FORM)
+    monkeypatch.undo()
+    written: list[int] = []
+    render_shot(tmp_path, YardSequence(), small_renderer, FORM, on_frame=lambda: written.append(1))
+    assert len(written) == 3 - writes // 2
+    assert files(tmp_path) == files(folder)
+    for name in files(folder):
+        assert (tmp_path / name).read_bytes() == (folder / name).read_bytes(), name
+
+
+def test_a_plain_shot_has_one_ratio(tmp_path: Path, small_renderer: Renderer) -> None:
+    form = ShotForm(name="yard", ratios=(2.0,), variants=False, gbuffers=False, first_reference=1)
+    render_shot(tmp_path, YardSequence(), small_renderer, form)
+    shot = Shot.open(tmp_path)
+    assert shot.reference_indices == [1, 2]
+    first = shot.read(0).frame
+    assert (first.gbuffer, first.gbuffer_display) == (None, None)
+    with pytest.raises(ArgumentError, match=r"ratios is \(2.0, 3.0\); want .*one, without variants"):
+        ShotForm(name="yard", ratios=(2.0, 3.0), variants=False)
+
+
+def test_the_plaza_moves_hides_and_changes_its_light() -> None:
+    renderer, plaza = Renderer((320, 180), samples=16), Plaza()
+    before, now = (renderer.render(plaza.scene(i), (160, 90), jitter=(0, 0)) for i in (26, 27))
+    motion = np.hypot(now.display.motion[..., 0], now.display.motion[..., 1])
+    assert 0.5 < np.median(motion) < 4.0  # the camera walks
+    shares = label(now.evidence(1.0), before.evidence(1.0)).shares()
+    assert shares["visibility"] > 0.01
+    assert shares["shading"] > 0.01
+    assert shares["geometry"] > 0.1
+    assert [plaza.cut(index) for index in (0, 1)] == [True, False]
+
+
+def test_a_small_shot_is_rounded_by_less_than_anybody_sees(
+    tmp_path: Path, folder: Path, small_renderer: Renderer
+) -> None:
+    form = ShotForm(name="yard", ratios=(2.0,), small=True)
+    render_shot(tmp_path, YardSequence(), small_renderer, form)
+    small, exact = Shot.open(tmp_path / "2x.json").read(1).frame, shots(folder)[2.0].read(1).frame
+    np.testing.assert_array_equal(small.color, exact.color)
+    assert not np.array_equal(small.depth, exact.depth)
+    np.testing.assert_allclose(small.depth, exact.depth, rtol=2.0**-14)
+    np.testing.assert_allclose(
+        small.motion.astype(np.float32), exact.motion.astype(np.float32), rtol=2.0**-10, atol=2.0**-9
+    )
