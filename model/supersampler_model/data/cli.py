@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from supersampler.cli.arguments import parse_size, size_text
+from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
 from supersampler_model.data.dataset.sheet import write_sheet
 from supersampler_model.data.dataset.workers import render_dataset
@@ -28,6 +29,12 @@ def render(
     ratios: Annotated[str, typer.Option(help="Display over render size, drawn from these.")] = "1,1.5,2,3,4",
     samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
     gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
+    gltf: Annotated[
+        Path | None, typer.Option(help="Folder of .glb and .gltf files, and .hdr panoramas, to compose from.")
+    ] = None,
+    gltf_share: Annotated[
+        float, typer.Option(help="Of the sequences, how many are composed of the files in --gltf.")
+    ] = 0.3,
     seed: Annotated[int, typer.Option(help="The same seed draws the same set.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     show_labels: Annotated[
@@ -38,9 +45,14 @@ def render(
 
     A run that was stopped goes on when the same command is given again.
 
+    With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
+    rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
+    (stage, prop, panorama) with one file only is trained on alone.
+
     Examples:
       supersampler render data --sequences 60 --frames 25 --workers 2
-      supersampler render data --scenes wires,floor --show-labels
+      supersampler render data --scenes fences,floors --show-labels
+      supersampler render data --gltf my/scenes --gltf-share 0.3
     """
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
     plan = RenderPlan(
@@ -48,10 +60,12 @@ def render(
         sequences=sequences,
         frames=frames,
         display_size=parse_size(size),
-        ratios=[float(r) for r in ratios.split(",")],
+        ratios=_numbers("--ratios", ratios),
         samples=samples,
         gbuffers=gbuffers,
         seed=seed,
+        gltf=gltf,
+        gltf_share=gltf_share,
     )
     console = Console(stderr=True, highlight=False)
     dataset = create_dataset(output, plan_sequences(plan))
@@ -68,3 +82,10 @@ def render(
     if show_labels:
         write_sheet(dataset, output / "labels")
     console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")
+
+
+def _numbers(name: str, text: str) -> list[float]:
+    try:
+        return [float(part) for part in text.split(",")]
+    except ValueError:
+        raise ArgumentError(name, got=repr(text), want="numbers with commas between, 1.5,2 say") from None

@@ -1,19 +1,20 @@
-"""Sequences: a scene for each frame index, reproduced exactly from a few numbers."""
+"""Sequences of every family, reproduced exactly from a few numbers."""
 
-from abc import ABC, abstractmethod
 from collections.abc import Callable
-from dataclasses import dataclass
 from itertools import pairwise
 from zlib import crc32
 
 import numpy as np
 
 from supersampler_model.data.camera import Camera
-from supersampler_model.data.checks import check_number
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.gltf.compose import Composition
 from supersampler_model.data.procedural import TEST, TRAIN
 from supersampler_model.data.procedural.paths import camera_path
 from supersampler_model.data.scene import Scene
+from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
+
+__all__ = ["GLTF", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]
 
 TRAIN_FAMILIES: tuple[str, ...] = tuple(TRAIN)
 """Families of scenes to learn from, each built around a hard case."""
@@ -22,60 +23,17 @@ TEST_FAMILIES: tuple[str, ...] = tuple(TEST)
 _SHORTEST_SHOT = 6  # frames between cuts
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SequenceSpec:
-    """All that a sequence is made from; plain numbers, for a JSON file.
-
-    Attributes:
-        family: one of TRAIN_FAMILIES or TEST_FAMILIES.
-        seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
-        frames: how many, >= 1.
-        frame_rate: frames a second, > 0.
-    """
-
-    family: str
-    seed: int
-    frames: int
-    frame_rate: float = 30.0
-
-    def __post_init__(self) -> None:
-        check_number("spec.seed", self.seed, 0, np.inf)
-        check_number("spec.frames", self.frames, 1, np.inf)
-        check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
-
-
-class Sequence(ABC):
-    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index."""
-
-    spec: SequenceSpec
-
-    @abstractmethod
-    def scene(self, index: int) -> Scene:
-        """Return a frame; what it says of the moment before is what the frame before shows.
-
-        On a cut the camera before is the camera itself.
-
-        Raises:
-            SceneError: there is no such frame.
-        """
-
-    @abstractmethod
-    def cut(self, index: int) -> bool:
-        """Return whether frame `index` has nothing to do with the one before: 0 is one."""
-
-    @abstractmethod
-    def exposure(self, index: int) -> float | None:
-        """Return the engine's exposure of frame `index`, its camera's; None where it is to be measured."""
-
-
 def make_sequence(spec: SequenceSpec) -> Sequence:
     """Return the sequence of a spec.
 
     Raises:
         SceneError: there is no such family.
+        GltfError: a file of a GLTF sequence is broken, or is not the one that the spec names.
     """
+    if spec.family == GLTF:
+        return Composition(spec)
     if spec.family not in (*TRAIN, *TEST):
-        known = ", ".join((*TRAIN_FAMILIES, *TEST_FAMILIES))
+        known = ", ".join((*TRAIN_FAMILIES, *TEST_FAMILIES, GLTF))
         raise SceneError("spec.family", got=repr(spec.family), want=f"one of {known}")
     return StagedSequence(spec)
 
@@ -101,20 +59,11 @@ class StagedSequence(Sequence):
 
     def scene(self, index: int) -> Scene:
         """See `Sequence.scene`."""
-        if not 0 <= index < self.spec.frames:
-            raise SceneError("index", got=index, want=f"0 to {self.spec.frames - 1}")
+        self.check_index(index)
         now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
-        camera, stage = self._camera(index), self._stage
-        return Scene(
-            camera=camera,
-            camera_before=camera if self.cut(index) else self._camera(index - 1),
-            environment=stage.environment,
-            instances=tuple(prop.instance(now, before) for prop in stage.props),
-            sun=None if stage.sun is None else stage.sun(now),
-            spot=None if stage.spot is None else stage.spot(now),
-            points=tuple(point(now) for point in stage.points),
-            particles=tuple(cloud(now) for cloud in stage.particles),
-        )
+        camera = self._camera(index)
+        camera_before = camera if self.cut(index) else self._camera(index - 1)
+        return self._stage.scene(now, before, camera, camera_before)
 
     def cut(self, index: int) -> bool:
         """See `Sequence.cut`."""

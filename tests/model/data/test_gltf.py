@@ -135,6 +135,14 @@ def test_without_occlusion_nothing_is_occluded(tmp_path: Path) -> None:
     assert orm.pixels[..., 0].min() == 255
 
 
+def test_occlusion_that_is_black_all_over_is_left_out(tmp_path: Path) -> None:
+    file = cube(occlusionTexture={"index": 1})
+    file.texture(np.full((4, 4, 3), 3, np.uint8))
+    texture = first(file, tmp_path).material.orm_texture
+    assert texture is not None
+    assert (texture.pixels[..., 0] == 255).all()
+
+
 def test_occlusion_with_coordinates_of_its_own_is_left_out(tmp_path: Path) -> None:
     assert material_of(tmp_path, occlusionTexture={"index": 0, "texCoord": 1}).orm_texture is None
 

@@ -118,15 +118,11 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
     """Begin a set, or take up one of the same description.
 
     Raises:
-        DatasetError: a set of another description is there.
+        DatasetError: a set of another description is there, or one drawn from files that have changed.
     """
     path = folder / FILE_NAME
     if path.exists():
-        there = open_dataset(folder).description
-        for name, wanted in asdict(description).items():
-            if asdict(there)[name] != wanted:
-                hint = "Give the options of the first run, or another folder."
-                raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
+        _check_same(path, open_dataset(folder).description, description)
     else:
         with replacing(path) as partial:
             partial.write_text(json.dumps(description.to_json(), indent=1) + "\n", encoding="utf-8")
@@ -149,6 +145,24 @@ def open_dataset(folder: Path) -> Dataset:
         raise DatasetError(path, "is not there", "`supersampler render` makes training sets.") from error
     except (ValueError, KeyError, TypeError) as error:
         raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
+
+
+def _check_same(path: Path, there: Description, wanted: Description) -> None:
+    now, before = _digests(wanted), _digests(there)
+    changed = sorted(name for name in now.keys() & before.keys() if now[name] != before[name])
+    if changed:
+        hint = "Put back the files that the set was begun with, or begin another set."
+        raise DatasetError(path, f"these have changed since the set was begun: {', '.join(changed)}", hint)
+    for name, value in asdict(wanted).items():
+        if asdict(there)[name] != value:
+            hint = "Give the options of the first run, and the same glTF files if any, or another folder."
+            raise DatasetError(path, f"the set that is there has other {name.replace('_', ' ')}", hint)
+
+
+def _digests(description: Description) -> dict[str, str]:
+    """Return the SHA-256 of all files that a set is drawn from, by path."""
+    specs = [entry.spec for entry in description.sequences]
+    return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}
 
 
 def shares(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:

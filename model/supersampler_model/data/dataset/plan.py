@@ -1,12 +1,15 @@
-"""Which sequences to render: families in turn, ratios and seeds drawn from one number."""
+"""Which sequences to render: families in turn, files, ratios and seeds drawn from one number."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
+from supersampler_model.data.gltf.folder import Folder, read_folder
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0)
@@ -16,7 +19,12 @@ _VALIDATION_EVERY = 8  # one sequence in eight is kept for validation; of other 
 
 @dataclass(frozen=True, kw_only=True)
 class RenderPlan:
-    """What is asked for on the command line; sizes are (width, height)."""
+    """What is asked for on the command line; sizes are (width, height).
+
+    Attributes:
+        gltf: folder of files to compose sequences of; None is procedural families alone.
+        gltf_share: of the sequences, how many are composed of them, in (0, 1]; the others are of `families`.
+    """
 
     families: Sequence[str] = TRAIN_FAMILIES
     sequences: int = 60
@@ -27,14 +35,45 @@ class RenderPlan:
     samples: int = 64
     gbuffers: bool = False
     seed: int = 0
+    gltf: Path | None = None
+    gltf_share: float = 0.3
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
     """Draw the sequences of a set.
 
+    Of procedural families, sequences for validation have other seeds than those to learn from; of glTF
+    files, they also have other files, as far as there are two of a kind (stages, props, panoramas).
+
     Raises:
         ArgumentError: an unknown family, a ratio below 1, or nothing to render.
+        SceneError: there is nothing to compose in the folder.
+        GltfError: a file in it is broken or not supported.
     """
+    _check(plan)
+    random = np.random.default_rng(plan.seed)
+    weights = np.array([dict(zip(RATIOS, _RATIO_SHARES, strict=True)).get(r, 0.2) for r in plan.ratios])
+    folders = None if plan.gltf is None else read_folder(plan.gltf).split(plan.seed)
+    entries = []
+    for index in range(plan.sequences):
+        seed, ratio = _drawn(random, plan.ratios, weights / weights.sum())
+        composed, before = _composed(plan, index)
+        spec, split = (
+            _composition(plan, folders, before, seed)
+            if folders is not None and composed
+            else _staged(plan, index - before, seed)
+        )
+        entries.append(SequenceEntry(spec=spec, ratio=ratio, split=split))
+    return Description(
+        display_size=plan.display_size,
+        samples=plan.samples,
+        gbuffers=plan.gbuffers,
+        seed=plan.seed,
+        sequences=tuple(entries),
+    )
+
+
+def _check(plan: RenderPlan) -> None:
     known = (*TRAIN_FAMILIES, *TEST_FAMILIES)
     for family in plan.families:
         if family not in known:
@@ -44,36 +83,43 @@ def plan_sequences(plan: RenderPlan) -> Description:
             raise ArgumentError(name, got=getattr(plan, name), want=f"at least {least}")
     if not plan.families or not plan.ratios or min(plan.ratios) < 1.0:
         raise ArgumentError("ratios", got=list(plan.ratios), want="some of at least 1.0")
-    random = np.random.default_rng(plan.seed)
-    weights = np.array([dict(zip(RATIOS, _RATIO_SHARES, strict=True)).get(r, 0.2) for r in plan.ratios])
-    entries = tuple(_entry(plan, index, random, weights / weights.sum()) for index in range(plan.sequences))
-    return Description(
-        display_size=plan.display_size,
-        samples=plan.samples,
-        gbuffers=plan.gbuffers,
-        seed=plan.seed,
-        sequences=entries,
-    )
+    if not 0.0 < plan.gltf_share <= 1.0:
+        raise ArgumentError("gltf_share", got=plan.gltf_share, want="a share > 0 and <= 1")
 
 
-def _entry(
-    plan: RenderPlan,
-    index: int,
-    random: np.random.Generator,
-    weights: "np.ndarray[tuple[int], np.dtype[np.float64]]",
-) -> SequenceEntry:
-    families = tuple(plan.families)
-    family = families[index % len(families)]
-    spec = SequenceSpec(
-        family=family,
-        seed=int(random.integers(1 << 31)),
-        frames=plan.frames,
-        frame_rate=plan.frame_rate,
-    )
-    ratio = float(random.choice(plan.ratios, p=weights))
-    split: Split = "train"
+def _drawn(
+    random: np.random.Generator, ratios: Sequence[float], weights: NDArray[np.float64]
+) -> tuple[int, float]:
+    """Return a seed and a ratio."""
+    seed = int(random.integers(1 << 31))
+    return seed, float(random.choice(ratios, p=weights))
+
+
+def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
+    """Return whether sequence `index` is composed of files, and how many before it are: spread evenly."""
+    share = 0.0 if plan.gltf is None else plan.gltf_share
+    before, after = int(share * index + 0.5), int(share * (index + 1) + 0.5)
+    return after > before, before
+
+
+def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Split]:
+    """Return procedural sequence `index`, and what it is for."""
+    family = plan.families[index % len(plan.families)]
+    spec = SequenceSpec(family=family, seed=seed, frames=plan.frames, frame_rate=plan.frame_rate)
     if family in TEST_FAMILIES:
-        split = "test"
-    elif index // len(families) % _VALIDATION_EVERY == _VALIDATION_EVERY - 1:
-        split = "validation"
-    return SequenceEntry(spec=spec, ratio=ratio, split=split)
+        return spec, "test"
+    return spec, _split(index // len(plan.families))
+
+
+def _composition(
+    plan: RenderPlan, folders: tuple[Folder, Folder | None], index: int, seed: int
+) -> tuple[SequenceSpec, Split]:
+    """Return glTF sequence `index`, and what it is for."""
+    training, validation = folders
+    if _split(index) == "validation" and validation is not None:
+        return validation.spec(seed, plan.frames, plan.frame_rate), "validation"
+    return training.spec(seed, plan.frames, plan.frame_rate), "train"
+
+
+def _split(turn: int) -> Split:
+    return "validation" if turn % _VALIDATION_EVERY == _VALIDATION_EVERY - 1 else "train"

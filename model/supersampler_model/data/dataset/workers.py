@@ -3,11 +3,15 @@
 import multiprocessing
 import os
 import queue
+import signal
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+from supersampler.errors import SupersamplerError
+from supersampler.image_io import remove_partial_files
 from supersampler_model.data.dataset.description import Dataset, open_dataset
 from supersampler_model.data.dataset.produce import render_sequence
 from supersampler_model.data.errors import DataError
@@ -27,8 +31,10 @@ def render_dataset(
         on_frame: called after each frame, in this process.
 
     Raises:
-        DataError: a worker failed (a full disk, no OpenGL); what is complete stays, and a next run goes on.
+        DataError: a worker failed (a full disk, no OpenGL, a file that has changed); what is complete
+            stays, and a next run goes on.
     """
+    remove_partial_files(dataset.folder)
     todo = [i for i, e in enumerate(dataset.description.sequences) if dataset.complete(e) < e.spec.frames]
     if not todo:
         return
@@ -70,17 +76,25 @@ def _follow(processes: list[Any], results: Any, on_frame: Callable[[], None]) ->
 
 def _work(folder: Path, indices: list[int], results: Any) -> None:
     """Render some sequences in this process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of them: the parent sees to it
+
+    def on_frame() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None and not parent.is_alive():  # killed: a next run must not meet this one
+            sys.exit(1)
+        results.put(("frame", ""))
+
     try:
         dataset = open_dataset(folder)
         description = dataset.description
         renderer = Renderer(description.display_size, samples=description.samples)
         for index in indices:
-            entry = description.sequences[index]
-            render_sequence(dataset, entry, renderer, on_frame=lambda: results.put(("frame", "")))
+            render_sequence(dataset, description.sequences[index], renderer, on_frame=on_frame)
         results.put(("done", ""))
-    except (DataError, OSError) as error:
-        text = str(error) if isinstance(error, DataError) else f"{folder}: {error}; make room and run again"
-        results.put(("failed", text))
+    except SupersamplerError as error:
+        results.put(("failed", str(error)))
+    except OSError as error:
+        results.put(("failed", f"{folder}: {error}; make room and run again"))
 
 
 @contextmanager

@@ -2,8 +2,9 @@
 
 import base64
 import binascii
+import hashlib
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeAlias
 from urllib.parse import unquote, urlsplit
@@ -29,7 +30,12 @@ class Document:
     path: Path
     content: Json
     binary: bytes
-    _buffers: dict[int, bytes]
+    _buffers: dict[int, bytes] = field(default_factory=dict)
+    _read: list[bytes] = field(default_factory=list)  # SHA-256 of each file, in order
+
+    def digest(self) -> str:
+        """Return the SHA-256, in hexadecimal, of what has been read: the file, and those beside it."""
+        return hashlib.sha256(b"".join(self._read)).hexdigest()
 
     def item(self, kind: str, index: Any) -> Json:
         """Return one of the file's `kind`, as "meshes"."""
@@ -71,9 +77,11 @@ class Document:
         if urlsplit(uri).scheme:
             raise MalformedError(f"{uri!r} is elsewhere; only files beside this one are read")
         try:
-            return (self.path.parent / unquote(uri)).read_bytes()
+            data = (self.path.parent / unquote(uri)).read_bytes()
         except OSError as error:
             raise MalformedError(f"{uri!r} cannot be read ({error.strerror})") from error
+        self._read.append(hashlib.sha256(data).digest())
+        return data
 
     def _buffer(self, index: Any) -> bytes:
         buffer = self.item("buffers", index)
@@ -107,7 +115,7 @@ def open_document(path: Path) -> Document:
     missing = sorted(set(content.get("extensionsRequired", [])) - UNDERSTOOD)
     if missing:
         raise MalformedError(f"it requires {', '.join(missing)}, which is not supported; export it without")
-    return Document(path, content, binary, {})
+    return Document(path, content, binary, _read=[hashlib.sha256(data).digest()])
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes]:

@@ -16,6 +16,7 @@ from supersampler_model.data.lights import Point, Spot, Sun
 from supersampler_model.data.values import Color, Vector
 
 _SKY = 64  # rows of a drawn sky
+_DIMMEST = 0.12  # of what a sky or a panorama is multiplied by
 _BRIGHTEST = 50.0  # of a panorama; a sun of its own would sparkle in every reflection
 
 
@@ -45,20 +46,23 @@ class Lighting:
 
     Attributes:
         environment: shared by all frames.
+        exposure: that suits it.
     """
 
-    def __init__(self, rng: np.random.Generator, focus: Values, folder: Path) -> None:
+    def __init__(self, rng: np.random.Generator, focus: Values, environment: Environment | None) -> None:
+        """Draw the lights around a place (3,); None draws a sky too."""
         self._focus = focus
-        panoramas = sorted(folder.rglob("*.hdr"))
-        chosen = int(rng.integers(len(panoramas) + 1))
-        self.environment = sky(rng) if chosen == len(panoramas) else panorama(panoramas[chosen])
+        around_it = sky(rng) if environment is None else environment
+        dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # the less of it, the more the lamps show
+        self.environment = Environment(pixels=(around_it.pixels * dim).astype(np.float32))
+        self.exposure = float(dim**-0.6)
         height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)
         toward = np.array([np.cos(height) * np.cos(around), np.sin(height), np.cos(height) * np.sin(around)])
         strength = rng.uniform(0.5, 4.0) if rng.random() < 0.7 else 0.0
         color = _triple(strength * _tint(rng))
         self._sun = Sun(direction=_triple(-toward), color=color, center=_triple(focus), radius=12.0)
         self._sun_flicker = Flicker(rng.uniform(0.0, 0.8) * (rng.random() < 0.3), rng.uniform(0.2, 3.0))
-        self._spot = self._lamp(rng, 2.5, 12.0, 0.5) if rng.random() < 0.6 else None
+        self._spot = self._lamp(rng, 2.5, 14.0, 0.7) if rng.random() < 0.7 else None
         self._points = [self._lamp(rng, 0.8, 1.5, 0.9) for _ in range(int(rng.integers(4)))]
 
     def at(self, time: float) -> Lights:

@@ -10,6 +10,7 @@ from supersampler_model.data.gltf.images import image_of
 from supersampler_model.data.scene import Material, Texture
 from supersampler_model.data.values import Color, Pixels
 
+_BLACK = 16  # of 255
 _TRANSFORM = "KHR_texture_transform"
 
 
@@ -37,6 +38,7 @@ class Materials:
     """The materials of a file. Images and textures that several share are made once.
 
     BLEND, which the renderer does not draw, is MASK at 0.5: what is more transparent than that is left out.
+    An occlusion map that is black all over, as where an exporter had none to put into that channel, is too.
     """
 
     def __init__(self, document: Document) -> None:
@@ -119,7 +121,7 @@ class Materials:
             orm = np.full((height, width, 3), 255, np.uint8)
             if images[0] is not None:
                 orm[..., 1:] = images[0][..., 1:3]
-            if images[1] is not None:
+            if images[1] is not None and np.percentile(images[1][..., 0], 99) >= _BLACK:
                 h, w = images[1].shape[:2]
                 red = images[1][np.arange(height) * h // height][:, np.arange(width) * w // width, 0]
                 orm[..., 0] = (255.0 - np.clip(strength, 0.0, 1.0) * (255.0 - red)).round()

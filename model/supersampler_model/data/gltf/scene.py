@@ -57,6 +57,7 @@ class GltfScene:
         path: the file.
         clips: its animations.
         bounds: (2, 3) least and greatest corner of a box around it at rest.
+        digest: SHA-256, in hexadecimal, of the file and of those beside it that it refers to.
     """
 
     def __init__(self, path: Path | str) -> None:
@@ -74,6 +75,7 @@ class GltfScene:
                 raise MalformedError("nothing in it is to be seen")
             self.clips = clips_of(document)
             self.bounds = self._bounds()
+            self.digest = document.digest()
 
     def instances(
         self,

@@ -1,0 +1,72 @@
+"""What a sequence is: a scene for each frame index, and the few numbers and names that it is made from."""
+
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+
+import numpy as np
+
+from supersampler_model.data.checks import check_number
+from supersampler_model.data.errors import SceneError
+from supersampler_model.data.scene import Scene
+
+GLTF = "gltf"
+"""The family of sequences that are composed of glTF files."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SequenceSpec:
+    """All that a sequence is made from; plain data, for a JSON file.
+
+    Attributes:
+        family: one of TRAIN_FAMILIES or TEST_FAMILIES, or GLTF.
+        seed: >= 0, of layout, textures, colours, lights, camera, speeds, cuts and exposure.
+        frames: how many, >= 1.
+        frame_rate: frames a second, > 0.
+        folder: of the files of a GLTF sequence; None of the others.
+        files: that a GLTF sequence is composed of: name below `folder`, and SHA-256 of what is read of it.
+    """
+
+    family: str
+    seed: int
+    frames: int
+    frame_rate: float = 30.0
+    folder: str | None = None
+    files: tuple[tuple[str, str], ...] = ()
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "files", tuple((name, digest) for name, digest in self.files))  # from JSON
+        check_number("spec.seed", self.seed, 0, np.inf)
+        check_number("spec.frames", self.frames, 1, np.inf)
+        check_number("spec.frame_rate", self.frame_rate, 0.0, np.inf, open_below=True)
+        if (self.family == GLTF) != (self.folder is not None and len(self.files) > 0):
+            want = "both of a gltf sequence, neither of another"
+            raise SceneError("spec.folder, files", got=f"{self.folder!r}, {len(self.files)} files", want=want)
+
+
+class Sequence(ABC):
+    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index."""
+
+    spec: SequenceSpec
+
+    @abstractmethod
+    def scene(self, index: int) -> Scene:
+        """Return a frame; what it says of the moment before is what the frame before shows.
+
+        On a cut the camera before is the camera itself.
+
+        Raises:
+            SceneError: there is no such frame.
+        """
+
+    @abstractmethod
+    def cut(self, index: int) -> bool:
+        """Return whether frame `index` has nothing to do with the one before: 0 is one."""
+
+    @abstractmethod
+    def exposure(self, index: int) -> float | None:
+        """Return the engine's exposure of frame `index`, its camera's; None where it is to be measured."""
+
+    def check_index(self, index: int) -> None:
+        """Raise a SceneError where there is no frame `index`."""
+        if not 0 <= index < self.spec.frames:
+            raise SceneError("index", got=index, want=f"0 to {self.spec.frames - 1}")

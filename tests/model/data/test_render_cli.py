@@ -1,0 +1,127 @@
+"""`supersampler render` as a person meets it: files, stops, full disks and mistakes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner, Result
+
+from gltf_files import cube
+from supersampler.cli.app import app
+from supersampler_model.data.dataset import open_dataset, read_training_frame
+
+SMALL = ("--frames", "2", "--size", "64x36", "--samples", "4", "--ratios", "2")
+
+
+def render(*arguments: object) -> Result:
+    return CliRunner().invoke(app, ["render", *map(str, arguments)])
+
+
+@pytest.fixture
+def files(tmp_path: Path) -> Path:
+    folder = tmp_path / "files"
+    folder.mkdir()
+    cube().save(folder / "cube.glb")
+    return folder
+
+
+def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp_path: Path) -> None:
+    options = ("--scenes", "floors", "--gltf", files, "--gltf-share", "0.5", "--sequences", "2", *SMALL)
+    answer = render(tmp_path / "set", *options)
+    assert answer.exit_code == 0, answer.output
+    assert "4 frames of 64x36" in answer.output
+    dataset = open_dataset(tmp_path / "set")
+    assert sorted(entry.spec.family for entry in dataset.entries()) == ["floors", "gltf"]
+    assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
+
+
+def test_a_disk_that_refuses_is_one_line_and_the_next_run_goes_on(tmp_path: Path) -> None:
+    options = ("--scenes", "floors", "--sequences", "1", *SMALL)
+    out = tmp_path / "set"
+    out.mkdir()
+    (out / "train").write_text("in the way")
+    answer = render(out, *options)
+    assert answer.exit_code == 1
+    [line] = answer.output.splitlines()
+    assert line.startswith(f"error: {out / 'train'}")
+    assert "cannot be written" in line
+    (out / "train").unlink()
+    assert render(out, *options).exit_code == 0
+
+
+def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_goes_on(tmp_path: Path) -> None:
+    out, options = tmp_path / "set", ("--scenes", "floors", "--sequences", "1", *SMALL, "--frames", "24")
+    command = [sys.executable, "-m", "supersampler", "render", str(out), *options]
+    process = subprocess.Popen(command, start_new_session=True)
+    while not list(out.glob("train/*/0001.safetensors")):
+        assert process.poll() is None
+        time.sleep(0.02)
+    process.kill()
+    process.wait()
+    _wait_for_the_end_of_group(process.pid)
+    [entry] = open_dataset(out).entries()
+    there = open_dataset(out).complete(entry)
+    assert 2 <= there < 24
+    partial = out / entry.folder / ".0023.0000.partial.safetensors"
+    partial.write_bytes(b"half a frame")
+    kept = (out / entry.folder / "0000.safetensors").stat().st_mtime_ns
+    assert render(out, *options).exit_code == 0
+    assert not partial.exists()
+    assert (out / entry.folder / "0000.safetensors").stat().st_mtime_ns == kept
+    for index in range(24):
+        read_training_frame(open_dataset(out).path(entry, index))
+
+
+def _wait_for_the_end_of_group(group: int) -> None:
+    for _ in range(1500):
+        try:
+            os.killpg(group, 0)
+        except ProcessLookupError:
+            return
+        time.sleep(0.02)
+    os.killpg(group, signal.SIGKILL)
+    pytest.fail("workers outlive a killed run")
+
+
+def test_a_broken_file_is_named_before_anything_is_written(files: Path, tmp_path: Path) -> None:
+    file = cube()
+    file.json["meshes"][0]["primitives"][0]["indices"] = 99
+    file.save(files / "worse.glb")
+    answer = render(tmp_path / "set", "--gltf", files, *SMALL)
+    assert answer.exit_code == 1
+    [line] = answer.output.splitlines()
+    assert line.startswith(f"error: {files / 'worse.glb'}: mesh 0 'Cube', primitive 0")
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_file_that_has_changed_stops_the_run(files: Path, tmp_path: Path) -> None:
+    out = tmp_path / "set"
+    options = ("--gltf", files, "--gltf-share", "1", "--sequences", "1", *SMALL)
+    assert render(out, *options).exit_code == 0
+    cube(emissiveFactor=[1.0, 0.0, 0.0]).save(files / "cube.glb")
+    answer = render(out, *options)
+    assert answer.exit_code == 1
+    assert "these have changed since the set was begun" in answer.output
+    assert json.loads((out / "dataset.json").read_text())["sequences"][0]["spec"]["files"][0][0] == "cube.glb"
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--scenes", "wires"), "error: families is 'wires'; want some of fences, "),
+        (("--gltf", "nowhere"), "error: folder is nowhere, which is none; want a folder"),
+        (("--gltf-share", "1.5"), "error: gltf_share is 1.5; want a share"),
+        (("--ratios", "2;3"), "error: --ratios is '2;3'; want numbers"),
+    ],
+)
+def test_a_mistake_is_one_line(tmp_path: Path, options: tuple[str, ...], message: str) -> None:
+    answer = render(tmp_path / "set", *options)
+    assert answer.exit_code == 1
+    assert answer.output.startswith(message)
+    assert len(answer.output.splitlines()) == 1
+    assert not (tmp_path / "set").exists()
