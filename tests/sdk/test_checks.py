@@ -1,28 +1,25 @@
 """The pixel-reading checks: silent on right frames, and on wrong ones they name the mistake and its cure."""
 
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import supersampler
 from supersampler.checks import FrameChecker
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.jitter import halton_jitter
-from supersampler.shot import Shot
+from supersampler.shot import shipped_shot
 from supersampler_model.data.analytic import DiscOverPlane, Plane, checker, zone_plate
 
-COURTYARD = Path(supersampler.__file__).parent / "shots" / "courtyard"
 DISPLAY = (640, 360)
 
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    shot = Shot.open(COURTYARD)
+    shot = shipped_shot()
     return [shot.read(index).frame for index in range(12, 16)]
 
 

@@ -18,11 +18,12 @@ from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
 from supersampler.image_io import read_exr, write_exr
 from supersampler.shot import Shot, ShotWriter, shipped_shot
+from supersampler.shot.shipped import SHIPPED
 from supersampler.upscaler import Upscaler
 
 COUNT = 6
 CUT = 3
-UPSCALE = ("upscale", "courtyard", "-o", "x")
+UPSCALE = ("upscale", SHIPPED, "-o", "x")
 HEAVY = ("onnxruntime", "numba", "OpenImageIO", "torch")
 
 
@@ -206,19 +207,19 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("info", "nothing"), "SHOT is 'nothing'; want a path, or one of courtyard"),
+        (("info", "nothing"), "SHOT is 'nothing'; want a path, or one of plaza"),
         (
-            ("upscale", "courtyard", "-o", "x", "--display-size", "1080p"),
+            ("upscale", SHIPPED, "-o", "x", "--display-size", "1080p"),
             "--display-size is '1080p'; want WIDTHx",
         ),
         (
-            ("upscale", "courtyard", "-o", "x", "--scale=2", "--display-size=2x2"),
+            ("upscale", SHIPPED, "-o", "x", "--scale=2", "--display-size=2x2"),
             "both given; want one of the two",
         ),
         ((*UPSCALE, "--method=a", "--model=b"), "both given; want one of the two"),
         ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
         (
-            ("upscale", "courtyard", "-o", "x", "--providers", "abacus"),
+            ("upscale", SHIPPED, "-o", "x", "--providers", "abacus"),
             "'abacus' is not in this installation",
         ),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
@@ -291,7 +292,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
 
 
 def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
-    assert run("check", "courtyard").exit_code == 0
+    assert run("check", SHIPPED).exit_code == 0
     source, wrong = shipped_shot(), Conventions(motion_direction="current_minus_previous")
     with ShotWriter(
         tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong

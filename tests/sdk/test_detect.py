@@ -2,20 +2,17 @@
 
 from dataclasses import replace
 from itertools import product
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
-import supersampler
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.detect import Detection, detect_conventions
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.shot import Shot
+from supersampler.shot import shipped_shot
 
-COURTYARD = Path(supersampler.__file__).parent / "shots" / "courtyard"
 FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",
     "jitter_unit", "jitter_sign", "jitter_flip_y", "motion_resolution",
@@ -37,7 +34,7 @@ JITTERS = [
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    shot = Shot.open(COURTYARD)
+    shot = shipped_shot()
     return [shot.read(index).frame for index in range(14, 18)]
 
 
@@ -99,7 +96,7 @@ def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
 
 
 def test_a_shot_is_as_it_states() -> None:
-    detection = detect_conventions(Shot.open(COURTYARD), frames=4)
+    detection = detect_conventions(shipped_shot(), frames=4)
     assert detection.agrees, detection.summary()
     assert "as stated" in detection.summary()
     assert all(row["certain"] for row in detection.rows())

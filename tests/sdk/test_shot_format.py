@@ -114,7 +114,7 @@ def test_the_files_shown_in_the_docs_are_read(tmp_path: Path) -> None:
     shot, channels = re.findall(r"```json\n(.*?)```", text, flags=re.DOTALL)
     (tmp_path / "shot.json").write_text(shot)
     info, entries = load_shot_json(tmp_path / "shot.json")
-    assert (info.name, len(entries), entries[2].render_size) == ("courtyard", 3, (288, 162))
+    assert (info.name, len(entries), entries[2].render_size) == ("plaza", 3, (288, 162))
     (tmp_path / "channels.json").write_text(channels)
     for name in ("depth", "motion", "reference"):
         write_exr(tmp_path / name / "0001.exr", np.ones((2, 2, 3), np.float32))

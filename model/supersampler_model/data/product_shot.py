@@ -15,13 +15,14 @@ from supersampler_model.data.shots import ShotForm, render_shot
 
 NAME = "plaza"
 DISPLAY_SIZE = (640, 360)
+FRAMES = 32
 _FORM = ShotForm(
     name=NAME,
     ratios=(2.0,),
     variants=False,
     gbuffers=False,
     small=True,
-    first_reference=14,
+    first_reference=15,
     license="Apache-2.0",
     compression="zip:9",
     reference_compression="dwab:90",
@@ -32,7 +33,7 @@ class Plaza(Sequence):
     """The plaza over time: nothing is cut, and the exposure stays."""
 
     def __init__(self) -> None:
-        self.spec = SequenceSpec(family=NAME, seed=1, frames=32, frame_rate=30.0)
+        self.spec = SequenceSpec(family=NAME, seed=1, frames=FRAMES, frame_rate=30.0)
         content, hand = (np.random.default_rng([self.spec.seed, i]) for i in (0, 1))
         self._stage, self._shake = plaza(content), drift(hand, 0.015, 1.3)
 

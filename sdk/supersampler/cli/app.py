@@ -87,7 +87,7 @@ def supersampler(
     """Turn aliased, jittered, low-resolution rendered frames into clean high-resolution ones.
 
     SHOT is a folder with shot.json and EXR frames, a folder of Blender's multilayer EXR frames, EXR frames
-    with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: courtyard. Sizes
+    with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: plaza. Sizes
     are width x height in pixels.
     """
 

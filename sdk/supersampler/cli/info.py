@@ -28,7 +28,7 @@ def info(
     from supersampler.model_info import find_model, model_names, read_model_info
 
     if what is None:
-        _print_rows({"models": ", ".join(model_names()), "shots": "courtyard"})
+        _print_rows({"models": ", ".join(model_names()), "shots": "plaza"})
     elif what in model_names() or (Path(what) / "model.json").is_file():
         _print_rows(_model_rows(read_model_info(find_model(what))))
     elif (Path(what) / "dataset.json").is_file():

@@ -58,7 +58,7 @@ def upscale(
 
     \b
     Examples:
-      supersampler upscale courtyard -o out --compare
+      supersampler upscale plaza -o out --compare
       supersampler upscale renders/kitchen -o out --display-size 3840x2160
       supersampler upscale shot -o out --model my_model --scale 1.5 --format exr --format png
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined

@@ -6,10 +6,12 @@ from supersampler.errors import ArgumentError
 from supersampler.shot.format import FILE_NAME
 from supersampler.shot.shot import Shot
 
+SHIPPED = "plaza"
+"""The name of the one that demonstrations and tests use."""
 _FOLDER = Path(__file__).parents[1] / "shots"
 
 
-def shipped_shot(name: str = "courtyard") -> Shot:
+def shipped_shot(name: str = SHIPPED) -> Shot:
     """Open a shot that ships with this package.
 
     Raises:

@@ -37,7 +37,7 @@ class ShotFrame:
 class Shot:
     """A sequence of rendered frames on disk.
 
-    >>> shot = Shot.open("shots/courtyard")
+    >>> shot = Shot.open("shots/plaza")
     >>> for item in shot:  # read by one thread, two frames ahead
     ...     image = upscaler.step(item.frame)
 
