@@ -1,18 +1,28 @@
 """`supersampler bench ...`; the main command finds `app` by this module's name."""
 
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+from rich.table import Table
 
-from supersampler.cli.arguments import ShotArgument, open_shot
+from supersampler.cli.arguments import open_shot
+from supersampler.errors import ArgumentError
+from supersampler.shot import Shot
+from supersampler_bench import public_shots
+from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
-from supersampler_bench.record import quality_record, write_json
-from supersampler_bench.table import find_block, markdown_table, rich_table, update_block
+from supersampler_bench.record import Measured, write_json
+from supersampler_bench.report import Report
+from supersampler_bench.table import find_block, rich_table, update_block
 
 app = typer.Typer(no_args_is_help=True)
+_CACHE_HELP = "Where the test shots are kept."
+_ERRORS = Console(stderr=True, highlight=False)
 
 
 @app.callback()
@@ -22,10 +32,25 @@ def bench() -> None:
 
 @app.command()
 def quality(
-    shot: ShotArgument,
+    shot: Annotated[
+        str,
+        typer.Argument(
+            metavar="SHOT",
+            help=f"A shot, the name of a shipped one, or {public_shots.NAME}: the five of `bench shots`.",
+        ),
+    ],
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
     ] = "bilinear,bicubic,taa,taau",
+    ratio: Annotated[
+        str, typer.Option(help="Of the test shots: display over render size, with commas between.")
+    ] = "2",
+    cache: Annotated[
+        Path | None,
+        typer.Option(
+            envvar=public_shots.CACHE_VARIABLE, help=_CACHE_HELP, show_default="the user's cache folder"
+        ),
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
     update: Annotated[
         Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
@@ -34,20 +59,128 @@ def quality(
     """Compare the pictures of methods with a shot's references.
 
     PSNR, SSIM and FLIP of frames; tPSNR and warped error of changes from frame to frame; PSNR where something
-    was hidden a frame ago and where the picture moves. All on pictures as a screen shows them: exposed, tone
-    mapped, sRGB.
+    was hidden a frame ago, where the light changes, where one sample does not tell the colour, and where the
+    picture moves. All on pictures as a screen shows them: exposed, tone mapped, sRGB. For the test shots, a
+    table of each and of their mean.
 
-    Example: supersampler bench quality courtyard --methods bilinear,taau --update README.md
-    """
-    opened = open_shot(shot)
+    \b
+    Examples:
+      supersampler bench quality plaza --methods bilinear,taau --update README.md
+      supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    if shot == public_shots.NAME:
+        name, opened = shot, _opened_test_shots(cache, ratio)
+    else:
+        one = open_shot(shot)
+        name, opened = one.name, [(one, {})]
     if update is not None:
-        find_block(update, opened.name)  # fails now, not after minutes of measuring
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(opened.name, total=len(opened))
-        names = [method.strip() for method in methods.split(",")]
-        results = measure_quality(opened, names, on_frame=lambda n: progress.update(task, completed=n))
-    Console().print(rich_table(opened, results))
+        find_block(update, name)  # fails now, not after minutes of measuring
+    names = [method.strip() for method in methods.split(",")]
+    report = Report([_measured(one, origin, names) for one, origin in opened])
+    console = Console()
+    for title, scores in [*report.shot_tables(), *report.mean_tables()]:
+        console.print(rich_table(title, scores))
     if json is not None:
-        write_json(quality_record(opened, results), json)
+        write_json(report.record(), json)
     if update is not None:
-        update_block(update, opened.name, markdown_table(opened, results))
+        update_block(update, name, report.markdown())
+
+
+def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:
+    try:
+        ratios = [float(text) for text in ratio.split(",")]
+    except ValueError as error:
+        raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
+    found = _found(cache or public_shots.default_cache(), ratios)
+    _warn_of(found)
+    return [(public.shot, public.origin()) for public in found]
+
+
+def _found(cache: Path, ratios: Sequence[float]) -> list[PublicShot]:
+    return public_shots.open_test_shots(cache, ratios, public_shots.TEST_SHOTS, public_shots.FROZEN)
+
+
+def _warn_of(shots: list[PublicShot]) -> None:
+    for warning in filter(None, (shot.warning() for shot in shots)):
+        _ERRORS.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+
+
+def _measured(shot: Shot, origin: dict[str, Any], methods: list[str]) -> Measured:
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task(shot.name, total=len(shot))
+        results = measure_quality(shot, methods, on_frame=lambda n: progress.update(task, completed=n))
+    return Measured(shot, results, origin)
+
+
+@app.command()
+def shots(
+    cache: Annotated[
+        Path | None,
+        typer.Argument(
+            envvar=public_shots.CACHE_VARIABLE, help=_CACHE_HELP, show_default="the user's cache folder"
+        ),
+    ] = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    freeze: Annotated[
+        bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
+    ] = False,
+) -> None:
+    """Render the five public test shots, 40 frames each at ratios 1.5, 2, 3 and 4, and check their pixels.
+
+    Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. A
+    run that was stopped goes on when the same command is given again. The pixels' hashes are compared with
+    the frozen ones; other drivers than theirs draw slightly other pixels, which is said.
+    """
+    from supersampler_bench.render_shots import frames_there, render_test_shots
+
+    folder, plan = cache or public_shots.default_cache(), public_shots.TEST_SHOTS
+    total = plan.frames * len(plan.seeds)
+    with _progress("rendering", total, frames_there(folder, plan)) as update:
+        render_test_shots(folder, plan, workers=workers, on_progress=update)
+    found = _found(folder, plan.ratios)
+    if freeze:
+        public_shots.freeze(found, public_shots.FROZEN)
+        found = _found(folder, plan.ratios)
+    Console().print(_hashes(found))
+    _warn_of(found)
+    _ERRORS.print(f"{len(found)} shots in {folder / public_shots.NAME}")
+
+
+@app.command("product-shot")
+def product_shot(
+    output: Annotated[
+        Path, typer.Argument(help="Folder to write; it ships as sdk/supersampler/shots/plaza.")
+    ],
+) -> None:
+    """Render the shot that ships with the package, from its scene in code."""
+    from supersampler_model.data.product_shot import FRAMES, render_product_shot
+
+    done = 0
+    with _progress("rendering", FRAMES, done) as update:
+
+        def count() -> None:
+            nonlocal done
+            done += 1
+            update(done)
+
+        render_product_shot(output, on_frame=count)
+
+
+def _hashes(found: list[PublicShot]) -> Table:
+    table = Table("shot", "ratio", "pixels (SHA-256)", "as frozen", caption=found[0].driver)
+    for shot in found:
+        table.add_row(shot.shot.name, f"{shot.ratio:g}", shot.digest[:16], "yes" if shot.as_frozen else "no")
+    return table
+
+
+@contextmanager
+def _progress(text: str, total: int, done: int) -> Iterator[Any]:
+    """Show how far a long run is and how long it will take; yields what is called with the number done."""
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with Progress(*columns, console=_ERRORS, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task(text, total=total, completed=done)
+        try:
+            yield lambda count: progress.update(task, completed=count)
+        except KeyboardInterrupt:
+            _ERRORS.print("Stopped. The same command, given again, goes on.")
+            raise

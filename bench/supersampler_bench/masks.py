@@ -1,7 +1,4 @@
-"""Which pixels a method finds hard, from the depth and motion of the frames, at display size.
-
-Aliased pixels need labels of shading and geometry, which come with the training data.
-"""
+"""Which pixels a method finds hard: by the truth classes of a shot, else by its frames' depth and motion."""
 
 from typing import Any
 
@@ -9,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
+from supersampler.shot import ClassMaps
 
 Bool = NDArray[np.bool_]
 
@@ -49,6 +47,12 @@ def disoccluded(frame: Frame, previous: Frame | None) -> Bool:
     ]
     farthest = np.minimum.reduce(taps)  # depth is reversed: small is far
     return np.asarray(~inside | (farthest > DEPTH_RATIO * frame.depth))
+
+
+def of_classes(classes: ClassMaps) -> dict[str, Bool]:
+    """Return (H, W) each: `disoccluded`, `changing_light` and `aliased`, at display size."""
+    hidden, relit = classes.ghost == 1, classes.ghost == 2
+    return {"disoccluded": hidden, "changing_light": relit, "aliased": classes.alias != 0}
 
 
 def to_display(plane: NDArray[Any], jitter: tuple[float, float], display_size: Size) -> NDArray[Any]:

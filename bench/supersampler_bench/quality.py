@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from supersampler.display import auto_exposure, display_transform
 from supersampler.errors import ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.shot import Shot, ShotFrame
+from supersampler.shot import ClassMaps, Shot, ShotFrame
 from supersampler.upscaler import Upscaler
 from supersampler_bench import masks, metrics
 
@@ -24,7 +24,7 @@ Scores = dict[str, float]
 
 WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
-MASKED = ("disoccluded", "moving")
+MASKED = ("disoccluded", "changing_light", "aliased", "moving")
 METRICS = (
     "psnr",
     "ssim",
@@ -66,6 +66,20 @@ class MethodScores:
         return {name: _pooled(name, scores) for name in METRICS}
 
 
+@dataclass(frozen=True)
+class MeanScores:
+    """One method's scores of several shots, each of which weighs the same."""
+
+    method: str
+    shots: list[MethodScores]
+
+    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
+        """Return the mean of the shots' summaries that have a metric; NaN where none has."""
+        found = [shot.summary(warm=warm, cropped=cropped) for shot in self.shots]
+        columns = {name: [s[name] for s in found if not np.isnan(s[name])] for name in METRICS}
+        return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
+
+
 def measure_quality(
     shot: Shot, methods: Sequence[str | Path], *, on_frame: Callable[[int], None] | None = None
 ) -> list[MethodScores]:
@@ -89,7 +103,7 @@ def measure_quality(
     truths = _Truths(display_size)
     before: list[Float32 | None] = [None] * len(methods)
     for item in shot:
-        truth = truths.next(item)
+        truth = truths.next(item, shot.read_classes(item.index))
         for i, upscaler in enumerate(upscalers):
             image = upscaler.step(item.frame)
             if truth is not None:
@@ -121,7 +135,7 @@ class _Truth:
     shown: Float32  # (H, W, 3), as a screen shows the reference
     previous: Float32 | None  # the same of the frame before, at this frame's exposure; None without one
     motion: Float32  # (H, W, 2), display pixels
-    masks: dict[str, Bool]  # (H, W) each
+    masks: dict[str, Bool]  # (H, W) each; those that are known
 
 
 class _Truths:
@@ -132,16 +146,20 @@ class _Truths:
         self._frame: Frame | None = None
         self._reference: Float32 | None = None
 
-    def next(self, item: ShotFrame) -> _Truth | None:
+    def next(self, item: ShotFrame, classes: ClassMaps | None) -> _Truth | None:
         """Return the truth of the next frame in order; None where it has no reference."""
-        truth = None if item.reference is None else self._truth(item, item.reference)
+        truth = None if item.reference is None else self._truth(item, item.reference, classes)
         self._frame, self._reference = item.frame, item.reference
         return truth
 
-    def _truth(self, item: ShotFrame, reference: Float32) -> _Truth:
+    def _truth(self, item: ShotFrame, reference: Float32, classes: ClassMaps | None) -> _Truth:
         frame = item.frame
         exposure = frame.exposure or auto_exposure(reference)
-        found = {"disoccluded": masks.disoccluded(frame, self._frame), "moving": masks.moving(frame)}
+        known = {"moving": self._to_display(masks.moving(frame), frame)}
+        if classes is None:
+            known["disoccluded"] = self._to_display(masks.disoccluded(frame, self._frame), frame)
+        else:
+            known |= masks.of_classes(classes)
         previous = None if frame.reset else self._reference
         return _Truth(
             frame=item.index,
@@ -149,8 +167,11 @@ class _Truths:
             shown=display_transform(reference, exposure),
             previous=None if previous is None else display_transform(previous, exposure),
             motion=masks.display_motion(frame, self._display_size),
-            masks={k: masks.to_display(v, frame.jitter, self._display_size) for k, v in found.items()},
+            masks=known,
         )
+
+    def _to_display(self, mask: Bool, frame: Frame) -> Bool:
+        return masks.to_display(mask, frame.jitter, self._display_size)
 
 
 def _score(image: Float32, before: Float32 | None, truth: _Truth) -> FrameScores:
@@ -175,7 +196,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
         "warped_error_difference": float("nan"),
     }
     for name in MASKED:
-        mask = metrics.crop(truth.masks[name], border)
+        mask = metrics.crop(truth.masks.get(name, np.zeros(shown.shape[:2], bool)), border)
         scores[f"psnr_{name}"] = metrics.psnr(picture, reference, mask)
         scores[f"pixels_{name}"] = float(mask.sum())
     if previous is not None and truth.previous is not None:

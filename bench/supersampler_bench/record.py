@@ -6,8 +6,8 @@ import math
 import os
 import platform
 import sys
-from collections.abc import Sequence
-from dataclasses import asdict
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
@@ -15,19 +15,55 @@ from typing import Any
 
 from supersampler.image_io import replacing
 from supersampler.shot import Shot
-from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MethodScores
+from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
 
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
-def quality_record(shot: Shot, results: Sequence[MethodScores]) -> dict[str, Any]:
-    """Return everything about a quality measurement, ready for JSON; only `date` differs from run to run."""
+@dataclass(frozen=True)
+class Measured:
+    """The scores of all methods on one shot.
+
+    Attributes:
+        shot: what was measured on.
+        methods: their scores.
+        origin: what else is known of the shot's pixels, ready for JSON.
+    """
+
+    shot: Shot
+    methods: list[MethodScores]
+    origin: dict[str, Any] = field(default_factory=dict)
+
+
+def quality_record(
+    measured: Sequence[Measured], means: Mapping[float, Sequence[MeanScores]] | None = None
+) -> dict[str, Any]:
+    """Return everything about a quality measurement, ready for JSON; only `date` differs from run to run.
+
+    Args:
+        measured: each shot.
+        means: over the shots of each ratio, where there are several.
+    """
     return {
         "bench": "quality",
-        "shot": _shot_record(shot),
         "warm_up_frames": WARM_UP_FRAMES,
         "border": BORDER,
-        "methods": [_method_record(result) for result in results],
+        "shots": [
+            {**_shot_record(m.shot), **m.origin, "methods": [_method_record(r) for r in m.methods]}
+            for m in measured
+        ],
+        "means": [
+            {"ratio": ratio, "method": mean.method, "summary": _summaries(mean)}
+            for ratio, of_ratio in (means or {}).items()
+            for mean in of_ratio
+        ],
+        **setting(),
+    }
+
+
+def setting() -> dict[str, Any]:
+    """Return what any measurement depends on besides what it measures, and its date."""
+    return {
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
         "machine": machine(),
         "command": ["supersampler", *sys.argv[1:]],
@@ -52,7 +88,7 @@ def write_json(record: dict[str, Any], path: Path) -> None:
 
 
 def _shot_record(shot: Shot) -> dict[str, Any]:
-    file = shot.path / "shot.json"
+    file = shot.path if shot.path.is_file() else shot.path / "shot.json"
     return {
         "name": shot.name,
         "shot_json_sha256": hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None,
@@ -60,16 +96,25 @@ def _shot_record(shot: Shot) -> dict[str, Any]:
         "reference_frames": shot.reference_indices,
         "render_size": list(shot.render_size),
         "display_size": list(shot.display_size or ()),
+        "masks": "truth classes" if _has_classes(shot) else "depth and motion",
     }
 
 
 def _method_record(result: MethodScores) -> dict[str, Any]:
-    summaries = {
-        f"{frames}_{area}": result.summary(warm=frames == "warm", cropped=area == "cropped")
+    frames = [asdict(f) for f in result.frames]
+    return {"method": result.method, "summary": _summaries(result), "frames": frames}
+
+
+def _has_classes(shot: Shot) -> bool:
+    return bool(shot.reference_indices) and shot.read_classes(shot.reference_indices[0]) is not None
+
+
+def _summaries(scores: MethodScores | MeanScores) -> dict[str, Any]:
+    return {
+        f"{frames}_{area}": scores.summary(warm=frames == "warm", cropped=area == "cropped")
         for frames in ("warm", "all")
         for area in ("cropped", "full")
     }
-    return {"method": result.method, "summary": summaries, "frames": [asdict(f) for f in result.frames]}
 
 
 def _version(package: str) -> str | None:

@@ -5,13 +5,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeAlias
 
 from rich.table import Table
 
 from supersampler.errors import ArgumentError
 from supersampler.image_io import replacing
 from supersampler.shot import Shot
-from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MethodScores
+from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
+
+Summaries: TypeAlias = Sequence[MethodScores | MeanScores]
 
 
 @dataclass(frozen=True)
@@ -32,11 +35,13 @@ COLUMNS = (
     Column("tpsnr", "tPSNR dB ↑", 2, True),
     Column("warped_error_difference", "warped error 1e-3 ↓", 2, False, 1000.0),
     Column("psnr_disoccluded", "PSNR dB, disoccluded ↑", 2, True),
+    Column("psnr_changing_light", "PSNR dB, changing light ↑", 2, True),
+    Column("psnr_aliased", "PSNR dB, aliased ↑", 2, True),
     Column("psnr_moving", "PSNR dB, moving ↑", 2, True),
 )
 
 
-def cells(results: Sequence[MethodScores], bold: str) -> list[list[str]]:
+def cells(results: Summaries, bold: str) -> list[list[str]]:
     """Return one row a method: its name and its figures, the best of each column within `bold` marks.
 
     Args:
@@ -49,7 +54,7 @@ def cells(results: Sequence[MethodScores], bold: str) -> list[list[str]]:
     ]
 
 
-def _column(column: Column, results: Sequence[MethodScores], bold: str) -> list[str]:
+def _column(column: Column, results: Summaries, bold: str) -> list[str]:
     values = [result.summary()[column.metric] * column.scale for result in results]
     figures = ["–" if math.isnan(value) else f"{value:.{column.digits}f}" for value in values]
     known = [float(figure) for figure in figures if figure != "–"]  # as shown: equal figures are equally good
@@ -68,22 +73,31 @@ def caption(shot: Shot, results: Sequence[MethodScores]) -> str:
     )
 
 
-def rich_table(shot: Shot, results: Sequence[MethodScores]) -> Table:
-    """Return the table for a terminal."""
-    table = Table(caption=caption(shot, results))
-    table.add_column("method", no_wrap=True)
+def mean_caption(shots: Sequence[Shot], ratio: float) -> str:
+    """Say in one line of which shots a table shows the mean."""
+    large_width, large_height = shots[0].display_size or (0, 0)
+    names = ", ".join(shot.name for shot in shots)
+    return (
+        f"Mean of the shots {names} at ratio {ratio:g} to {large_width}x{large_height}: {len(shots[0])} "
+        f"frames each, without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+    )
+
+
+def rich_table(title: str, results: Summaries) -> Table:
+    """Return the table for a terminal: a line a metric, so that it fits into 80 columns."""
+    table = Table("", caption=title)
+    for result in results:
+        table.add_column(result.method, justify="right")
     for column in COLUMNS:
-        table.add_column(column.heading, justify="right")
-    for row in cells(results, "[bold]{}[/bold]"):
-        table.add_row(*row)
+        table.add_row(column.heading, *_column(column, results, "[bold]{}[/bold]"))
     return table
 
 
-def markdown_table(shot: Shot, results: Sequence[MethodScores]) -> str:
+def markdown_table(title: str, results: Summaries) -> str:
     """Return the table as Markdown, with its caption."""
     heading = ["method", *(column.heading for column in COLUMNS)]
     rows = [heading, ["---", *(["---:"] * len(COLUMNS))], *cells(results, "**{}**")]
-    return "\n".join([*("| " + " | ".join(row) + " |" for row in rows), "", caption(shot, results) + "."])
+    return "\n".join([*("| " + " | ".join(row) + " |" for row in rows), "", f"{title}."])
 
 
 def update_block(path: Path, name: str, text: str) -> None:

@@ -9,21 +9,29 @@ import pytest
 
 from supersampler import Frame, ShotError
 from supersampler.frame import Float32
-from supersampler.shot import Shot, ShotWriter
+from supersampler.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench import metrics, quality
-from supersampler_bench.quality import FrameScores, MethodScores, measure_quality
+from supersampler_bench.quality import FrameScores, MeanScores, MethodScores, measure_quality
 from supersampler_model.data.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()
 
 
-def write_shot(folder: Path, *, scene: Scene = SCENE, references: Sequence[int], count: int = 6) -> Shot:
+def write_shot(
+    folder: Path,
+    *,
+    scene: Scene = SCENE,
+    references: Sequence[int],
+    count: int = 6,
+    classes: ClassMaps | None = None,
+) -> Shot:
     with ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
         for index in range(count):
             jitter = (0.25, -0.25) if index % 2 else (-0.25, 0.25)
             truth = scene.truth(index, DISPLAY, samples=4) if index in references else None
-            writer.write(scene.frame(index, RENDER, jitter), reference=truth)
+            of_truth = classes if truth is not None else None
+            writer.write(scene.frame(index, RENDER, jitter), reference=truth, classes=of_truth)
     return Shot.open(folder)
 
 
@@ -55,7 +63,8 @@ def painted(
 def test_a_perfect_picture_scores_perfectly_in_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    shot = write_shot(tmp_path, references=[2, 4, 5])
+    hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3)))
+    shot = write_shot(tmp_path, references=[2, 4, 5], classes=hard)
     stored = {item.index: item.reference for item in shot if item.reference is not None}
     frames = painted(monkeypatch, shot, lambda i: stored.get(i, truth(i)))
     assert [f.frame for f in frames] == [2, 4, 5]
@@ -107,6 +116,27 @@ def test_the_masks_are_those_of_the_scene(tmp_path: Path, monkeypatch: pytest.Mo
     assert moving_share == pytest.approx(disc_share, rel=0.1)
 
 
+def test_the_masks_are_the_truth_classes_where_a_shot_has_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    ghost[20:22, 30:40], ghost[30:33, 30:40], alias[40:42, 30:40], alias[42:46, 30:40] = 1, 2, 1, 2
+    shot = write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias))
+    wrong = painted(monkeypatch, shot, lambda i: np.where((ghost == 2)[..., None], 0, truth(i)))[0].full
+    pixels = {name: wrong[f"pixels_{name}"] for name in ("disoccluded", "changing_light", "aliased")}
+    assert pixels == {"disoccluded": 20, "changing_light": 30, "aliased": 60}
+    assert wrong["psnr_changing_light"] < 20 < 60 < wrong["psnr_disoccluded"]
+    assert wrong["psnr_aliased"] > 60
+
+
+def test_without_truth_classes_what_only_they_tell_is_not_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scores = painted(monkeypatch, write_shot(tmp_path, references=[3]), truth)[0].full
+    assert np.isnan([scores["psnr_changing_light"], scores["psnr_aliased"]]).all()
+    assert scores["pixels_aliased"] == 0
+
+
 def test_the_border_is_left_out_of_the_cropped_scores(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -137,7 +167,8 @@ def test_a_shot_without_references_says_so(tmp_path: Path) -> None:
 
 def scores_of(frame: int, psnr: float, pixels: float) -> FrameScores:
     scores = dict.fromkeys(quality.METRICS, float("nan"))
-    scores |= {"psnr": psnr, "psnr_moving": psnr, "pixels_moving": pixels, "pixels_disoccluded": 0.0}
+    scores |= {"psnr": psnr, "psnr_moving": psnr if pixels else float("nan"), "pixels_moving": pixels}
+    scores |= dict.fromkeys((f"pixels_{name}" for name in quality.MASKED if name != "moving"), 0.0)
     return FrameScores(frame, full=scores, cropped={**scores, "psnr": psnr + 1})
 
 
@@ -150,6 +181,14 @@ def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
     assert result.summary()["psnr_moving"] == pytest.approx(pooled)
     assert np.isnan(result.summary()["psnr_disoccluded"])
     assert np.isnan(result.summary()["tpsnr"])
+
+
+def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:
+    long = MethodScores("m", [scores_of(frame, 20, 0) for frame in (8, 9, 10)])
+    mean = MeanScores("m", [long, MethodScores("m", [scores_of(8, 30, 10)])]).summary(cropped=False)
+    assert mean["psnr"] == pytest.approx(25)
+    assert mean["psnr_moving"] == pytest.approx(30)
+    assert np.isnan(mean["tpsnr"])
 
 
 def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> None:

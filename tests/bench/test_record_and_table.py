@@ -11,11 +11,11 @@ from supersampler.cli import app
 from supersampler.shot import ShotWriter, shipped_shot
 from supersampler_bench import quality
 from supersampler_bench.quality import FrameScores, MethodScores
-from supersampler_bench.record import quality_record, write_json
-from supersampler_bench.table import cells, markdown_table, update_block
+from supersampler_bench.record import Measured, quality_record, write_json
+from supersampler_bench.table import caption, cells, markdown_table, update_block
 from supersampler_model.data.analytic import Plane, checker
 
-README = "# Title\n<!-- bench:quality courtyard -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
+README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
 
 
 def result(method: str, psnr: float, flip: float) -> MethodScores:
@@ -38,7 +38,7 @@ def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> Non
 def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
     file = tmp_path / "README.md"
     file.write_text(README, encoding="utf-8")
-    update_block(file, "courtyard", "new\\1\ntable")
+    update_block(file, "plaza", "new\\1\ntable")
     assert file.read_text(encoding="utf-8") == README.replace("old", "new\\1\ntable")
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
 
@@ -46,7 +46,7 @@ def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
 def test_line_ends_of_windows_stay(tmp_path: Path) -> None:
     file = tmp_path / "README.md"
     file.write_bytes(README.replace("\n", "\r\n").encode())
-    update_block(file, "courtyard", "a\nb")
+    update_block(file, "plaza", "a\nb")
     assert file.read_bytes() == README.replace("old", "a\nb").replace("\n", "\r\n").encode()
 
 
@@ -57,44 +57,47 @@ def test_a_file_without_one_block_is_left_alone_and_told_what_to_write(
     file = tmp_path / "README.md"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError, match=rf"{found} blocks .*Write the lines <!-- bench:"):
-        update_block(file, "courtyard", "new")
+        update_block(file, "plaza", "new")
     assert file.read_text(encoding="utf-8") == text
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match=r"README\.md"):
-        update_block(tmp_path / "README.md", "courtyard", "new")
+        update_block(tmp_path / "README.md", "plaza", "new")
 
 
 def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
     file = tmp_path / "results" / "quality.json"
-    write_json(quality_record(shipped_shot(), RESULTS), file)
+    write_json(quality_record([Measured(shipped_shot(), RESULTS)]), file)
     record = json.loads(file.read_text(encoding="utf-8"))
     assert record["versions"]["supersampler"] == __version__
     assert record["machine"]["cores"] >= 1
-    assert len(record["shot"]["shot_json_sha256"]) == 64
-    assert record["shot"]["reference_frames"][0] == 8
-    assert record["methods"][1]["summary"]["warm_cropped"]["psnr"] == 21.0
-    assert record["methods"][1]["summary"]["all_full"]["tpsnr"] is None
-    assert record["methods"][0]["frames"][0]["cropped"]["psnr"] == 20.001
+    [shot] = record["shots"]
+    assert len(shot["shot_json_sha256"]) == 64
+    assert shot["reference_frames"][0] == 15
+    assert shot["masks"] == "truth classes"
+    assert shot["methods"][1]["summary"]["warm_cropped"]["psnr"] == 21.0
+    assert shot["methods"][1]["summary"]["all_full"]["tpsnr"] is None
+    assert shot["methods"][0]["frames"][0]["cropped"]["psnr"] == 20.001
+    assert record["means"] == []
 
 
 def test_only_the_date_differs_between_records_of_one_measurement() -> None:
-    first, second = (quality_record(shipped_shot(), RESULTS) for _ in range(2))
+    first, second = (quality_record([Measured(shipped_shot(), RESULTS)]) for _ in range(2))
     assert first.pop("date")
     assert second.pop("date")
     assert repr(first) == repr(second)
 
 
 def test_the_markdown_table_says_what_was_measured() -> None:
-    lines = markdown_table(shipped_shot(), RESULTS).split("\n")
+    lines = markdown_table(caption(shipped_shot(), RESULTS), RESULTS).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
-    assert lines[-1].startswith("courtyard, 320x180 to 640x360: 1 reference frames of 32, without the")
+    assert lines[-1].startswith("plaza, 320x180 to 640x360: 1 reference frames of 32, without the")
 
 
 def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     readme, values = tmp_path / "README.md", tmp_path / "values.json"
-    readme.write_text(README.replace("courtyard", "small"), encoding="utf-8")
+    readme.write_text(README.replace("plaza", "small"), encoding="utf-8")
     scene = Plane(checker, velocity=(1.0, 0.0))
     with ShotWriter(tmp_path / "shot", name="small", display_size=(80, 60), frame_rate=30) as writer:
         for index in range(10):
@@ -103,14 +106,16 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
     assert answer.exit_code == 0, answer.output
     record = json.loads(values.read_text(encoding="utf-8"))
-    psnr = f"{record['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
+    [shot] = record["shots"]
+    assert shot["masks"] == "depth and motion"
+    psnr = f"{shot['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
     assert psnr in answer.stdout
     assert psnr in readme.read_text(encoding="utf-8")
-    assert [len(method["frames"]) for method in record["methods"]] == [10, 10]
+    assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
 
 
 def test_the_command_teaches_its_options() -> None:
     answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
     assert answer.exit_code == 0
-    for word in ("--methods", "--json", "--update", "courtyard"):
+    for word in ("--methods", "--ratio", "--cache", "--json", "--update", "plaza", "test-shots"):
         assert word in answer.stdout
