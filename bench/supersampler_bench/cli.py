@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from itertools import count
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -10,7 +11,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from supersampler.cli.arguments import open_shot
+from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
 from supersampler_bench import public_shots
@@ -155,15 +156,45 @@ def product_shot(
     """Render the shot that ships with the package, from its scene in code."""
     from supersampler_model.data.product_shot import FRAMES, render_product_shot
 
-    done = 0
-    with _progress("rendering", FRAMES, done) as update:
+    with _progress("rendering", FRAMES) as update:
+        counter = count(1)
+        render_product_shot(output, on_frame=lambda: update(next(counter)))
 
-        def count() -> None:
-            nonlocal done
-            done += 1
-            update(done)
 
-        render_product_shot(output, on_frame=count)
+@app.command()
+def render(
+    size: Annotated[
+        str, typer.Option(metavar="WxH", help="Display size; inputs have half of it.")
+    ] = "960x540",
+    samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
+    frames: Annotated[int, typer.Option(min=3, help="Of each family and worker.")] = 6,
+    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+) -> None:
+    """Measure how many training samples `supersampler render --gbuffers` makes in an hour, by family.
+
+    Renders some of each family to a temporary folder. Keep the machine idle otherwise.
+    """
+    from supersampler_bench.render_speed import RenderLoad, measure_render
+
+    load = RenderLoad(display_size=parse_size(size), samples=samples, workers=workers, frames=frames)
+    with _progress("rendering", load.plan().sequences * frames) as update:
+        counter = count(1)
+        record = measure_render(load, lambda: update(next(counter)))
+    Console().print(_rates(record))
+    if json is not None:
+        write_json(record, json)
+
+
+def _rates(record: dict[str, Any]) -> Table:
+    width, height = record["display_size"]
+    parts = ", ".join(f"{part} {share:.0%}" for part, share in record["share_of_time"].items())
+    title = f"{width}x{height}, {record['samples']} samples a pixel, {record['workers']} workers: {parts}"
+    table = Table("family", "seconds a sample", "samples an hour", caption=title)
+    for family, seconds in record["seconds_per_sample"].items():
+        table.add_row(family, f"{seconds:.2f}", f"{record['samples_per_hour'][family]:.0f}")
+    table.add_row("all, with start and tail", "", f"{record['wall']['samples_per_hour']:.0f}")
+    return table
 
 
 def _hashes(found: list[PublicShot]) -> Table:
@@ -174,7 +205,7 @@ def _hashes(found: list[PublicShot]) -> Table:
 
 
 @contextmanager
-def _progress(text: str, total: int, done: int) -> Iterator[Any]:
+def _progress(text: str, total: int, done: int = 0) -> Iterator[Any]:
     """Show how far a long run is and how long it will take; yields what is called with the number done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with Progress(*columns, console=_ERRORS, disable=not _ERRORS.is_terminal) as progress:

@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from supersampler import ShotError
 from supersampler.cli import app
 from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import copy_shot
+from supersampler.shot import Shot, copy_shot, shipped_shot
 from supersampler_bench import public_shots
 from supersampler_bench.public_shots import (
     PublicShot,
@@ -171,3 +171,21 @@ def test_the_bench_without_a_cache_says_what_makes_one(tmp_path: Path) -> None:
     assert "`supersampler bench shots` renders it" in done.stderr
     wrong = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--ratio", "half"])
     assert "--ratio is 'half'; want numbers" in wrong.stderr
+
+
+def test_the_shot_that_ships_is_drawn_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
+    monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 17)
+    done = CliRunner().invoke(app, ["bench", "product-shot", str(tmp_path / "plaza")])
+    assert done.exit_code == 0, done.output
+    shot = Shot.open(tmp_path / "plaza")
+    assert (shot.name, shot.render_size, len(shot), shot.reference_indices) == (
+        "plaza",
+        (16, 9),
+        17,
+        [15, 16],
+    )
+    assert shot.read_classes(16) is not None
+    shipped = shipped_shot()
+    assert [shot.read_raw(i).jitter for i in range(17)] == [shipped.read_raw(i).jitter for i in range(17)]
+    assert shot.license == shipped.license
