@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import SupersamplerError
-from supersampler_model.method import DISPLAY, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
+from supersampler_model.method import DISPLAY, HALF, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
 
 OPSET = 17
 """Last one in which every provider implements GridSample alike (docs/contract.md)."""
@@ -57,7 +57,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     arguments = example_arguments(method, Size(26, 18), Size(52, 37), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
-    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in (*RENDER, *DISPLAY, *PREVIOUS)}
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in (*RENDER, *DISPLAY, *HALF, *PREVIOUS)}
     dynamic = {
         name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
         for name, shape in shapes.items()
@@ -91,9 +91,9 @@ def shape_of(method: Method, parameter: str) -> Shape:
 
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
     """Noise of the right shapes and ranges; what it shows does not matter to the trace."""
-    sizes = dict(
-        zip((*RENDER, *DISPLAY, *PREVIOUS), (*render[::-1], *display[::-1], *previous[::-1]), strict=True)
-    )
+    half = ((display.height + 1) // 2, (display.width + 1) // 2)
+    every = (*render[::-1], *display[::-1], *half, *previous[::-1])
+    sizes = dict(zip((*RENDER, *DISPLAY, *HALF, *PREVIOUS), every, strict=True))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     noise = {
         name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])

@@ -17,6 +17,7 @@ Shape = tuple[int | str, ...]
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
 DISPLAY = ("display_height", "display_width")
+HALF = ("half_height", "half_width")  # half the display size, rounded up
 
 TENSORS: Mapping[str, Shape] = {
     "color": (1, 3, *RENDER),
@@ -61,7 +62,9 @@ class Method(nn.Module):
 
     def first_history(self, display: Size, render: Size) -> list[Tensor]:
         """All zeros: no past."""
-        sizes = dict(zip((*DISPLAY, *PREVIOUS), (*display[::-1], *render[::-1]), strict=True))
+        half = Size((display.width + 1) // 2, (display.height + 1) // 2)
+        names = (*DISPLAY, *HALF, *PREVIOUS)
+        sizes = dict(zip(names, (*display[::-1], *half[::-1], *render[::-1]), strict=True))
         return [
             torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
         ]

@@ -86,8 +86,13 @@ def past_of(motion: Tensor, display: Size, render: Size) -> Past:
     """Follow `motion`, (1, 2, H, W) in render pixels."""
     across = motion[:, :1] * display.width / render.width
     down = motion[:, 1:2] * display.height / render.height
-    x = torch.arange(display.width, device=motion.device) + across
-    y = torch.arange(display.height, device=motion.device)[:, None] + down
+    return past_at(across, down, display)
+
+
+def past_at(across: Tensor, down: Tensor, display: Size) -> Past:
+    """Follow motion in display pixels, (1, 1, H, W) each."""
+    x = torch.arange(display.width, device=across.device) + across
+    y = torch.arange(display.height, device=across.device)[:, None] + down
     right, bottom = display.width - 0.5, display.height - 0.5
     on_screen = (x > -0.5) & (x < right) & (y > -0.5) & (y < bottom)
     return Past(

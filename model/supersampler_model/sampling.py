@@ -37,6 +37,31 @@ def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
     return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
 
 
+class View(NamedTuple):
+    """How a display looks at render-size inputs; also a part of one, as training cuts them out."""
+
+    display: Size
+    across: float  # display pixels a render pixel
+    down: float
+    jitter: Tensor  # (1, 2) render pixels
+
+    def to_render(self, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
+        """Positions in display pixels as positions in render pixels."""
+        left, top = self.jitter[0, 0], self.jitter[0, 1]
+        return (x + 0.5) / self.across - 0.5 - left, (y + 0.5) / self.down - 0.5 - top
+
+    def grid(self, render: Size) -> Grid:
+        """Where display pixels look."""
+        x, y = self.to_render(*(torch.arange(n, device=self.jitter.device) for n in self.display))
+        column, row = nearest(x, render.width), nearest(y, render.height)
+        return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
+
+
+def view_of(display: Size, render: Size, jitter: Tensor) -> View:
+    """View of whole images."""
+    return View(display, display.width / render.width, display.height / render.height, jitter)
+
+
 class Taps(NamedTuple):
     """What each of n display pixels reads along one axis: indices and weights, a pair of (n,) per tap."""
 

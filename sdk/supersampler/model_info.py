@@ -36,6 +36,8 @@ class TensorInfo:
             "render_height": render[1],
             "display_width": display[0],
             "display_height": display[1],
+            "half_width": (display[0] + 1) // 2,
+            "half_height": (display[1] + 1) // 2,
             "previous_width": previous[0],
             "previous_height": previous[1],
         }

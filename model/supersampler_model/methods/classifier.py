@@ -1,0 +1,313 @@
+"""`classifier`: temporal supersampling guided by a classifier (Guo et al. 2022), the default method.
+
+A small network at half display size says of each pixel why its past may be of no use (it was hidden; its
+light has changed) and why one sample does not tell its colour (an edge; fine detail). A compositor then
+weighs what there is: the warped past, the past cut to this frame's colours (Salvi 2016), this frame's nearest
+sample and this frame smoothly upsampled. With a network that says nothing the result is the running mean of
+all samples.
+"""
+
+from dataclasses import dataclass, field
+from typing import ClassVar, NamedTuple
+
+import torch
+from torch import Tensor
+
+from supersampler_model.color import (
+    bounded,
+    exposure_for,
+    from_ycocg,
+    inverse_tone,
+    luminance,
+    quarantine,
+    tone,
+    valid,
+    ycocg,
+)
+from supersampler_model.method import DISPLAY, HALF, PREVIOUS, Method, display_size_of, render_size_of
+from supersampler_model.motion import (
+    Past,
+    closest_of_four,
+    covered,
+    past_at,
+    read,
+    read_cubic,
+    squared_length,
+    usable_depth,
+    usable_motion,
+    without_thin,
+)
+from supersampler_model.networks.classifier import ClassifierNetwork, NetworkConfig, pack, unpack
+from supersampler_model.rectification import clip_to_center, variance_box
+from supersampler_model.sampling import (
+    Kernel,
+    View,
+    catmull_rom,
+    gaussian,
+    pick_first,
+    resample,
+    sum_of,
+    taps,
+    view_of,
+)
+
+TONED = 1.0 - 1e-4  # most of a toned colour
+UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
+PLANES = 17  # channels of a pixel that the network sees
+CANDIDATES = 4  # past, past cut to the box, nearest sample, smooth frame
+VISIBILITY, SHADING = 1, 2  # of the first three classes
+
+
+@dataclass(frozen=True)
+class ClassifierConfig:
+    """Constants of the step around the network; docs/methods.md has what each gives.
+
+    Attributes:
+        network: its widths.
+        sample_sigma: Gaussian of a sample's influence, display pixels.
+        moment_sigma: Gaussian window of the moments of the box, render pixels.
+        gamma: half size of the box in standard deviations.
+        history_sharpness: -a of the cubic that resamples the past; 0.5 is Catmull-Rom.
+        samples: most samples that the count counts.
+        contraction: share by which the range of the past contracts to a new sample.
+        depth_margin, depth_ramp: see `covered`.
+    """
+
+    network: NetworkConfig = field(default_factory=lambda: NetworkConfig(4 * PLANES, 6))
+    sample_sigma: float = 0.47
+    moment_sigma: float = 0.45
+    gamma: float = 1.0
+    history_sharpness: float = 0.7
+    samples: float = 64.0
+    contraction: float = 1.0 / 16.0
+    depth_margin: float = 0.005
+    depth_ramp: float = 0.05
+
+
+class Present(NamedTuple):
+    """This frame at display size; colours are toned RGB."""
+
+    frame: Tensor  # (1, 3, H, W) smooth upsampling
+    sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
+    confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
+    first: Tensor  # (1, 3, H, W) E[c] of a neighbourhood, YCoCg
+    second: Tensor  # (1, 3, H, W) E[c^2]
+
+
+class Remembered(NamedTuple):
+    """The warped past at display size."""
+
+    color: Tensor  # (1, 3, H, W) toned RGB
+    samples: Tensor  # (1, 1, H, W) how many it is made of; 0 where there is no past
+    range: Tensor  # (1, 2, H, W) least and most luma that the samples had
+    difference: Tensor  # (1, 1, H, W) of depth, equation 10
+    surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
+    classes: Tensor  # (1, 6, H / 2, W / 2) what the pixels were held for
+
+
+class Gathered(NamedTuple):
+    """All that is known before the network speaks."""
+
+    present: Present
+    past: Remembered
+    there: Past
+    surfaces: Tensor  # (1, 2, h, w) depth, and that without thin things
+    exposure: Tensor  # (1,)
+
+
+class History(NamedTuple):
+    """What the frame before left; shapes as in `Classifier.history`."""
+
+    color: Tensor
+    state: Tensor
+    classes: Tensor
+    depth: Tensor
+    exposure: Tensor
+
+
+class Step(NamedTuple):
+    """The image and what the next frame needs."""
+
+    image: Tensor
+    history_color: Tensor
+    history_state: Tensor
+    history_classes: Tensor
+    history_depth: Tensor
+    history_jitter: Tensor
+    history_exposure: Tensor
+
+
+class Classifier(Method):
+    """Classify, then compose."""
+
+    name, source = "classifier", "Guo, Chen, Dong and Tong 2022 (docs/methods.md)"
+    ratios: ClassVar = (1.0, 3.0)
+    history: ClassVar = {
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "state": (1, 3, *DISPLAY),  # count, least and most luma
+        "classes": (1, 6, *HALF),  # shares
+        "depth": (1, 2, *PREVIOUS),  # as it is, and without thin things
+        "jitter": (1, 2),
+        "exposure": (1,),
+    }
+
+    def __init__(self, config: ClassifierConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or ClassifierConfig()
+        self.net = ClassifierNetwork(self.config.network)
+
+    def forward(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        depth: Tensor,  # (1, 1, h, w) reversed
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        jitter: Tensor,  # (1, 2) render pixels
+        exposure: Tensor,  # (1,) 0: measure
+        display_size: Tensor,  # (2,) int64
+        history_color: Tensor,  # (1, 3, H, W)
+        history_state: Tensor,  # (1, 3, H, W)
+        history_classes: Tensor,  # (1, 6, H / 2, W / 2)
+        history_depth: Tensor,  # (1, 2, h', w')
+        history_jitter: Tensor,  # (1, 2)
+        history_exposure: Tensor,  # (1,)
+    ) -> Step:
+        """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
+        display = display_size_of(display_size)
+        now = view_of(display, render_size_of(color), jitter)
+        before = view_of(display, render_size_of(history_depth), history_jitter)
+        history = History(history_color, history_state, history_classes, history_depth, history_exposure)
+        gathered = self.gather(color, depth, motion, exposure, history, now, before)
+        logits, mixing = self.net(pack(self.planes(gathered)), gathered.past.classes)
+        image, state, classes = self.finish(gathered, logits, mixing)
+        return Step(image, image, state, classes, gathered.surfaces, jitter * 1.0, gathered.exposure)
+
+    def gather(
+        self,
+        color: Tensor,
+        depth: Tensor,
+        motion: Tensor,
+        exposure: Tensor,
+        history: History,
+        now: View,
+        before: View,
+    ) -> Gathered:
+        """Bring this frame and the past to display size."""
+        usable, color = valid(color), quarantine(color, 0.0)
+        exposure = exposure_for(color, usable, exposure, history.exposure)
+        depth = usable_depth(depth)
+        surfaces = torch.cat([depth, without_thin(depth)], dim=1)
+        closest = torch.cat(closest_of_four(depth, usable_motion(motion)), dim=1)
+        closest = pick_first(closest, now.grid(render_size_of(color)))
+        there = past_at(closest[:, 1:2] * now.across, closest[:, 2:3] * now.down, now.display)
+        present = self.gather_present(tone(color * exposure) * usable, usable, now)
+        past = self.gather_past(history, there, closest[:, :1], before, exposure)
+        return Gathered(present, past, there, surfaces, exposure)
+
+    def gather_present(self, toned: Tensor, usable: Tensor, view: View) -> Present:
+        """Upsample the usable samples of this frame."""
+        render, c = render_size_of(toned), self.config
+        grid = view.grid(render)
+
+        def under(image: Tensor, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
+            x = taps(grid.x, render.width, kernel, scale=scale[0])
+            return resample(image, x, taps(grid.y, render.height, kernel, scale=scale[1]))
+
+        samples, axes = torch.cat([toned, usable], dim=1), ycocg(toned)
+        near = under(samples, gaussian(c.sample_sigma), (view.across, view.down))
+        sharp = under(samples, catmull_rom)
+        window = under(torch.cat([axes, axes * axes, usable], dim=1), gaussian(c.moment_sigma))
+        moments = normalised(window)
+        smooth = from_ycocg(moments[:, :3])
+        seen = (window[:, 6:7] > UNSEEN).float()
+        whole = (sharp[:, 3:4] > 0.9).float()  # some of its weights are negative: of no use where many miss
+        return Present(
+            frame=(smooth + whole * (normalised(sharp) - smooth)).clamp(0.0, TONED),
+            sample=normalised(near).clamp(0.0, TONED),
+            confidence=near[:, 3:4].clamp(max=1.0),
+            first=moments[:, :3],
+            second=moments[:, 3:6] * seen + (1.0 - seen),  # where nothing is usable the box holds all colours
+        )
+
+    def gather_past(
+        self, history: History, past: Past, depth: Tensor, before: View, exposure: Tensor
+    ) -> Remembered:
+        """Warp the history."""
+        c = self.config
+        x, y = before.to_render(past.x, past.y)
+        hidden = covered(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
+        there = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
+        difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
+        state = read(history.state, past.x, past.y)
+        color = read_cubic(history.color, past.x, past.y, c.history_sharpness)
+        return Remembered(
+            color=tone(quarantine(color, 0.0) * exposure),
+            samples=state[:, :1] * past.on_screen,
+            range=state[:, 1:3],
+            difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
+            surface=past.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
+            classes=read(history.classes, 0.5 * past.x[:, :, ::2, ::2], 0.5 * past.y[:, :, ::2, ::2]),
+        )
+
+    def planes(self, gathered: Gathered) -> Tensor:
+        """What the network sees of a pixel, (1, PLANES, H, W), all about 1 at most."""
+        present, past, there = gathered.present, gathered.past, gathered.there
+        across, down = there.x - there.x.floor(), there.y - there.y.floor()
+        speed = squared_length(there.motion).sqrt()
+        return torch.cat(
+            [
+                present.frame,
+                present.sample,
+                present.confidence,
+                past.color,
+                past.samples / (past.samples + 4.0),
+                past.range,
+                past.difference,
+                past.surface,
+                speed / (speed + 4.0),
+                2.0 * (across * (1.0 - across) + down * (1.0 - down)),  # by how much resampling blurs
+            ],
+            dim=1,
+        )
+
+    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Compose, count, and go back to linear RGB: the image, the state and the classes."""
+        present, past = gathered.present, gathered.past
+        h, w = present.frame.shape[2], present.frame.shape[3]
+        box = variance_box(present.first, present.second, self.config.gamma)
+        clipped = from_ycocg(clip_to_center(ycocg(past.color), box)).clamp(0.0, TONED)
+        candidates = [past.color, clipped, present.sample, present.frame]
+        said = unpack(mixing, h, w).clamp(-16.0, 16.0)
+        begun = [  # the weights of a running mean, which the network multiplies
+            past.samples * past.surface + 1e-3,
+            0.1 * past.samples + 1e-3,
+            present.confidence + 1e-3,
+            torch.full_like(past.samples, 0.05),
+        ]
+        weights = [b * said[:, i : i + 1].exp() for i, b in enumerate(begun)]
+        kept, new = weights[0] + weights[1], weights[2] + weights[3]
+        total = kept + new
+        color = sum_of([w / total * c for w, c in zip(weights, candidates, strict=True)])
+        image = bounded(inverse_tone(color) / gathered.exposure)
+
+        classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
+        odds = kept / new * (begun[2] + begun[3])  # samples that the past was taken for
+        count = torch.minimum(odds, past.samples).clamp(max=self.config.samples) + present.confidence
+        luma = luminance(present.sample)
+        known = (past.samples > 0.0).float()
+        rate = present.confidence * self.config.contraction
+        low, high = past.range[:, :1], past.range[:, 1:2]
+        low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
+        high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
+        range_ = luma + known * (torch.cat([low, high], dim=1) - luma)
+        return image, torch.cat([count, range_], dim=1), classes
+
+
+def normalised(sums: Tensor) -> Tensor:
+    """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
+    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
+
+
+def shares(logits: Tensor) -> Tensor:
+    """Softmax of three channels, in operators that all providers have alike."""
+    likely = (logits.clamp(-30.0, 30.0)).exp()
+    return likely / sum_of([likely[:, :1], likely[:, 1:2], likely[:, 2:3]])

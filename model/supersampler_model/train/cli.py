@@ -1,0 +1,86 @@
+"""`supersampler train classifier`."""
+
+import csv
+import os
+from pathlib import Path
+from typing import Annotated
+
+import torch
+import typer
+from rich.console import Console
+from torch import distributed as dist
+
+from supersampler_model.data.dataset import open_dataset
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.taau import Taau
+from supersampler_model.train.trainer import Plan, Trainer, Update
+from supersampler_model.train.validate import Validated, validate, validation_entries
+
+app = typer.Typer(help="Train a method that learns.")
+
+
+@app.command()
+def train(
+    data: Annotated[list[Path], typer.Option(help="Training set; may be given several times.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
+    size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
+    batch: Annotated[int, typer.Option(help="Crops, of all processes together.")] = 8,
+    frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 4,
+    rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 2e-3,
+    every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
+    seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
+) -> None:
+    """Train the classifier; a run that was stopped goes on when the same command is given again.
+
+    With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
+    """
+    if "RANK" in os.environ:
+        dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+        torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
+    torch.manual_seed(seed)
+    output.mkdir(parents=True, exist_ok=True)
+    datasets = [open_dataset(folder) for folder in data]
+    method = Classifier()
+    plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
+    trainer = Trainer(method, datasets, plan, output)
+    entries = validation_entries(datasets, method.ratios)
+    console = Console(stderr=True, highlight=False)
+    taau = validate(Taau().eval(), entries) if entries and trainer.rank == 0 else None
+    sums: list[Update] = []
+    while trainer.done < plan.steps:
+        trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=sums.append)
+        trainer.save()
+        if trainer.rank == 0 and taau is not None:
+            found = validate(trainer.average.eval(), entries)
+            _log(output / "log.csv", sums, found, taau)
+            n = len(sums)
+            console.print(
+                f"{trainer.done}/{plan.steps}: loss {sum(u.loss for u in sums) / n:.4f}, "
+                f"{sum(u.seconds for u in sums) / n:.2f} s an update; validation {found.psnr:.2f} dB "
+                f"(taau {taau.psnr:.2f}), tPSNR {found.tpsnr:.2f} ({taau.tpsnr:.2f}), "
+                + ", ".join(f"{k} {v:.2f}" for k, v in found.overlap.items())
+            )
+        sums.clear()
+        if dist.is_initialized():
+            dist.barrier()
+
+
+def _log(path: Path, updates: list[Update], found: Validated, taau: Validated) -> None:
+    row = {
+        "step": updates[-1].step,
+        "loss": sum(u.loss for u in updates) / len(updates),
+        "picture": sum(u.picture for u in updates) / len(updates),
+        "classes": sum(u.classes for u in updates) / len(updates),
+        "psnr": found.psnr,
+        "tpsnr": found.tpsnr,
+        "psnr_taau": taau.psnr,
+        "tpsnr_taau": taau.tpsnr,
+        **found.overlap,
+    }
+    new = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, list(row))
+        if new:
+            writer.writeheader()
+        writer.writerow(row)

@@ -1,0 +1,80 @@
+"""What the classifier and its compositor are trained for (notes in docs/methods.md)."""
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from supersampler_model.color import tone
+
+
+@dataclass(frozen=True)
+class LossWeights:
+    """Weights of the terms.
+
+    Attributes:
+        squared: of the squared error beside the absolute one.
+        ghost: of the absolute error where the past is of no use, beside that everywhere.
+        change: of the error's change from frame to frame.
+        classes: of the cross entropies.
+        rarest: the largest weight of a rare class in them.
+    """
+
+    squared: float = 4.0
+    ghost: float = 0.5
+    change: float = 0.5
+    classes: float = 0.05
+    rarest: float = 8.0
+
+
+def shown(image: Tensor, exposure: Tensor) -> Tensor:
+    """Linear RGB as a screen shows it: exposed, toned, sRGB (`supersampler.display_transform`)."""
+    toned = tone(image * exposure.reshape(-1, 1, 1, 1)).clamp(0.0, 1.0)
+    bright = 1.055 * toned.clamp(min=0.0031308) ** (1.0 / 2.4) - 0.055
+    return torch.where(toned <= 0.0031308, 12.92 * toned, bright)
+
+
+def picture_loss(off: Tensor, before: Tensor | None, ghost: Tensor, weights: LossWeights) -> Tensor:
+    """Error of shown pictures.
+
+    Args:
+        off: (n, 3, H, W) picture minus truth.
+        before: that of the frame before; None where there is none.
+        ghost: (n, 1, H, W) 1 where the past is of no use.
+        weights: of the terms.
+    """
+    weighted = 1.0 + weights.ghost * ghost
+    loss = (weighted * (off.abs() + weights.squared * off * off)).mean()
+    if before is not None:
+        change = off - before
+        loss = loss + weights.change * (change.abs() + weights.squared * change * change).mean()
+    return loss
+
+
+def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: LossWeights) -> Tensor:
+    """Cross entropy of both groups, rare classes weighing more.
+
+    Args:
+        logits: (n, 6, H / 2, W / 2).
+        ghost: (n, H, W) int64, 0 to 2.
+        alias: (n, H, W) int64, 0 to 2.
+        weights: of the terms.
+    """
+    return weights.classes * (
+        _entropy(logits[:, :3], shares_of(ghost), weights.rarest)
+        + _entropy(logits[:, 3:], shares_of(alias), weights.rarest)
+    )
+
+
+def shares_of(classes: Tensor) -> Tensor:
+    """(n, H, W) classes to their shares in each 2x2 pixels: (n, 3, H / 2, W / 2)."""
+    one_hot = F.one_hot(classes, 3).permute(0, 3, 1, 2).float()
+    return F.avg_pool2d(one_hot, 2)
+
+
+def _entropy(logits: Tensor, shares: Tensor, rarest: float) -> Tensor:
+    frequency = shares.mean(dim=(0, 2, 3)).clamp(min=1e-6)
+    balance = (1.0 / frequency).sqrt().clamp(max=rarest)
+    weighted = shares * balance[:, None, None]
+    return -(weighted * logits.log_softmax(dim=1)).sum(dim=1).sum() / weighted.sum()

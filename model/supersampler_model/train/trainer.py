@@ -1,0 +1,230 @@
+"""The training of the classifier: truncated back-propagation through time along streams of crops.
+
+Each of a batch's streams walks through one crop of one sequence after the other; the history it leaves is
+handed on from one update to the next, so that the network learns on the histories that it makes itself.
+"""
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import torch
+from torch import Tensor
+from torch import distributed as dist
+
+from supersampler_model.data.dataset import Dataset
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier import Classifier, History
+from supersampler_model.sampling import View
+from supersampler_model.train.checkpoint import data_hash, load_checkpoint, save_checkpoint, source_commit
+from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shown
+from supersampler_model.train.rollout import State, detached, first_state, step
+from supersampler_model.train.windows import Place, Sample, Stream
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What a run is made of.
+
+    Attributes:
+        steps: updates of the weights.
+        batch: streams, of all processes together.
+        frames: that an update looks back on.
+        size: of the crops, display pixels.
+        rate: highest learning rate; it warms up over the first 2 % and falls as a cosine to a hundredth.
+        decay: weight decay.
+        average: of the weights that are kept: 1 - 1 / this many updates.
+        settle: last share of the updates, in which batch normalisation is held as it will be used.
+        seed: of weights and crops.
+        losses: weights of the loss's terms.
+    """
+
+    steps: int = 12000
+    batch: int = 8
+    frames: int = 4
+    size: int = 128
+    rate: float = 2e-3
+    decay: float = 1e-4
+    average: int = 500
+    settle: float = 0.3
+    seed: int = 0
+    losses: LossWeights = field(default_factory=LossWeights)
+
+
+class Update(NamedTuple):
+    """What one update was like."""
+
+    step: int
+    loss: float
+    picture: float
+    classes: float
+    seconds: float
+
+
+class Trainer:
+    """A run in a folder, from its checkpoint on where there is one.
+
+    Args:
+        method: is trained.
+        datasets: what on.
+        plan: how.
+        folder: holds the checkpoint and the log.
+    """
+
+    def __init__(self, method: Classifier, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
+        self.method, self.plan, self.folder = method, plan, folder
+        self.datasets = list(datasets)
+        self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
+        self.optimizer = torch.optim.AdamW(
+            method.parameters(), lr=plan.rate, weight_decay=plan.decay, betas=(0.9, 0.99)
+        )
+        self.average = Classifier(method.config)
+        self.average.load_state_dict(method.state_dict())
+        self.done = 0
+        count = plan.batch // self.world
+        self._streams = [self._stream(i) for i in range(count)]
+        self._walks: list[Iterator[Sample]] = [iter(s) for s in self._streams]
+        self._states: list[State | None] = [None] * count
+        self._off: Tensor | None = None
+        path = folder / f"checkpoint-{self.rank}.pt"
+        if path.exists():
+            self._load(path)
+
+    def run(self, until: int | None = None, *, on_update: Callable[[Update], None] = lambda _: None) -> None:
+        """Update until `until`, the plan's end if None."""
+        while self.done < (self.plan.steps if until is None else min(until, self.plan.steps)):
+            started = time.perf_counter()
+            picture, classes = self._update()
+            self.done += 1
+            seconds = time.perf_counter() - started
+            on_update(Update(self.done, picture + classes, picture, classes, seconds))
+
+    def save(self) -> None:
+        """Write this process's checkpoint."""
+        save_checkpoint(
+            self.folder / f"checkpoint-{self.rank}.pt",
+            {
+                "done": self.done,
+                "method": self.method.state_dict(),
+                "average": self.average.state_dict(),
+                "optimizer": self.optimizer.state_dict(),
+                "places": [asdict(s.place) for s in self._streams],
+                "states": [None if s is None else _plain(s) for s in self._states],
+                "off": self._off,
+                "config": asdict(self.method.config),
+                "plan": asdict(self.plan),
+                "data": data_hash(self.datasets),
+                "commit": source_commit(),
+            },
+        )
+
+    def _load(self, path: Path) -> None:
+        content = load_checkpoint(path)
+        self.done = content["done"]
+        self.method.load_state_dict(content["method"])
+        self.average.load_state_dict(content["average"])
+        self.optimizer.load_state_dict(content["optimizer"])
+        for stream, place in zip(self._streams, content["places"], strict=True):
+            stream.place = Place(**place)
+        self._states = [None if s is None else _state(s) for s in content["states"]]
+        self._off = content["off"]
+
+    def _stream(self, index: int) -> Stream:
+        return Stream(
+            self.datasets,
+            ratios=self.method.ratios,
+            size=self.plan.size,
+            seed=[self.plan.seed, self.rank, index],
+        )
+
+    def _update(self) -> tuple[float, float]:
+        """One step of the optimizer."""
+        self.method.train(self.done < (1.0 - self.plan.settle) * self.plan.steps)
+        for group in self.optimizer.param_groups:
+            group["lr"] = self._rate()
+        pictures = torch.zeros(())
+        classes = torch.zeros(())
+        for _ in range(self.plan.frames):
+            picture, classified = self._frame()
+            pictures, classes = pictures + picture, classes + classified
+        loss = (pictures + classes) / self.plan.frames
+        self.optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        self._share_gradients()
+        torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
+        self.optimizer.step()
+        self._keep_average()
+        self._states = [*detached([s for s in self._states if s is not None])]
+        self._off = None if self._off is None else self._off.detach()
+        return pictures.item() / self.plan.frames, classes.item() / self.plan.frames
+
+    def _frame(self) -> tuple[Tensor, Tensor]:
+        """Step all streams by one frame."""
+        samples = [next(walk) for walk in self._walks]
+        fresh = torch.tensor(
+            [s.reset or state is None for s, state in zip(samples, self._states, strict=True)]
+        )
+        states = [
+            first_state(self.method, sample) if state is None or sample.reset else state
+            for sample, state in zip(samples, self._states, strict=True)
+        ]
+        drawn, after = step(self.method, samples, states)
+        self._states = list(after)
+        exposure = torch.cat([s.exposure for s in samples])
+        off = shown(drawn.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
+        ghost = torch.cat([s.ghost for s in samples])
+        ghost = torch.where(drawn.off_screen[:, 0] > 0.0, 1, ghost)
+        alias = torch.cat([s.alias for s in samples])
+        before = (
+            None if self._off is None else torch.where(fresh[:, None, None, None], off.detach(), self._off)
+        )
+        self._off = off
+        useless = (ghost > 0).float()[:, None]
+        weights = self.plan.losses
+        return picture_loss(off, before, useless, weights), class_loss(drawn.logits, ghost, alias, weights)
+
+    def _rate(self) -> float:
+        warm = max(self.plan.steps // 50, 1)
+        if self.done < warm:
+            return self.plan.rate * (self.done + 1) / warm
+        gone = (self.done - warm) / max(self.plan.steps - warm, 1)
+        return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * gone)))
+
+    def _share_gradients(self) -> None:
+        if self.world == 1:
+            return
+        gradients = [p.grad for p in self.method.parameters() if p.grad is not None]
+        flat = torch.cat([g.flatten() for g in gradients])
+        dist.all_reduce(flat)
+        flat /= self.world
+        start = 0
+        for g in gradients:
+            g.copy_(flat[start : start + g.numel()].view_as(g))
+            start += g.numel()
+
+    def _keep_average(self) -> None:
+        share = 1.0 / min(self.plan.average, self.done + 1)
+        with torch.no_grad():
+            for kept, now in zip(
+                self.average.state_dict().values(), self.method.state_dict().values(), strict=True
+            ):
+                if kept.is_floating_point():
+                    kept.lerp_(now, share)
+                else:
+                    kept.copy_(now)
+
+
+def _plain(state: State) -> dict[str, Any]:
+    view = state.view
+    return {
+        "history": [t.detach() for t in state.history],
+        "view": [list(view.display), view.across, view.down, view.jitter],
+    }
+
+
+def _state(content: dict[str, Any]) -> State:
+    display, across, down, jitter = content["view"]
+    return State(History(*content["history"]), View(Size(*display), across, down, jitter))

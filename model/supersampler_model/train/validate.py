@@ -1,0 +1,116 @@
+"""Validation: whole frames of sequences that are not trained on, stepped as an engine steps them."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from supersampler import display_transform
+from supersampler.frame import Float32
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.method import Method, Size
+
+WARM_UP = 8
+BORDER = 8
+CLASS_NAMES = ("ghost.none", "visibility", "shading", "alias.none", "geometry", "texture")
+
+
+@dataclass(frozen=True)
+class Validated:
+    """Scores of one method, means over sequences.
+
+    Attributes:
+        psnr: of shown pictures after the warm-up, dB.
+        tpsnr: of their changes from frame to frame, dB.
+        overlap: intersection over union per class; empty for methods without classes.
+        picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
+    """
+
+    psnr: float
+    tpsnr: float
+    overlap: dict[str, float]
+    picture: Float32
+
+
+def validation_entries(
+    datasets: Sequence[Dataset], ratios: tuple[float, float]
+) -> list[tuple[Dataset, SequenceEntry]]:
+    """Sequences of the validation split within the ratios, those that are complete."""
+    return [
+        (d, e)
+        for d in datasets
+        for e in d.entries("validation")
+        if ratios[0] - 0.02 <= e.ratio <= ratios[1] + 0.02 and d.complete(e) == e.spec.frames
+    ]
+
+
+def validate(method: Method, entries: Sequence[tuple[Dataset, SequenceEntry]]) -> Validated:
+    """Step `method` through all `entries`."""
+    rows, pictures = [], []
+    counts = np.zeros((2, len(CLASS_NAMES)))
+    for dataset, entry in entries:
+        scores, picture = _sequence(method, dataset.frames(entry), dataset.description.display_size, counts)
+        rows.append(scores)
+        pictures.append(picture)
+    psnr, tpsnr = np.nanmean(np.array(rows), axis=0)
+    overlap = {}
+    if counts.any():
+        overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
+    return Validated(float(psnr), float(tpsnr), overlap, pictures[0])
+
+
+def _sequence(
+    method: Method, frames: Iterable[TrainingFrame], display_size: tuple[int, int], counts: "np.ndarray"
+) -> tuple[tuple[float, float], Float32]:
+    display = Size(*display_size)
+    history: list[Tensor] = []
+    squared, changed, off_before = [], [], None
+    for index, frame in enumerate(frames):
+        if frame.reset or not history:
+            history = method.first_history(display, Size(*frame.depth.shape[::-1]))
+        with torch.no_grad():
+            image, *history = method(*frame_tensors(frame), torch.tensor(display), *history)
+        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
+        truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
+        off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
+        if index >= WARM_UP:
+            squared.append(_decibels(off))
+            if off_before is not None and not frame.reset:
+                changed.append(_decibels(off - off_before))
+        off_before = off
+        if "classes" in method.history:
+            _count(history[list(method.history).index("classes")], frame, counts)
+    picture = np.concatenate([shown, truth])
+    return (float(np.mean(squared)), float(np.mean(changed)) if changed else float("nan")), picture
+
+
+def frame_tensors(frame: TrainingFrame) -> list[Tensor]:
+    """Color, depth, motion, jitter and exposure, as a method takes them."""
+
+    def planes(image: Float32) -> Tensor:
+        return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1), np.float32))[None]
+
+    return [
+        planes(frame.color.astype(np.float32)),
+        planes(frame.depth[..., None]),
+        planes(frame.motion.astype(np.float32)),
+        torch.tensor([frame.jitter], dtype=torch.float32),
+        torch.tensor([frame.exposure], dtype=torch.float32),
+    ]
+
+
+def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
+    """Add to the intersections and unions of each class, on every second pixel."""
+    for group, truth in enumerate((frame.ghost, frame.alias)):
+        said = classes[0, 3 * group : 3 * group + 3].argmax(dim=0).numpy()
+        true = truth[::2, ::2]
+        for c in range(3):
+            a, b = said == c, true == c
+            counts[:, 3 * group + c] += (a & b).sum(), (a | b).sum()
+
+
+def _decibels(off: Float32) -> float:
+    return float(-10.0 * np.log10(max(float(np.mean(np.square(off, dtype=np.float64))), 1e-10)))

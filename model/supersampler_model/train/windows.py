@@ -1,0 +1,194 @@
+"""Crops of training sequences, cut out exactly, flipped and relit: what a recurrent method trains on.
+
+A crop of the display looks at a crop of the render-size input through a `View` whose jitter holds all of
+where the two lie, so that any crop of any ratio, flipped or turned, is as exact as the whole frame. The crop
+is the screen: what comes from outside it has no past, and is labelled so by the method's own reprojection.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.method import Size
+from supersampler_model.sampling import View
+
+MARGIN = 3  # render pixels around those that a crop's display pixels look at
+BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
+
+
+class Sample(NamedTuple):
+    """One frame of a crop."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB
+    depth: Tensor  # (1, 1, h, w)
+    motion: Tensor  # (1, 2, h, w) render pixels
+    exposure: Tensor  # (1,)
+    view: View
+    reset: bool
+    reference: Tensor  # (1, 3, H, W) linear RGB
+    ghost: Tensor  # (1, H, W) int64
+    alias: Tensor  # (1, H, W) int64
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Where a crop is and how it is turned; the same for all frames of a window.
+
+    Attributes:
+        left, top: corner in display pixels.
+        size: of the crop in display pixels, both ways.
+        ratio: display over render size, per axis.
+        flip: whether columns, rows run the other way.
+        turned: whether rows become columns.
+        colors: order of the colour channels.
+        gain: multiplies colours.
+        exposure: multiplies the exposure.
+    """
+
+    left: int
+    top: int
+    size: int
+    ratio: tuple[float, float]
+    flip: tuple[bool, bool] = (False, False)
+    turned: bool = False
+    colors: tuple[int, int, int] = (0, 1, 2)
+    gain: float = 1.0
+    exposure: float = 1.0
+
+
+def draw_cut(
+    random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
+) -> Cut:
+    """Draw a crop of a sequence, turned and coloured at random."""
+    width, height = display_size
+    render = entry.render_size(display_size)
+    r, g, b = (int(i) for i in random.permutation(3))
+    return Cut(
+        left=int(random.integers(width - size + 1)),
+        top=int(random.integers(height - size + 1)),
+        size=size,
+        ratio=(width / render[0], height / render[1]),
+        flip=(bool(random.integers(2)), bool(random.integers(2))),
+        turned=bool(random.integers(2)),
+        colors=(r, g, b),
+        gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # history is scene-linear: no unit may matter
+        exposure=float(2.0 ** random.uniform(-BRIGHTER, BRIGHTER)),
+    )
+
+
+def cut_out(frame: TrainingFrame, cut: Cut, *, reset: bool) -> Sample:
+    """Cut a crop out of one frame."""
+    (x, w), (y, h) = (
+        _span(corner, cut.size, ratio, extent)
+        for corner, ratio, extent in zip((cut.left, cut.top), cut.ratio, frame.depth.shape[::-1], strict=True)
+    )
+    here = np.s_[y : y + h, x : x + w]
+    there = np.s_[cut.top : cut.top + cut.size, cut.left : cut.left + cut.size]
+    jitter = [
+        j + first - corner / ratio
+        for j, first, corner, ratio in zip(frame.jitter, (x, y), (cut.left, cut.top), cut.ratio, strict=True)
+    ]
+    motion = frame.motion[here].astype(np.float32)
+    ratio, inner = list(cut.ratio), [w, h]
+    for axis, flipped in enumerate(cut.flip):
+        if flipped:
+            jitter[axis] = cut.size / ratio[axis] - inner[axis] - jitter[axis]
+            motion[..., axis] *= -1.0
+    if cut.turned:
+        jitter, ratio, motion = jitter[::-1], ratio[::-1], motion[..., ::-1]
+
+    def planes(image: NDArray[Any]) -> Tensor:
+        return torch.from_numpy(_turned(image.astype(np.float32), cut).transpose(2, 0, 1).copy())[None]
+
+    def classes(image: NDArray[np.uint8]) -> Tensor:
+        return torch.from_numpy(_turned(image, cut).astype(np.int64))[None]
+
+    colors = list(cut.colors)
+    return Sample(
+        color=planes(frame.color[here])[:, colors] * cut.gain,
+        depth=planes(frame.depth[here][..., None]),
+        motion=planes(motion),
+        exposure=torch.tensor([frame.exposure * cut.exposure / cut.gain], dtype=torch.float32),
+        view=View(Size(cut.size, cut.size), ratio[0], ratio[1], torch.tensor([jitter], dtype=torch.float32)),
+        reset=reset,
+        reference=planes(frame.reference[there])[:, colors] * cut.gain,
+        ghost=classes(frame.ghost[there]),
+        alias=classes(frame.alias[there]),
+    )
+
+
+@dataclass
+class Place:
+    """Where a stream is: enough to go on from there."""
+
+    window: int = 0
+    frame: int = 0
+
+
+class Stream:
+    """An endless walk through one split of some sets: window after window, each frame of it in order.
+
+    Args:
+        datasets: sets as `supersampler render` makes them.
+        ratios: least and largest ratio that is trained on.
+        size: of the crops, display pixels.
+        seed: of the draws; two streams of the same seed and place are the same.
+        place: to start from.
+    """
+
+    def __init__(
+        self,
+        datasets: Sequence[Dataset],
+        *,
+        ratios: tuple[float, float],
+        size: int,
+        seed: Sequence[int],
+        place: Place | None = None,
+    ) -> None:
+        slack = 0.02  # sizes are whole pixels
+        self._sequences = [
+            (dataset, entry)
+            for dataset in datasets
+            for entry in dataset.entries("train")
+            if ratios[0] - slack <= entry.ratio <= ratios[1] + slack and dataset.complete(entry) > 1
+        ]
+        self._size, self._seed = size, list(seed)
+        self.place = place or Place()
+
+    def __len__(self) -> int:
+        """How many sequences there are."""
+        return len(self._sequences)
+
+    def __iter__(self) -> Iterator[Sample]:
+        while True:
+            random = np.random.default_rng([*self._seed, self.place.window])
+            dataset, entry = self._sequences[int(random.integers(len(self._sequences)))]
+            cut = draw_cut(random, entry, dataset.description.display_size, self._size)
+            count = dataset.complete(entry)
+            first = int(random.integers(max(count // 3, 1)))
+            for index in range(first + self.place.frame, count):
+                frame = dataset.read(entry, index)
+                self.place.frame += 1
+                yield cut_out(frame, cut, reset=frame.reset or index == first)
+            self.place = Place(self.place.window + 1, 0)
+
+
+def _span(corner: int, size: int, ratio: float, extent: int) -> tuple[int, int]:
+    """First sample, and how many, that display pixels from `corner` on look at with a margin."""
+    first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
+    last = int(np.ceil((corner + size - 0.5) / ratio)) + MARGIN
+    first, last = max(first, 0), min(last, extent - 1)
+    return first, last - first + 1
+
+
+def _turned(image: NDArray[Any], cut: Cut) -> NDArray[Any]:
+    image = image[:, ::-1] if cut.flip[0] else image
+    image = image[::-1] if cut.flip[1] else image
+    return image.swapaxes(0, 1) if cut.turned else image

@@ -1,0 +1,95 @@
+"""A crop is a part of the whole frame, exactly: at any ratio, flipped, turned, relit."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+import torch
+
+from supersampler import halton_jitter
+from supersampler_model.data.analytic import DiscOverPlane
+from supersampler_model.data.dataset import TrainingFrame
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.train.rollout import first_state, step
+from supersampler_model.train.validate import frame_tensors
+from supersampler_model.train.windows import Cut, cut_out
+
+DISPLAY = (96, 64)
+FRAMES = 3
+
+
+def frames(render: tuple[int, int]) -> list[TrainingFrame]:
+    scene = DiscOverPlane(start=(22.0, 14.0))
+    made = []
+    for index in range(FRAMES):
+        x, y = halton_jitter(index, DISPLAY[0] / render[0])
+        frame = scene.frame(index, render, (x + 0.013, y - 0.007))  # on no sample: ties are not symmetric
+        assert frame.color is not None
+        blank = np.zeros(DISPLAY[::-1], np.uint8)
+        made.append(
+            TrainingFrame(
+                color=frame.color.astype(np.float16),
+                depth=frame.depth,
+                motion=frame.motion.astype(np.float16),
+                jitter=frame.jitter,
+                reset=index == 0,
+                exposure=1.0,
+                reference=np.zeros((*DISPLAY[::-1], 3), np.float16),
+                ghost=blank,
+                alias=blank,
+            )
+        )
+    return made
+
+
+def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
+    method = Classifier().eval()
+    history = method.first_history(Size(*DISPLAY), Size(*sequence[0].depth.shape[::-1]))
+    for frame in sequence:
+        with torch.no_grad():
+            image, *history = method(*frame_tensors(frame), torch.tensor(DISPLAY), *history)
+    picture: torch.Tensor = image
+    return picture
+
+
+def cropped(sequence: list[TrainingFrame], cut: Cut) -> torch.Tensor:
+    method = Classifier().eval()
+    state = None
+    for frame in sequence:
+        sample = cut_out(frame, cut, reset=frame.reset)
+        with torch.no_grad():
+            drawn, (state,) = step(method, [sample], [state or first_state(method, sample)])
+    images: torch.Tensor = drawn.images
+    return images
+
+
+@pytest.mark.parametrize(
+    ("render", "flip", "turned"),
+    [
+        ((96, 64), (False, False), False),
+        ((64, 43), (True, False), True),
+        ((48, 32), (False, True), False),
+        ((48, 32), (True, True), True),
+        ((32, 21), (False, False), True),
+    ],
+)
+def test_a_crop_draws_the_part_of_the_whole_picture(
+    render: tuple[int, int], flip: tuple[bool, bool], turned: bool
+) -> None:
+    sequence = frames(render)
+    ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
+    cut = Cut(left=31, top=9, size=40, ratio=ratio, flip=flip, turned=turned)
+    part = whole(sequence)[:, :, 9:49, 31:71]
+    part = part.flip(3) if flip[0] else part
+    part = part.flip(2) if flip[1] else part
+    part = part.transpose(2, 3) if turned else part
+    inside = np.s_[:, :, 12:-12, 12:-12]  # what has its past within the crop
+    assert torch.allclose(cropped(sequence, cut)[inside], part[inside], atol=1e-3)
+
+
+def test_a_gain_of_the_colours_alone_scales_the_picture() -> None:
+    sequence = frames((48, 32))
+    cut = Cut(left=31, top=9, size=40, ratio=(2.0, 2.0))
+    brighter = dataclasses.replace(cut, gain=4.0)
+    assert torch.allclose(cropped(sequence, brighter), 4.0 * cropped(sequence, cut), rtol=1e-3, atol=1e-4)
