@@ -166,14 +166,19 @@ def _digests(description: Description) -> dict[str, str]:
 
 
 def shares(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
-    """Share of each class over all pixels of the given sequences: visibility, shading, geometry, texture."""
+    """Share of each class over the pixels of some sequences: visibility, shading, geometry, texture.
+
+    The first frames after cuts are left out: all that they show was hidden. Without any frame, all are NaN.
+    """
     counts = {"visibility": 0, "shading": 0, "geometry": 0, "texture": 0}
     pixels = 0
     for entry in entries:
         for frame in dataset.frames(entry):
+            if frame.reset:
+                continue
             pixels += frame.ghost.size
             counts["visibility"] += int((frame.ghost == 1).sum())
             counts["shading"] += int((frame.ghost == 2).sum())
             counts["geometry"] += int((frame.alias == 1).sum())
             counts["texture"] += int((frame.alias == 2).sum())
-    return {name: count / max(pixels, 1) for name, count in counts.items()}
+    return {name: count / pixels if pixels else float("nan") for name, count in counts.items()}

@@ -1,10 +1,11 @@
 """What `supersampler info DATASET` says."""
 
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 from supersampler.image_io import write_png
-from supersampler_model.data.dataset.description import Dataset, Split, open_dataset, shares
+from supersampler_model.data.dataset.description import Dataset, SequenceEntry, Split, open_dataset, shares
 from supersampler_model.data.dataset.sheet import contact_sheet
 
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
@@ -27,7 +28,7 @@ def rows(folder: Path) -> dict[str, str]:
         "sequences": _counts(dataset),
         "ratios": _ratios(dataset),
         "families": _families(dataset),
-        "classes": "\n".join(_shares(dataset, split) for split in _SPLITS if dataset.entries(split)),
+        "classes": "\n".join(_classes(dataset)),
         "sheet": str(sheet),
     }
 
@@ -52,6 +53,19 @@ def _families(dataset: Dataset) -> str:
     return ", ".join(f"{family} {count}" for family, count in sorted(counts.items()))
 
 
-def _shares(dataset: Dataset, split: Split) -> str:
-    texts = [f"{name} {share:.1%}" for name, share in shares(dataset, dataset.entries(split)).items()]
-    return f"{split}: {', '.join(texts)}"
+def _classes(dataset: Dataset) -> Iterator[str]:
+    """Yield a line for each split, and one for each of its families."""
+    for split in _SPLITS:
+        entries = [entry for entry in dataset.entries(split) if dataset.complete(entry)]
+        if not dataset.entries(split):
+            continue
+        if not entries:
+            yield f"{split}: nothing rendered"
+            continue
+        yield f"{split}: {_shares(dataset, entries)}"
+        for family in sorted({entry.spec.family for entry in entries}):
+            yield f"  {family}: {_shares(dataset, [e for e in entries if e.spec.family == family])}"
+
+
+def _shares(dataset: Dataset, entries: list[SequenceEntry]) -> str:
+    return ", ".join(f"{name} {share:.2%}" for name, share in shares(dataset, entries).items())

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
@@ -14,6 +13,7 @@ from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, Seq
 
 RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0)
 _RATIO_SHARES = (0.1, 0.2, 0.4, 0.2, 0.1)
+_GOLDEN = (5.0**0.5 - 1.0) / 2.0  # its multiples fill [0, 1) evenly
 _VALIDATION_EVERY = 8  # one sequence in eight is kept for validation; of other seeds, so of other scenes
 
 
@@ -52,18 +52,18 @@ def plan_sequences(plan: RenderPlan) -> Description:
     """
     _check(plan)
     random = np.random.default_rng(plan.seed)
-    weights = np.array([dict(zip(RATIOS, _RATIO_SHARES, strict=True)).get(r, 0.2) for r in plan.ratios])
+    ratios = _RatioTurns(plan.ratios, random)
     folders = None if plan.gltf is None else read_folder(plan.gltf).split(plan.seed)
     entries = []
     for index in range(plan.sequences):
-        seed, ratio = _drawn(random, plan.ratios, weights / weights.sum())
+        seed = int(random.integers(1 << 31))
         composed, before = _composed(plan, index)
         spec, split = (
             _composition(plan, folders, before, seed)
             if folders is not None and composed
             else _staged(plan, index - before, seed)
         )
-        entries.append(SequenceEntry(spec=spec, ratio=ratio, split=split))
+        entries.append(SequenceEntry(spec=spec, ratio=ratios.next(spec.family), split=split))
     return Description(
         display_size=plan.display_size,
         samples=plan.samples,
@@ -87,12 +87,22 @@ def _check(plan: RenderPlan) -> None:
         raise ArgumentError("gltf_share", got=plan.gltf_share, want="a share > 0 and <= 1")
 
 
-def _drawn(
-    random: np.random.Generator, ratios: Sequence[float], weights: NDArray[np.float64]
-) -> tuple[int, float]:
-    """Return a seed and a ratio."""
-    seed = int(random.integers(1 << 31))
-    return seed, float(random.choice(ratios, p=weights))
+class _RatioTurns:
+    """Deals each family its ratios by their shares, evenly however few sequences it has."""
+
+    def __init__(self, ratios: Sequence[float], random: np.random.Generator) -> None:
+        shares = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
+        weights = np.array([shares.get(ratio, 0.2) for ratio in ratios])
+        self._ratios, self._ends = ratios, np.cumsum(weights / weights.sum())
+        self._random = random
+        self._turns: dict[str, float] = {}
+
+    def next(self, family: str) -> float:
+        turn = self._turns.get(family, self._random.random())
+        self._turns[family] = (turn + _GOLDEN) % 1.0
+        return float(
+            self._ratios[min(int(np.searchsorted(self._ends, turn, side="right")), len(self._ends) - 1)]
+        )
 
 
 def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:

@@ -14,7 +14,7 @@ from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.labels import Labels
 
 Picture = NDArray[np.uint8]
-_ACROSS, _WIDTH = 6, 240  # pictures a row, pixels each
+_ACROSS, _WIDTH = 6, 240  # pictures a row, pixels each at most
 
 
 def write_sheet(dataset: Dataset, folder: Path) -> None:
@@ -45,7 +45,7 @@ def contact_sheet(dataset: Dataset) -> Picture:
 
 def _small(dataset: Dataset, entry: SequenceEntry) -> Picture:
     frame = dataset.read(entry, dataset.complete(entry) // 2)
-    step = max(frame.reference.shape[1] // _WIDTH, 1)
+    step = -(-frame.reference.shape[1] // _WIDTH)
     height, width = (n // step * step for n in frame.reference.shape[:2])
     blocks = np.asarray(frame.reference[:height, :width], np.float32)
     mean = blocks.reshape(height // step, step, width // step, step, 3).mean(axis=(1, 3))
