@@ -91,7 +91,7 @@ def frame_tensors(frame: TrainingFrame) -> list[Tensor]:
     """Color, depth, motion, jitter and exposure, as a method takes them."""
 
     def planes(image: Float32) -> Tensor:
-        return torch.from_numpy(np.ascontiguousarray(image.transpose(2, 0, 1), np.float32))[None]
+        return torch.from_numpy(np.array(image.transpose(2, 0, 1), np.float32, order="C"))[None]
 
     return [
         planes(frame.color.astype(np.float32)),
