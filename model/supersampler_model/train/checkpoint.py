@@ -1,6 +1,7 @@
 """Checkpoints: all that a run needs to go on as if it had not been stopped, and what it was made from."""
 
 import hashlib
+import pickle
 import subprocess
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,7 +30,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
-    except (OSError, RuntimeError, ValueError, EOFError) as error:
+    except (OSError, RuntimeError, ValueError, EOFError, pickle.UnpicklingError) as error:
         raise ArgumentError("checkpoint", got=f"{path}: {error}", want="one that training wrote") from error
     if not isinstance(content, dict) or content.get("version") != VERSION:
         raise ArgumentError("checkpoint", got=str(path), want=f"a checkpoint of version {VERSION}")

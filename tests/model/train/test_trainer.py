@@ -1,0 +1,78 @@
+"""Training learns, stops and goes on exactly, and refuses what it cannot use."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from supersampler import halton_jitter
+from supersampler.errors import ArgumentError
+from supersampler_model.data.analytic import DiscOverPlane
+from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
+from supersampler_model.data.dataset.description import Description, SequenceEntry
+from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.train.checkpoint import load_checkpoint
+from supersampler_model.train.trainer import Plan, Trainer
+
+DISPLAY, RENDER = (64, 48), (32, 24)
+PLAN = Plan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    entry = SequenceEntry(spec=SequenceSpec(family="fences", seed=1, frames=9), ratio=2.0, split="train")
+    description = Description(display_size=DISPLAY, samples=1, gbuffers=False, seed=0, sequences=(entry,))
+    made = create_dataset(tmp_path_factory.mktemp("set"), description)
+    scene = DiscOverPlane()
+    for index in range(entry.spec.frames):
+        frame = scene.frame(index, RENDER, halton_jitter(index, 2.0))
+        truth = scene.truth(index, DISPLAY)
+        assert frame.color is not None
+        ghost = scene.disoccluded(index, DISPLAY).astype(np.uint8)
+        write_training_frame(
+            made.path(entry, index),
+            TrainingFrame(
+                color=frame.color.astype(np.float16), depth=frame.depth,
+                motion=frame.motion.astype(np.float16), jitter=frame.jitter, reset=index == 0, exposure=1.0,
+                reference=truth.astype(np.float16), ghost=ghost, alias=np.zeros_like(ghost),
+            ),
+        )  # fmt: skip
+    return made
+
+
+def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
+    folder.mkdir(exist_ok=True)
+    torch.manual_seed(0)
+    return Trainer(Classifier(), [dataset], plan, folder)
+
+
+def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
+    whole = trainer(dataset, tmp_path / "whole")
+    whole.run()
+    first = trainer(dataset, tmp_path / "parts")
+    first.run(until=3)
+    first.save()
+    second = trainer(dataset, tmp_path / "parts")
+    assert second.done == 3
+    second.run()
+    for name, value in whole.method.state_dict().items():
+        assert torch.equal(value, second.method.state_dict()[name]), name
+    for name, value in whole.average.state_dict().items():
+        assert torch.equal(value, second.average.state_dict()[name]), name
+
+
+def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
+    losses: list[float] = []
+    plan = Plan(steps=30, batch=2, frames=2, size=32, rate=3e-3)
+    trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(u.loss))
+    assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
+
+
+def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path) -> None:
+    broken = tmp_path / "checkpoint-0.pt"
+    broken.write_bytes(b"not a checkpoint")
+    with pytest.raises(ArgumentError, match="checkpoint"):
+        load_checkpoint(broken)
