@@ -1,14 +1,17 @@
 """Each family draws, is neither black nor blown out, moves, and is lit by lights that change."""
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 import pytest
 
 from supersampler import display_transform
+from supersampler_model.data.camera import Camera
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.mesh import Mesh
-from supersampler_model.data.procedural import lighting, paths, shapes, textures
+from supersampler_model.data.procedural import casters, lighting, materials, paths, shapes, textures
+from supersampler_model.data.procedural.stage import Stage
 from supersampler_model.data.scene import Instance, Scene
 from supersampler_model.data.sequences import (
     TEST_FAMILIES,
@@ -69,6 +72,60 @@ def test_a_scene_is_cheap_to_draw(family: str) -> None:
         assert sum(len(thing.mesh.indices) for thing in scene.instances) < MOST_TRIANGLES
 
 
+def test_every_third_hour_is_dusk_or_night_and_then_the_sun_is_low_or_gone() -> None:
+    dark, low = 0, 0
+    for seed in range(30):
+        weather = lighting.weather(np.random.default_rng(seed), 12.0)
+        sun = weather.sun(0.0)
+        assert sun.direction[2] < 0.0  # from behind those who look along -z
+        assert weather.dark == (max(sun.color) < 8.0 and weather.environment.pixels.mean() < 0.02)
+        dark += weather.dark
+        low += not weather.dark and -sun.direction[1] < 0.5
+    assert 2 <= dark <= 12
+    assert low >= 2
+
+
+def test_a_caster_is_never_seen_but_its_shadow_is(small_renderer: Renderer) -> None:
+    for kind in casters.CASTERS:
+        pictures = []
+        for cast in (False, True):
+            rng = np.random.default_rng(5)
+            weather = lighting.weather(rng, 12.0)
+            sun = lighting.sunlight(rng, 6.0, 12.0, azimuth=(4.6, 4.8), elevation=(40.0, 41.0))
+            stage = Stage(environment=weather.environment, sun=sun)
+            stage.put(shapes.plane(40.0, 40.0), materials.plaster(rng, (0.6, 0.6, 0.6)))
+            if cast:
+                casters.caster(rng, stage, sun, kind)
+            camera = Camera(position=(0.0, 3.0, -14.0), target=(0.0, 3.0, 0.0))  # towards caster and sun
+            pictures.append(small_renderer.reference(stage.scene(0.2, 0.2, camera, camera)))
+        without, shadowed = pictures
+        np.testing.assert_array_equal(without.depth_max, shadowed.depth_max)
+        darker = (shadowed.color < 0.8 * without.color).all(axis=-1)
+        assert 0.005 < darker.mean() < 0.6, kind
+
+
+def test_brisk_cameras_seldom_stand_still_and_some_turn_fast() -> None:
+    vantage = paths.Vantage(position=(0.0, 1.6, 4.0), target=(0.0, 1.0, -3.0), brisk=True)
+    still, turns = 0, []
+    for seed in range(100):
+        camera = paths.camera_path(np.random.default_rng(seed), vantage, lambda _: 1.0)
+        one, other = camera(0.5), camera(0.5 + 1.0 / 30.0)
+        still += (one.position, one.target) == (other.position, other.target)
+        if one.position == other.position:
+            away = np.linalg.norm(np.subtract(one.target, one.position))
+            turns.append(float(np.linalg.norm(np.subtract(other.target, one.target)) / away))
+    assert still <= 10
+    assert 0.013 < max(turns) < 0.08  # 5 to 30 pixels a frame, 640 wide
+
+
+def test_a_pendulum_keeps_its_length() -> None:
+    pivot = np.array([1.0, 4.0, -2.0])
+    hanging = paths.pendulum(np.random.default_rng(6), pivot.tolist(), 1.5, 0.8)
+    places = np.array([hanging(t) for t in np.linspace(0.0, 4.0, 60)])
+    np.testing.assert_allclose(np.linalg.norm(places - pivot, axis=1), 1.5)
+    assert np.ptp(places, axis=0).max() > 0.5
+
+
 def test_shading_changes_between_frames_where_nothing_moves(small_renderer: Renderer) -> None:
     """Else there would be next to no shading ghosting to learn from."""
     changed = []
@@ -118,8 +175,12 @@ def test_textures_repeat_without_a_seam() -> None:
 
 
 def test_pulses_are_never_negative_and_vary() -> None:
-    for kind in lighting.PULSES:
-        values = [lighting.pulse(np.random.default_rng(2), kind)(t / 30.0) for t in range(300)]
+    named = [partial(lighting.pulse, kind=kind) for kind in lighting.PULSES]
+    makers: list[Callable[[np.random.Generator], lighting.Pulse]]
+    makers = [*named, lighting.nervous, lighting.clouds, lighting.lightning]
+    for make in makers:
+        pulse = make(np.random.default_rng(2))
+        values = [pulse(t / 30.0) for t in range(300)]
         assert min(values) >= 0.0
         assert np.ptp(values) > 0.3
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from supersampler_model.data.procedural import lighting, materials, shapes
+from supersampler_model.data.procedural import lighting, materials, shapes, textures
 from supersampler_model.data.procedural.fixtures import bulb
 from supersampler_model.data.procedural.particles import dust, sparks
 from supersampler_model.data.procedural.paths import (
@@ -24,9 +24,11 @@ HEIGHT = 3.0
 
 
 def flicker(rng: Rng) -> Stage:
-    """Build the corridor with its lights in the dark."""
+    """Build the corridor with its lights: dimly lit, or with nothing but them."""
+    ambient = 0.035 if rng.random() < 0.65 else 0.004
     stage = Stage(
-        environment=lighting.indoors(rng, (0.035, 0.04, 0.05), 3, 0.4), exposure=float(rng.uniform(1.6, 2.3))
+        environment=lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient),
+        exposure=float(rng.uniform(1.6, 2.3)),
     )
     _walls(rng, stage)
     _furniture(rng, stage)
@@ -38,18 +40,24 @@ def flicker(rng: Rng) -> Stage:
     if rng.random() < 0.5:
         stage.particles.append(dust(rng, (-2, 0.3, -6), (2, 2.6, 2)))
     stage.vantages += [
-        Vantage(position=(0.4, 1.55, 3.4), target=(-0.1, 1.2, -3.0), room=0.7),
-        Vantage(position=(-1.6, 1.3, 2.2), target=(0.9, 1.0, -2.5), room=0.5),
-        Vantage(position=(1.5, 1.9, 2.6), target=(-0.6, 0.8, -2.5), room=0.5),
+        Vantage(position=(0.4, 1.55, 3.4), target=(-0.1, 1.2, -3.0), room=0.7, brisk=True),
+        Vantage(position=(-1.6, 1.3, 2.2), target=(0.9, 1.0, -2.5), room=0.5, brisk=True),
+        Vantage(position=(1.5, 1.9, 2.6), target=(-0.6, 0.8, -2.5), room=0.5, brisk=True),
+        Vantage(position=(0.3, 1.6, -7.0), target=(-0.2, 1.1, 1.0), room=0.6, brisk=True),
+        Vantage(position=(-1.9, 1.5, 0.6), target=(2.0, 1.0, -3.0), room=0.4, brisk=True),
+        Vantage(position=(0.2, 0.5, 1.6), target=(-0.1, 1.5, -4.0), room=0.5, brisk=True),
     ]
     return stage
 
 
 def _walls(rng: Rng, stage: Stage) -> None:
-    sides = materials.brick(rng) if rng.random() < 0.5 else materials.tiles(rng, 12, 0.5, 0.3)
+    kind = rng.random()
+    rough = materials.brick(rng) if kind < 0.4 else materials.tiles(rng, 12, 0.5, 0.3)
+    sides = rough if kind < 0.7 else materials.plaster(rng, textures.color(rng, 0.25, 0.6))
     for side in (-1, 1):
         stage.put(shapes.wall(16.0, HEIGHT, 0.6), sides, placed(side * 2.4, 0, -3.0, yaw=-side * np.pi / 2.0))
     stage.put(shapes.wall(5.0, HEIGHT, 0.6), sides, placed(0, 0, -8.0))
+    stage.put(shapes.wall(5.0, HEIGHT, 0.6), sides, placed(0, 0, 4.9, yaw=np.pi))
     wet = materials.tiles(rng, 8, 0.9, 0.4) if rng.random() < 0.5 else materials.concrete(rng)
     stage.put(shapes.plane(6.0, 20.0, 0.6), wet, placed(0, 0, -2.0))
     lid = shapes.box(5.0, 0.2, 18.0, 0.4)

@@ -3,6 +3,7 @@
 import numpy as np
 
 from supersampler_model.data.procedural import lighting, materials, shapes
+from supersampler_model.data.procedural.casters import caster
 from supersampler_model.data.procedural.fixtures import bulb
 from supersampler_model.data.procedural.particles import dust
 from supersampler_model.data.procedural.paths import (
@@ -17,34 +18,45 @@ from supersampler_model.data.procedural.paths import (
 )
 from supersampler_model.data.procedural.stage import Stage
 from supersampler_model.data.procedural.transforms import placed
+from supersampler_model.data.scene import Material
 
 Rng = np.random.Generator
 
 
 def floors(rng: Rng) -> Stage:
-    """Build a hall of columns with a wandering spot and balls that roll over the floor."""
+    """Build a hall of columns with a light over it and balls that roll over the floor, lit or in the dark."""
+    dark = rng.random() < 0.27
+    ambient = 0.016 if dark else 0.1 * float(rng.uniform(0.25, 0.9))
     stage = Stage(
-        environment=lighting.indoors(rng, (0.1, 0.11, 0.14), 14, 3.0), exposure=float(rng.uniform(1.2, 1.7))
+        environment=lighting.indoors(
+            rng, (ambient, 1.1 * ambient, 1.4 * ambient), 5 if dark else 14, 0.8 if dark else 3.0
+        ),
+        exposure=float(rng.uniform(1.3, 1.8) if dark else rng.uniform(0.8, 1.2)),
     )
-    gloss = float(rng.uniform(0.2, 1.0))
-    floor = (
-        materials.planks(rng, 8, gloss)
-        if rng.random() < 0.3
-        else materials.tiles(rng, int(rng.choice([8, 12, 16])), gloss)
-    )
-    stage.put(shapes.plane(60.0, 60.0, float(rng.uniform(0.3, 0.6))), floor)
+    stage.put(shapes.plane(60.0, 60.0, float(rng.uniform(0.3, 0.6))), _floor(rng))
     _architecture(rng, stage)
     _movers(rng, stage)
-    _lights(rng, stage)
+    _lights(rng, stage, dark)
     if rng.random() < 0.5:
         stage.particles.append(dust(rng, (-5, 0.2, -8), (5, 3, 4)))
     low = float(rng.uniform(0.5, 1.3))
     stage.vantages += [
-        Vantage(position=(0.6, low, 5.5), target=(0.0, 0.6, -6.0), room=1.3),
-        Vantage(position=(-3.0, low + 0.3, 4.0), target=(2.0, 0.5, -5.0), room=1.2),
-        Vantage(position=(2.8, 1.7, 3.0), target=(-1.0, 0.0, -4.0), room=1.2),
+        Vantage(position=(0.6, low, 5.5), target=(0.0, 0.6, -6.0), room=1.3, brisk=True),
+        Vantage(position=(-3.0, low + 0.3, 4.0), target=(2.0, 0.5, -5.0), room=1.2, brisk=True),
+        Vantage(position=(2.8, 1.7, 3.0), target=(-1.0, 0.0, -4.0), room=1.2, brisk=True),
+        Vantage(position=(-6.2, 1.6, -3.5), target=(4.0, 0.2, -4.5), room=0.6, brisk=True),
+        Vantage(position=(0.8, low + 0.4, -13.5), target=(-0.4, 0.5, 0.0), room=1.2, brisk=True),
+        Vantage(position=(5.6, 3.8, 1.0), target=(-1.0, 0.0, -4.5), room=0.9, brisk=True),
+        Vantage(position=(1.4, 0.3, 1.6), target=(-0.8, 0.5, -6.0), room=0.8, brisk=True),
     ]
     return stage
+
+
+def _floor(rng: Rng) -> Material:
+    gloss, kind = float(rng.uniform(0.2, 1.0)), rng.random()
+    if kind < 0.25:
+        return materials.planks(rng, 8, gloss)
+    return materials.tiles(rng, int(rng.choice([4, 8, 12, 16])), gloss, float(rng.uniform(0.3, 0.8)))
 
 
 def _architecture(rng: Rng, stage: Stage) -> None:
@@ -63,6 +75,7 @@ def _architecture(rng: Rng, stage: Stage) -> None:
             at = placed(side * 6.95, 1.2, z, yaw=-side * np.pi / 2.0)
             stage.put(shapes.panel(1.8, 1.8), materials.poster(rng), at)
     stage.put(shapes.wall(16.0, 6.0, 0.3), plaster, placed(0, 0, -18.0))
+    stage.put(shapes.wall(16.0, 6.0, 0.3), plaster, placed(0, 0, 9.0, yaw=np.pi))
     beams = [(shapes.box(14.2, 0.4, 0.35, 0.4), placed(0, 4.4, z)) for z in np.arange(2.0, -16.0, -spacing)]
     stage.put(shapes.merged(beams), plaster)
     plinths = [
@@ -95,15 +108,40 @@ def _movers(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.merged(load), materials.paint(rng), upright(trolley))
 
 
-def _lights(rng: Rng, stage: Stage) -> None:
-    sweep = swing(rng, (-3.5, 0.0, -6.0), (3.5, 0.0, 0.5), float(rng.uniform(2.0, 6.0)))
-    stage.spot = lighting.spotlight(
-        lighting.at_rest((float(rng.uniform(-2, 2)), 4.3, -2.0)), sweep, lighting.tint(rng, 130.0, 0.2),
-        outer=float(rng.uniform(22, 40)), pulsing=lighting.pulse(rng, "throb"),
-    )  # fmt: skip
-    if rng.random() < 0.6:
-        stage.sun = lighting.sunlight(rng, 4.5, 13.0, elevation=(35.0, 55.0), center=(0, 0, -4))
-    for x, z in rng.uniform((-3.5, -9.0), (3.5, 1.0), (5, 2)):
-        path = together((x, float(rng.uniform(0.8, 2.6)), z), drift(rng, 1.0, 0.5))
-        color = lighting.tint(rng, float(rng.uniform(3, 10)))
-        bulb(stage, path, color, size=0.07, pulsing=lighting.pulse(rng))
+def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
+    """Add a light with shadows, the sun through the open roof by day, and lamps that drift and flicker."""
+    _ceiling_light(rng, stage, (1.1 if dark else 1.2) * float(rng.uniform(0.8, 1.3)))
+    if not dark and rng.random() < 0.65:
+        pulsing = lighting.clouds(rng) if rng.random() < 0.6 else lighting.steady
+        stage.sun = lighting.sunlight(
+            rng, 6.0, 13.0, elevation=(35.0, 60.0), center=(0, 0, -4), pulsing=pulsing
+        )
+        if rng.random() < 0.6:
+            caster(rng, stage, stage.sun)
+    for x, z in rng.uniform((-3.5, -9.0), (3.5, 1.0), (6, 2)):
+        path = together((x, float(rng.uniform(0.6, 2.2)), z), drift(rng, 1.2, float(rng.uniform(0.4, 1.0))))
+        color = lighting.tint(rng, float(rng.uniform(6, 16)) * (1.0 if dark else 1.5))
+        pulsing = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
+        bulb(stage, path, color, size=0.07, reach=7.0, pulsing=pulsing)
+
+
+def _ceiling_light(rng: Rng, stage: Stage, strength: float) -> None:
+    """Add a spot that wanders over the floor, a lamp that swings, or one behind the blades of a fan."""
+    x, kind = float(rng.uniform(-2, 2)), int(rng.integers(3))
+    color, top = lighting.tint(rng, 130.0 * strength, 0.2), (x, 4.3, -2.5)
+    pulsing = lighting.nervous(rng) if rng.random() < 0.4 else lighting.steady
+    if kind == 0:
+        sweep = swing(rng, (-3.5, 0.0, -6.0), (3.5, 0.0, 0.5), float(rng.uniform(3.0, 14.0)))
+        outer = float(rng.uniform(22, 40))
+        stage.spot = lighting.spotlight(lighting.at_rest(top), sweep, color, outer=outer, pulsing=pulsing)
+        return
+    if kind == 1:
+        extent = float(rng.uniform(0.3, 0.9))
+        place, stage.spot = lighting.hanging(rng, (x, 5.2, -2.5), 1.8, extent, color, pulsing=pulsing)
+        stage.put(shapes.ball(0.12, 8), materials.glow((1.0, 0.9, 0.7), 12.0), upright(place), shadow=False)
+        return
+    below = lighting.at_rest((x, 0.0, -2.5))
+    stage.spot = lighting.spotlight(lighting.at_rest(top), below, color, outer=60.0, pulsing=pulsing)
+    blades = [(shapes.box(1.0, 0.02, 0.24), placed(yaw=k * np.pi / 2.0) @ placed(0.55)) for k in range(4)]
+    turning = spinning(placed(x, 3.3, -2.5), (0, 1, 0), float(rng.uniform(1.5, 6.0)))
+    stage.put(shapes.merged(blades), materials.paint(rng), turning)

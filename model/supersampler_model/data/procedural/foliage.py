@@ -3,6 +3,7 @@
 import numpy as np
 
 from supersampler_model.data.procedural import lighting, materials, shapes
+from supersampler_model.data.procedural.casters import CASTERS, caster
 from supersampler_model.data.procedural.fixtures import bulb, hills
 from supersampler_model.data.procedural.particles import dust, fireflies
 from supersampler_model.data.procedural.paths import (
@@ -12,6 +13,7 @@ from supersampler_model.data.procedural.paths import (
     circuit,
     drift,
     headed,
+    swing,
     together,
     wind,
 )
@@ -26,22 +28,13 @@ GREENS: tuple[Color, ...] = ((0.3, 0.45, 0.13), (0.42, 0.45, 0.14), (0.2, 0.38, 
 
 
 def foliage(rng: Rng) -> Stage:
-    """Build the meadow on a windy day with fast clouds, or in the evening."""
-    evening = rng.random() < 0.35
-    if evening:
-        sky = lighting.outdoors(rng, (0.1, 0.13, 0.3), (0.6, 0.32, 0.2), (0.06, 0.07, 0.04), clouds=0.8)
-    else:
-        sky = lighting.outdoors(rng, (0.16, 0.32, 0.7), (0.6, 0.68, 0.75), (0.12, 0.15, 0.07), clouds=1.0)
-    stage = Stage(environment=sky, exposure=1.1 if evening else 0.75)
-    clouds = lighting.pulse(rng, "fade") if rng.random() < 0.6 else lighting.steady
-    stage.sun = lighting.sunlight(
-        rng, 5.0, 11.0, elevation=(18, 32) if evening else (30, 60), pulsing=clouds, center=(0, 0, -2),
-        warmth=0.7 if evening else 0.25,
-    )  # fmt: skip
+    """Build the meadow at any hour, on a windy day with fast clouds or by lanterns at night."""
+    weather = lighting.weather(rng, 11.0, (0.0, 0.0, -2.0))
+    stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
     green = GREENS[int(rng.integers(len(GREENS)))]
     soil = (green[0] * 0.6 + 0.1, green[1] * 0.55 + 0.06, green[2] * 0.5 + 0.05)
     stage.put(shapes.plane(70.0, 70.0, 0.35), materials.ground(rng, soil, 0.7))
-    meadow(rng, stage, green, (-5.0, -6.0), (5.0, 4.0), 2600)
+    _grass_about_a_path(rng, stage, green)
     strength = float(rng.uniform(0.05, 0.16))
     for x in (-4.2, -1.6, 2.2, 4.8):
         tree(rng, stage, (x + float(rng.uniform(-0.6, 0.6)), float(rng.uniform(-7.0, -3.5))), green, strength)
@@ -49,13 +42,35 @@ def foliage(rng: Rng) -> Stage:
         bush(rng, stage, (float(rng.uniform(-5, 5)), float(rng.uniform(-3.0, 0.5))), strength)
     hills(rng, stage, (0.8 * green[0], 0.8 * green[1], green[2]))
     _ruins(rng, stage)
-    _wildlife(rng, stage, evening)
+    if rng.random() < 0.75:
+        _cottage(rng, stage)
+    _wildlife(rng, stage, weather.dark)
+    _lights(rng, stage, weather.dark)
+    if not weather.dark and rng.random() < 0.85:
+        caster(rng, stage, weather.sun, str(rng.choice(CASTERS, p=(0.2, 0.1, 0.35, 0.35))))
     stage.vantages += [
-        Vantage(position=(0.3, 1.3, 4.6), target=(0.0, 1.1, -3.0), room=1.0),
-        Vantage(position=(-3.2, 0.8, 3.2), target=(1.0, 1.0, -3.0), room=0.8),
-        Vantage(position=(3.0, 2.2, 4.2), target=(-0.6, 0.5, -2.0), room=1.2),
+        Vantage(position=(0.3, 1.3, 4.6), target=(0.0, 1.1, -3.0), room=1.0, brisk=True),
+        Vantage(position=(-3.2, 0.8, 3.2), target=(1.0, 1.0, -3.0), room=0.8, brisk=True),
+        Vantage(position=(3.0, 2.2, 4.2), target=(-0.6, 0.5, -2.0), room=1.2, brisk=True),
+        Vantage(position=(-0.6, 1.6, -0.6), target=(0.8, 1.0, -7.0), room=0.6, brisk=True),
+        Vantage(position=(4.8, 1.5, -0.4), target=(-2.5, 0.7, -5.5), room=0.8, brisk=True),
+        Vantage(position=(-1.5, 3.6, 4.4), target=(0.6, 0.0, -2.0), room=1.0, brisk=True),
     ]
     return stage
+
+
+def _grass_about_a_path(rng: Rng, stage: Stage, green: Color) -> None:
+    """Add the meadow; in most seeds a trodden path or one of slabs leads through it."""
+    if rng.random() < 0.2:
+        meadow(rng, stage, green, (-5.0, -6.0), (5.0, 4.0), 2600)
+        return
+    middle, width = float(rng.uniform(-1.2, 1.2)), float(rng.uniform(1.4, 3.6))
+    left, right = middle - 0.5 * width, middle + 0.5 * width
+    meadow(rng, stage, green, (-5.0, -6.0), (left, 4.0), int(260 * (left + 5.0)))
+    meadow(rng, stage, green, (right, -6.0), (5.0, 4.0), int(260 * (5.0 - right)))
+    sand, slabs = materials.plaster(rng, (0.55, 0.48, 0.36)), materials.tiles(rng, 4, 0.3, 0.2)
+    cover = sand if rng.random() < 0.6 else slabs
+    stage.put(shapes.plane(width, 13.0, 0.5), cover, placed(middle, 0.01, 0.0))
 
 
 def meadow(
@@ -133,16 +148,39 @@ def _ruins(rng: Rng, stage: Stage) -> None:
     stage.put(shapes.merged(rails + posts), materials.planks(rng))
 
 
-def _wildlife(rng: Rng, stage: Stage, evening: bool) -> None:
+def _cottage(rng: Rng, stage: Stage) -> None:
+    """Add a plastered house or a garden wall behind the trees, on which their shadows play."""
+    plaster = materials.plaster(rng, (0.78, 0.74, 0.66))
+    x, width, tall = float(rng.uniform(-3, 3)), float(rng.uniform(4.0, 9.0)), float(rng.uniform(1.8, 3.2))
+    at = placed(x, 0.0, float(rng.uniform(-9.5, -8.0)), yaw=float(rng.normal(0.0, 0.15)))
+    stage.put(shapes.box(width, tall, 2.0, 0.4), plaster, at)
+    if tall > 2.4:
+        stage.put(shapes.box(width + 0.5, 0.25, 2.6, 0.6), materials.planks(rng), at @ placed(0.0, tall))
+        panes = [(shapes.box(0.7, 0.9, 0.06), placed(k, 1.0, 1.0)) for k in np.arange(-0.3, 0.4, 0.3) * width]
+        stage.put(shapes.merged(panes), materials.metal(rng, (0.3, 0.34, 0.38), 0.08), at)
+
+
+def _wildlife(rng: Rng, stage: Stage, dark: bool) -> None:
     for _ in range(6):
         _butterfly(rng, stage)
-    if evening:
+    if dark:
         stage.particles.append(fireflies(rng, (-4, 0.3, -4), (4, 1.6, 3)))
-        home = (float(rng.uniform(-2, 2)), 1.3, float(rng.uniform(-3, 0)))
-        lantern = together(home, drift(rng, 0.5, 0.6))
-        bulb(stage, lantern, lighting.tint(rng, 8.0, 0.8), reach=8.0, pulsing=lighting.pulse(rng, "throb"))
     elif rng.random() < 0.5:
         stage.particles.append(dust(rng, (-5, 0, -4), (5, 2.5, 4), 120, size=0.018, color=(1.0, 1.0, 0.9)))
+
+
+def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
+    """Add lanterns that wander, and at night the headlights of a car that passes behind the camera."""
+    for _ in range(int(rng.integers(3, 6)) if dark else int(rng.integers(1, 3))):
+        home = (float(rng.uniform(-4, 4)), float(rng.uniform(0.9, 1.9)), float(rng.uniform(-6.5, 0)))
+        lantern, color = together(home, drift(rng, 1.2, 0.9)), lighting.tint(rng, 6.0 if dark else 20.0, 0.7)
+        pulsing = lighting.nervous(rng) if rng.random() < 0.85 else lighting.steady
+        bulb(stage, lantern, color, size=0.08, reach=8.0, pulsing=pulsing)
+    if dark:
+        car = swing(rng, (-6.0, 1.2, 6.5), (6.0, 1.2, 7.0), float(rng.uniform(3.0, 9.0)))
+        beam = swing(rng, (-5.0, 0.8, -6.0), (5.0, 0.8, -6.0), float(rng.uniform(5.0, 16.0)))
+        color = lighting.tint(rng, float(rng.uniform(150.0, 350.0)), 0.15)
+        stage.spot = lighting.spotlight(car, beam, color, outer=26.0, reach=26.0)
 
 
 def _butterfly(rng: Rng, stage: Stage) -> None:

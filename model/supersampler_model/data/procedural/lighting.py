@@ -1,13 +1,14 @@
 """Lights that move and pulse, and panoramas; all of time in seconds and a generator."""
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler_model.data.environment import Environment, directions
 from supersampler_model.data.lights import Point, Spot, Sun
-from supersampler_model.data.procedural.paths import Place, vector
+from supersampler_model.data.procedural.paths import Place, pendulum, vector
 from supersampler_model.data.values import Color, Vector
 
 Values = NDArray[np.float64]
@@ -39,6 +40,32 @@ def pulse(rng: Rng, kind: str | None = None) -> Pulse:
     return lambda t: float(1.0 + depth * np.tanh(sharp * np.sin(rate * t + phase)))
 
 
+def nervous(rng: Rng) -> Pulse:
+    """Return a pulse of a lamp that seldom keeps still: mostly one that throbs or flickers."""
+    return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
+
+
+def clouds(rng: Rng) -> Pulse:
+    """Return what broken clouds do to a sun: one or two edges a second, soft or as sudden as a frame."""
+    rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
+    sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), float(rng.uniform(0.5, 0.9))
+    return lambda t: float(1.15 - depth * (0.5 + 0.5 * np.tanh(sharp * np.sin(rates * t + phases).sum())))
+
+
+def lightning(rng: Rng) -> Pulse:
+    """Return what a thunderstorm does to a moon: bursts of some frames, many times its light."""
+    gap, first, strength = float(rng.uniform(0.4, 0.9)), float(rng.random()), float(rng.uniform(12.0, 30.0))
+    bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
+
+    def at(t: float) -> float:
+        count, age = divmod(t / gap + first, 1.0)
+        step = int(age * gap * 15.0)  # a level lasts two frames of 30 a second
+        burst = bursts[int(count) % len(bursts)]
+        return 1.0 + strength * float(burst[step]) if step < len(burst) else 1.0
+
+    return at
+
+
 def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
     """Return a light's colour, `strength` at its brightest channel.
 
@@ -59,13 +86,25 @@ def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
 def sunlight(
     rng: Rng, strength: float, radius: float, *, elevation: tuple[float, float] = (25.0, 60.0),
     pulsing: Pulse = steady, warmth: float | None = 0.3, center: Vector = (0.0, 0.0, 0.0),
+    azimuth: tuple[float, float] = (0.0, 6.3),
 ) -> Callable[[float], Sun]:  # fmt: skip
-    """Return a sun whose shadows creep; `pulsing` is what clouds do to it, angles are in degrees."""
-    color, azimuth = tint(rng, strength, warmth), float(rng.uniform(0.0, 6.3))
+    """Return a sun whose shadows creep.
+
+    Args:
+        rng: of colour, direction and creeping.
+        strength: irradiance.
+        radius: what the shadow map covers about `center`, metres.
+        elevation: range, degrees.
+        pulsing: what clouds do to it.
+        warmth: see `tint`.
+        center: of the shadow map.
+        azimuth: range of where its light goes, radians: 0 is +x, pi / 2 is +z.
+    """
+    color, turn = tint(rng, strength, warmth), float(rng.uniform(*azimuth))
     height, creep = np.radians(float(rng.uniform(*elevation))), float(rng.normal(0.0, 0.08))
 
     def at(t: float) -> Sun:
-        angle = azimuth + creep * t
+        angle = turn + creep * t
         level = np.cos(height)
         direction = (level * np.cos(angle), -np.sin(height), level * np.sin(angle))
         return Sun(
@@ -96,6 +135,15 @@ def spotlight(
         outer=outer,
         reach=reach,
     )
+
+
+def hanging(
+    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, outer: float = 57.0,
+    pulsing: Pulse = steady,
+) -> tuple[Place, Callable[[float], Spot]]:  # fmt: skip
+    """Return where a lamp is that swings on a cable, see `pendulum`, and its cone of light."""
+    place, top = pendulum(rng, pivot, length, extent), np.asarray(pivot, np.float64)
+    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=outer, pulsing=pulsing)
 
 
 def lamp(
@@ -143,3 +191,59 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
         inside = (apart < wide) & (np.abs(up - height) < tall)
         image = image + inside[..., None] * np.array(tint(rng, strength, float(rng.uniform(-0.5, 0.5))))
     return Environment(pixels=image.astype(np.float32))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weather:
+    """The light of an hour outdoors, with an exposure that suits it.
+
+    Attributes:
+        sun: of the sun or the moon, from behind those who look along -z.
+        dark: whether lamps have to light the scene.
+    """
+
+    environment: Environment
+    exposure: float
+    sun: Callable[[float], Sun]
+    dark: bool
+
+
+HOURS = ("day", "stark", "dusk", "night")
+_SKIES: dict[str, tuple[Color, Color, Color]] = {  # radiances of zenith, horizon and ground
+    "day": ((0.11, 0.23, 0.52), (0.42, 0.47, 0.54), (0.1, 0.1, 0.08)),
+    "stark": ((0.04, 0.11, 0.32), (0.2, 0.24, 0.3), (0.05, 0.045, 0.04)),
+    "dusk": ((0.035, 0.05, 0.14), (0.34, 0.16, 0.08), (0.03, 0.025, 0.02)),
+    "night": ((0.002, 0.003, 0.01), (0.011, 0.011, 0.018), (0.003, 0.003, 0.003)),
+}
+_SUNS = {  # strength, warmth, range of elevation, exposure
+    "day": (6.5, 0.25, (28.0, 58.0), 0.75),
+    "stark": (9.0, 0.2, (22.0, 50.0), 0.6),
+    "dusk": (5.0, 0.65, (16.0, 30.0), 0.95),
+    "night": (0.22, -0.6, (30.0, 55.0), 2.4),
+}
+
+
+def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weather:
+    """Return one of the HOURS: dull or bright days, hard sun, dusk or night.
+
+    Args:
+        rng: of hour, clouds and colours.
+        radius: of what the sun's shadow map covers, metres.
+        center: of that.
+    """
+    hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
+    strength, warmth, elevation, exposure = _SUNS[hour]
+    if hour == "night":
+        pulsing = lightning(rng) if rng.random() < 0.3 else steady
+    else:
+        pulsing = clouds(rng) if rng.random() < 0.85 else steady
+    zenith, horizon, ground = _SKIES[hour]
+    return Weather(
+        environment=outdoors(rng, zenith, horizon, ground, clouds=float(rng.uniform(0.5, 1.1))),
+        exposure=exposure * float(rng.uniform(0.9, 1.15)),
+        sun=sunlight(
+            rng, strength, radius, elevation=elevation, pulsing=pulsing, warmth=warmth, center=center,
+            azimuth=(3.9, 5.5),
+        ),
+        dark=hour == "night",
+    )  # fmt: skip

@@ -3,7 +3,8 @@
 import numpy as np
 
 from supersampler_model.data.mesh import Mesh
-from supersampler_model.data.procedural import lighting, materials, shapes
+from supersampler_model.data.procedural import lighting, materials, shapes, textures
+from supersampler_model.data.procedural.casters import caster
 from supersampler_model.data.procedural.fixtures import bulb, skyline
 from supersampler_model.data.procedural.particles import dust, smoke
 from supersampler_model.data.procedural.paths import (
@@ -18,42 +19,43 @@ from supersampler_model.data.procedural.paths import (
 )
 from supersampler_model.data.procedural.stage import Stage
 from supersampler_model.data.procedural.transforms import placed
+from supersampler_model.data.scene import Material
 
 Rng = np.random.Generator
 
 
 def movers(rng: Rng) -> Stage:
-    """Build the street, by day or at night."""
-    night = rng.random() < 0.35
-    if night:
-        sky = lighting.outdoors(rng, (0.015, 0.02, 0.05), (0.07, 0.06, 0.09), (0.02, 0.02, 0.02))
-    else:
-        sky = lighting.outdoors(rng, (0.16, 0.3, 0.65), (0.6, 0.6, 0.6), (0.15, 0.14, 0.13), clouds=1.0)
-    stage = Stage(environment=sky, exposure=2.2 if night else 0.75)
-    if not night:
-        clouds = lighting.pulse(rng, "fade") if rng.random() < 0.4 else lighting.steady
-        stage.sun = lighting.sunlight(rng, 5.0, 13.0, elevation=(28, 58), center=(0, 0, -3), pulsing=clouds)
-    _street(rng, stage, 1.5 if night else 0.4)
+    """Build the street, at any hour."""
+    weather = lighting.weather(rng, 13.0, (0.0, 0.0, -3.0))
+    stage = Stage(environment=weather.environment, exposure=weather.exposure, sun=weather.sun)
+    _street(rng, stage, 1.5 if weather.dark else 0.4)
     skyline(rng, stage)
     for _ in range(int(rng.integers(2, 4))):
         _van(rng, stage)
     for _ in range(int(rng.integers(2, 5))):
-        _drone(rng, stage)
-    _lights(rng, stage, night)
+        _drone(rng, stage, weather.dark)
+    _lights(rng, stage, weather.dark)
+    if not weather.dark and rng.random() < 0.6:
+        caster(rng, stage, weather.sun)
     if rng.random() < 0.4:
         stage.particles.append(smoke(rng, (float(rng.uniform(-4, 4)), 0.0, -4.8)))
     if rng.random() < 0.3:
         stage.particles.append(dust(rng, (-5, 0, -4), (5, 2, 3)))
     stage.vantages += [
-        Vantage(position=(-1.0, 1.6, 5.2), target=(0.5, 1.5, -5.0), room=1.2),
-        Vantage(position=(-5.5, 1.9, 3.0), target=(2.5, 1.2, -4.0), room=1.2),
-        Vantage(position=(5.0, 1.1, 4.2), target=(-1.0, 1.6, -4.5), room=1.0),
+        Vantage(position=(-1.0, 1.6, 5.2), target=(0.5, 1.5, -5.0), room=1.2, brisk=True),
+        Vantage(position=(-5.5, 1.9, 3.0), target=(2.5, 1.2, -4.0), room=1.2, brisk=True),
+        Vantage(position=(5.0, 1.1, 4.2), target=(-1.0, 1.6, -4.5), room=1.0, brisk=True),
+        Vantage(position=(-7.5, 1.7, -5.9), target=(4.0, 1.3, -4.2), room=0.6, brisk=True),
+        Vantage(position=(3.0, 4.4, 4.0), target=(-0.8, 0.4, -3.5), room=1.2, brisk=True),
+        Vantage(position=(0.8, 0.6, 3.4), target=(-1.5, 1.4, -5.0), room=0.8, brisk=True),
     ]
     return stage
 
 
 def _street(rng: Rng, stage: Stage, shine: float) -> None:
-    stage.put(shapes.plane(60.0, 60.0, 0.4), materials.ground(rng, (0.3, 0.3, 0.31), 0.6))
+    worn = materials.ground(rng, (0.3, 0.3, 0.31), 0.6)
+    road = worn if rng.random() < 0.5 else materials.plaster(rng, (0.36, 0.36, 0.37))
+    stage.put(shapes.plane(60.0, 60.0, 0.4), road)
     stage.put(shapes.box(60.0, 0.15, 3.0, 0.6), materials.tiles(rng, 8, 0.1, 0.25), placed(0, 0, -6.2))
     paint = materials.ground(rng, (0.8, 0.78, 0.7), 0.6)
     stage.put(
@@ -62,13 +64,20 @@ def _street(rng: Rng, stage: Stage, shine: float) -> None:
     x = -17.0
     while x < 16.0:
         width, height = float(rng.uniform(3.5, 6.0)), float(rng.uniform(4.0, 8.0))
-        front = materials.brick(rng) if rng.random() < 0.7 else materials.planks(rng)
+        front = _wall(rng)
         stage.put(shapes.box(width, height, 5.0, 0.5), front, placed(x + width / 2.0, 0, -10.1))
         _front(rng, stage, x + width / 2.0, width, height, shine)
         x += width + float(rng.choice([0.0, 0.0, 1.5]))
     rails = [(shapes.tube([(-12, y, -4.8), (12, y, -4.8)], 0.02, 6), np.eye(4)) for y in (0.5, 0.95)]
     posts = [(shapes.cylinder(0.03, 1.1, 8), placed(x, 0, -4.8)) for x in np.arange(-12.0, 12.1, 1.5)]
     stage.put(shapes.merged(rails + posts), materials.paint(rng))
+
+
+def _wall(rng: Rng) -> Material:
+    kind = rng.random()
+    if kind < 0.4:
+        return materials.brick(rng)
+    return materials.planks(rng) if kind < 0.6 else materials.plaster(rng, textures.color(rng, 0.3, 0.6))
 
 
 def _front(rng: Rng, stage: Stage, x: float, width: float, height: float, shine: float) -> None:
@@ -124,7 +133,7 @@ def _van_glass() -> Mesh:
     return shapes.merged([(shapes.box(1.5, 0.5, 0.7), placed(0, 1.1, 0.95))])
 
 
-def _drone(rng: Rng, stage: Stage) -> None:
+def _drone(rng: Rng, stage: Stage, dark: bool) -> None:
     home = (float(rng.uniform(-1.5, 1.5)), float(rng.uniform(1.2, 2.8)), float(rng.uniform(-2.5, 1.5)))
     path, shake = (
         circuit(rng, home, (float(rng.uniform(1.5, 4)), 1.2), float(rng.uniform(3.0, 9.0))),
@@ -139,25 +148,34 @@ def _drone(rng: Rng, stage: Stage) -> None:
         (shapes.ball(0.08, 8), placed(0, -0.08, 0.12)),
     ]
     stage.put(shapes.merged(arms + body), materials.paint(rng), pose)
-    blade, dark = shapes.box(0.36, 0.01, 0.03), materials.paint(rng, (0.1, 0.1, 0.1))
+    blade, black = shapes.box(0.36, 0.01, 0.03), materials.paint(rng, (0.1, 0.1, 0.1))
     for x in (-0.3, 0.3):
         for z in (-0.3, 0.3):
             spin = spinning(placed(x, 0.06, z), (0, 1, 0), float(rng.uniform(25.0, 60.0)))
-            stage.put(blade, dark, carried(pose, spin))
-    pulsing, color = lighting.pulse(rng, "strobe"), lighting.tint(rng, float(rng.uniform(2, 6)))
+            stage.put(blade, black, carried(pose, spin))
+    pulsing, color = (
+        lighting.pulse(rng, "strobe"),
+        lighting.tint(rng, float(rng.uniform(3, 7)) * (1.0 if dark else 2.0)),
+    )
     stage.points.append(
         lighting.lamp(together(path, shake, (0.0, -0.2, 0.0)), color, reach=5.0, pulsing=pulsing)
     )
 
 
-def _lights(rng: Rng, stage: Stage, night: bool) -> None:
-    sweep = swing(rng, (-5.0, 0.0, -4.0), (5.0, 1.5, -6.0), float(rng.uniform(3.0, 8.0)))
-    mast, color = (float(rng.uniform(-3, 3)), 6.0, 2.5), lighting.tint(rng, 140.0 if night else 160.0, 0.2)
-    stage.spot = lighting.spotlight(
-        lighting.at_rest(mast), sweep, color, outer=24.0, reach=24.0, pulsing=lighting.pulse(rng)
-    )
+def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
+    """Add a light that sweeps over the street or drives along it, and street lamps."""
+    color = lighting.tint(rng, float(rng.uniform(140.0, 260.0)) * (1.0 if dark else 2.2), 0.2)
+    pulsing = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
+    if rng.random() < 0.5:
+        sweep = swing(rng, (-5.0, 0.0, -4.0), (5.0, 1.5, -6.0), float(rng.uniform(4.0, 16.0)))
+        mast = lighting.at_rest((float(rng.uniform(-3, 3)), 6.0, 2.5))
+        stage.spot = lighting.spotlight(mast, sweep, color, outer=24.0, reach=24.0, pulsing=pulsing)
+    else:  # headlights that come round a corner: behind what they meet shadows run over the fronts
+        place = swing(rng, (-9.0, 0.9, 6.0), (9.0, 0.9, 7.0), float(rng.uniform(4.0, 14.0)))
+        ahead = swing(rng, (-4.0, 1.0, -6.0), (4.0, 1.0, -6.0), float(rng.uniform(2.0, 8.0)))
+        stage.spot = lighting.spotlight(place, ahead, color, outer=30.0, reach=28.0, pulsing=pulsing)
     for x in (-6.0, 0.0, 6.0):
-        pulsing = lighting.pulse(rng, "flicker") if rng.random() < 0.4 else lighting.steady
-        head = lighting.at_rest((x, 3.7, -5.0))
-        bulb(stage, head, lighting.tint(rng, 7.0, 0.6), size=0.14, reach=8.0, pulsing=pulsing)
+        flickers = lighting.pulse(rng, "flicker") if rng.random() < 0.5 else lighting.steady
+        head, glow = lighting.at_rest((x, 3.7, -5.0)), lighting.tint(rng, 10.0 if dark else 16.0, 0.6)
+        bulb(stage, head, glow, size=0.14, reach=9.0, pulsing=flickers)
         stage.put(shapes.cylinder(0.05, 3.6, 8), materials.paint(rng, (0.15, 0.15, 0.16)), placed(x, 0, -5.0))

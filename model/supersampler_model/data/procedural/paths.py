@@ -16,6 +16,7 @@ Place = Callable[[float], Values]
 """Seconds to (x, y, z), metres."""
 MOTIONS = ("still", "orbit", "dolly", "truck", "crane", "pan")
 _SHARES = (0.08, 0.22, 0.2, 0.22, 0.1, 0.18)
+_BRISK_SHARES = (0.05, 0.2, 0.15, 0.22, 0.1, 0.28)
 
 
 def vector(values: Values | Sequence[float]) -> Vector:
@@ -37,6 +38,19 @@ def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) 
     rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
     phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first
     return lambda t: a + (b - a) * (0.5 + 0.5 * np.sin(rate * t + phase))
+
+
+def pendulum(rng: Rng, pivot: Sequence[float], length: float, extent: float) -> Place:
+    """Return the way of what hangs `length` metres below `pivot` and swings up to about `extent` radians."""
+    rates = np.sqrt(9.8 / length) * rng.uniform(0.95, 1.05, 2)  # x and z
+    phases = rng.uniform(-1.0, 1.0, 2) + rng.choice([0.0, np.pi])
+    extents = extent * np.array([1.0, 0.4])[:: int(rng.choice([-1, 1]))]
+
+    def at(t: float) -> Values:
+        x, z = np.sin(extents * np.sin(rates * t + phases))
+        return np.asarray(pivot) + length * np.array([x, -np.sqrt(max(1.0 - x * x - z * z, 0.0)), z])
+
+    return at
 
 
 def circuit(rng: Rng, center: Sequence[float], extent: tuple[float, float], speed: float) -> Place:
@@ -151,28 +165,39 @@ def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matric
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vantage:
-    """From where a scene looks good: a camera may move `room` metres about `position`."""
+    """From where a scene looks good: a camera may move `room` metres about `position`.
+
+    A `brisk` camera seldom stands still, and when it turns it turns fast.
+    """
 
     position: Vector
     target: Vector
     room: float = 1.0
     fov_y: tuple[float, float] = (45.0, 62.0)
+    brisk: bool = False
 
 
 def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) -> Callable[[float], Camera]:
     """Return one of the MOTIONS about a vantage point, half of them with a shaking hand."""
-    kind = str(rng.choice(MOTIONS, p=_SHARES))
+    kind = str(rng.choice(MOTIONS, p=_BRISK_SHARES if vantage.brisk else _SHARES))
     eye, target = np.asarray(vantage.position), np.asarray(vantage.target)
     back = (eye - target) / np.linalg.norm(eye - target)
     right = np.cross((0.0, 1.0, 0.0), back)
     right /= np.linalg.norm(right)
     way = {"orbit": right, "dolly": back, "truck": right, "crane": np.array([0.0, 0.6, 0.0])}.get(kind)
-    room, speed = vantage.room * float(rng.uniform(0.5, 1.0)), float(np.exp(rng.uniform(-1.0, 1.2)))
+    room, speed = (
+        vantage.room * float(rng.uniform(0.5, 1.0)),
+        float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2))),
+    )
     rate, phase = speed / room, float(rng.uniform(-0.9, 0.4) + rng.choice([0.0, np.pi]))
     sweep, sweep_rate = (
         float(rng.uniform(0.15, 0.5)),
         float(rng.uniform(1.5, 5.0)),
     )  # radians, radians a second
+    if vantage.brisk:
+        sweep, wave = _steady_turn(rng)
+    else:
+        wave = _sine(sweep_rate, phase)
     shaky = float(rng.random() < 0.5 and kind != "still")
     hand, gaze = drift(rng, 0.02 * shaky, 1.2), drift(rng, 0.03 * shaky, 1.5)
     fov = float(rng.uniform(*vantage.fov_y))
@@ -181,7 +206,7 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
         offset = 0.0 if way is None else way * room * np.sin(rate * t + phase)
         aim = target + (offset if kind == "truck" else 0.0)
         if kind == "pan":
-            aim = target + right * np.linalg.norm(eye - target) * sweep * np.sin(sweep_rate * t + phase)
+            aim = target + right * np.linalg.norm(eye - target) * sweep * wave(t)
         return Camera(
             position=vector(eye + offset + hand(t)),
             target=vector(aim + gaze(t)),
@@ -190,3 +215,14 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
         )
 
     return camera
+
+
+def _steady_turn(rng: Rng) -> tuple[float, Callable[[float], float]]:
+    """Return how far a camera turns, and its way to and fro in [-1, 1], at an even speed but for the ends."""
+    extent, speed = float(rng.uniform(0.3, 0.55)), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
+    rate, phase = 0.5 * np.pi * speed / extent, float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
+    return extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97))
+
+
+def _sine(rate: float, phase: float) -> Callable[[float], float]:
+    return lambda t: float(np.sin(rate * t + phase))
