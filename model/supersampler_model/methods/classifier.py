@@ -50,6 +50,7 @@ from supersampler_model.sampling import (
     taps,
     view_of,
 )
+from supersampler_model.trained import SHIPPED, Trained, load_trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
 UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
@@ -155,6 +156,20 @@ class Classifier(Method):
         super().__init__()
         self.config = config or ClassifierConfig()
         self.net = ClassifierNetwork(self.config.network)
+
+    @classmethod
+    def of(cls, trained: Trained) -> "Classifier":
+        """Return the method with weights that were trained."""
+        settings = dict(trained.config)
+        network = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.pop("network").items()}
+        method = cls(ClassifierConfig(network=NetworkConfig(**network), **settings))
+        method.load_state_dict(trained.tensors)
+        return method.eval()
+
+    @classmethod
+    def shipped(cls) -> "Classifier":
+        """Return the method with the weights of this package."""
+        return cls.of(load_trained(SHIPPED / "classifier.safetensors"))
 
     def forward(
         self,

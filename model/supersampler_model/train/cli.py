@@ -15,6 +15,7 @@ from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
+from supersampler_model.trained import load_trained, save_trained
 
 app = typer.Typer(help="Train a method that learns.")
 
@@ -30,6 +31,7 @@ def train(
     rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 2e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
     seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
+    init: Annotated[Path | None, typer.Option(help="Weights to begin with, of another run.")] = None,
 ) -> None:
     """Train the classifier; a run that was stopped goes on when the same command is given again.
 
@@ -41,7 +43,7 @@ def train(
     torch.manual_seed(seed)
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data]
-    method = Classifier()
+    method = Classifier() if init is None else Classifier.of(load_trained(init))
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
     entries = validation_entries(datasets, method.ratios)
@@ -54,6 +56,8 @@ def train(
         if trainer.rank == 0 and taau is not None:
             found = validate(trainer.average.eval(), entries)
             _log(output / "log.csv", sums, found, taau)
+            scores = {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
+            save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
             n = len(sums)
             console.print(
                 f"{trainer.done}/{plan.steps}: loss {sum(u.loss for u in sums) / n:.4f}, "

@@ -6,7 +6,7 @@ handed on from one update to the next, so that the network learns on the histori
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -23,6 +23,7 @@ from supersampler_model.train.checkpoint import data_hash, load_checkpoint, save
 from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shown
 from supersampler_model.train.rollout import State, detached, first_state, step
 from supersampler_model.train.windows import Place, Sample, Stream
+from supersampler_model.trained import Trained
 
 
 @dataclass(frozen=True)
@@ -119,6 +120,15 @@ class Trainer:
                 "data": data_hash(self.datasets),
                 "commit": source_commit(),
             },
+        )
+
+    def trained(self, facts: Mapping[str, Any]) -> Trained:
+        """Return the averaged weights, and where they come from."""
+        return Trained(
+            self.method.name,
+            asdict(self.method.config),
+            {"steps": self.done, "data": data_hash(self.datasets), "commit": source_commit(), **facts},
+            {name: value.detach().cpu().contiguous() for name, value in self.average.state_dict().items()},
         )
 
     def _load(self, path: Path) -> None:
