@@ -7,7 +7,7 @@ sample and this frame smoothly upsampled. With a network that says nothing the r
 all samples.
 """
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import torch
@@ -40,10 +40,13 @@ from supersampler_model.motion import (
 from supersampler_model.networks.classifier import ClassifierNetwork, NetworkConfig, pack, unpack
 from supersampler_model.rectification import clip_to_center, variance_box
 from supersampler_model.sampling import (
+    Grid,
     Kernel,
     View,
     catmull_rom,
+    extreme,
     gaussian,
+    pick,
     pick_first,
     resample,
     sum_of,
@@ -54,9 +57,10 @@ from supersampler_model.trained import SHIPPED, Trained, load_trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
 UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
-PLANES = 17  # channels of a pixel that the network sees
-CANDIDATES = 4  # past, past cut to the box, nearest sample, smooth frame
-VISIBILITY, SHADING = 1, 2  # of the first three classes
+PLANES = 18  # channels of a pixel that the network sees
+CANDIDATES = 5  # past, past cut to the box, nearest sample, this frame by a cubic and by the learned kernel
+WINDOW = 9  # samples around a pixel that the learned kernel weighs
+NETWORK = NetworkConfig(packed=4 * PLANES, carried=6, mixing=CANDIDATES + 1 + WINDOW)
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class ClassifierConfig:
         network: its widths.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
+        kernel_sigma: Gaussian that the learned kernel begins as, render pixels.
         gamma: half size of the box in standard deviations.
         history_sharpness: -a of the cubic that resamples the past; 0.5 is Catmull-Rom.
         samples: most samples that the count counts.
@@ -74,9 +79,10 @@ class ClassifierConfig:
         depth_margin, depth_ramp: see `covered`.
     """
 
-    network: NetworkConfig = field(default_factory=lambda: NetworkConfig(4 * PLANES, 6))
+    network: NetworkConfig = NETWORK
     sample_sigma: float = 0.47
     moment_sigma: float = 0.45
+    kernel_sigma: float = 0.45
     gamma: float = 1.0
     history_sharpness: float = 0.7
     samples: float = 64.0
@@ -88,17 +94,20 @@ class ClassifierConfig:
 class Present(NamedTuple):
     """This frame at display size; colours are toned RGB."""
 
-    frame: Tensor  # (1, 3, H, W) smooth upsampling
+    frame: Tensor  # (1, 3, H, W) cubic upsampling
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
     confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
     first: Tensor  # (1, 3, H, W) E[c] of a neighbourhood, YCoCg
     second: Tensor  # (1, 3, H, W) E[c^2]
+    window: list[Tensor]  # WINDOW of (1, 4, H, W): samples around each pixel, and their weights at first
+    edge: Tensor  # (1, 1, H, W) relative range of depth around
 
 
 class Remembered(NamedTuple):
     """The warped past at display size."""
 
     color: Tensor  # (1, 3, H, W) toned RGB
+    detail: Tensor  # (1, 3, H, W) what the cubic has sharpened
     samples: Tensor  # (1, 1, H, W) how many it is made of; 0 where there is no past
     range: Tensor  # (1, 2, H, W) least and most luma that the samples had
     difference: Tensor  # (1, 1, H, W) of depth, equation 10
@@ -161,7 +170,8 @@ class Classifier(Method):
     def of(cls, trained: Trained) -> "Classifier":
         """Return the method with weights that were trained."""
         settings = dict(trained.config)
-        network = {k: tuple(v) if isinstance(v, list) else v for k, v in settings.pop("network").items()}
+        network = dict(settings.pop("network"))
+        network["levels"] = tuple(network["levels"])
         method = cls(ClassifierConfig(network=NetworkConfig(**network), **settings))
         method.load_state_dict(trained.tensors)
         return method.eval()
@@ -214,11 +224,11 @@ class Classifier(Method):
         closest = torch.cat(closest_of_four(depth, usable_motion(motion)), dim=1)
         closest = pick_first(closest, now.grid(render_size_of(color)))
         there = past_at(closest[:, 1:2] * now.across, closest[:, 2:3] * now.down, now.display)
-        present = self.gather_present(tone(color * exposure) * usable, usable, now)
+        present = self.gather_present(tone(color * exposure) * usable, usable, depth, now)
         past = self.gather_past(history, there, closest[:, :1], before, exposure)
         return Gathered(present, past, there, surfaces, exposure)
 
-    def gather_present(self, toned: Tensor, usable: Tensor, view: View) -> Present:
+    def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View) -> Present:
         """Upsample the usable samples of this frame."""
         render, c = render_size_of(toned), self.config
         grid = view.grid(render)
@@ -234,6 +244,8 @@ class Classifier(Method):
         moments = normalised(window)
         smooth = from_ycocg(moments[:, :3])
         seen = (window[:, 6:7] > UNSEEN).float()
+        closest, farthest = extreme(depth, torch.maximum), extreme(depth, torch.minimum)
+        edge = (closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)
         whole = (sharp[:, 3:4] > 0.9).float()  # some of its weights are negative: of no use where many miss
         return Present(
             frame=(smooth + whole * (normalised(sharp) - smooth)).clamp(0.0, TONED),
@@ -241,6 +253,8 @@ class Classifier(Method):
             confidence=near[:, 3:4].clamp(max=1.0),
             first=moments[:, :3],
             second=moments[:, 3:6] * seen + (1.0 - seen),  # where nothing is usable the box holds all colours
+            window=window_of(samples, grid, c.kernel_sigma),
+            edge=pick(edge.clamp(0.0, 1.0), grid),
         )
 
     def gather_past(
@@ -253,9 +267,12 @@ class Classifier(Method):
         there = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = read(history.state, past.x, past.y)
-        color = read_cubic(history.color, past.x, past.y, c.history_sharpness)
+        linear = tone(quarantine(read(history.color, past.x, past.y), 0.0) * exposure)
+        cubic = quarantine(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
+        color = tone(cubic * exposure)
         return Remembered(
-            color=tone(quarantine(color, 0.0) * exposure),
+            color=color,
+            detail=color - linear,
             samples=state[:, :1] * past.on_screen,
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
@@ -280,6 +297,7 @@ class Classifier(Method):
                 past.surface,
                 speed / (speed + 4.0),
                 2.0 * (across * (1.0 - across) + down * (1.0 - down)),  # by how much resampling blurs
+                present.edge,
             ],
             dim=1,
         )
@@ -288,24 +306,27 @@ class Classifier(Method):
         """Compose, count, and go back to linear RGB: the image, the state and the classes."""
         present, past = gathered.present, gathered.past
         h, w = present.frame.shape[2], present.frame.shape[3]
-        box = variance_box(present.first, present.second, self.config.gamma)
-        clipped = from_ycocg(clip_to_center(ycocg(past.color), box)).clamp(0.0, TONED)
-        candidates = [past.color, clipped, present.sample, present.frame]
         said = unpack(mixing, h, w).clamp(-16.0, 16.0)
+        sharpness, kernel = said[:, CANDIDATES : CANDIDATES + 1], said[:, CANDIDATES + 1 :]
+        sharpened = (past.color + sharpness * past.detail).clamp(0.0, TONED)
+        box = variance_box(present.first, present.second, self.config.gamma)
+        clipped = from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED)
+        candidates = [sharpened, clipped, present.sample, present.frame, weighed(present, kernel)]
         begun = [  # the weights of a running mean, which the network multiplies
             past.samples * past.surface + 1e-3,
             0.1 * past.samples + 1e-3,
             present.confidence + 1e-3,
             torch.full_like(past.samples, 0.05),
+            torch.full_like(past.samples, 0.05),
         ]
         weights = [b * said[:, i : i + 1].exp() for i, b in enumerate(begun)]
-        kept, new = weights[0] + weights[1], weights[2] + weights[3]
+        kept, new = weights[0] + weights[1], sum_of(weights[2:])
         total = kept + new
         color = sum_of([w / total * c for w, c in zip(weights, candidates, strict=True)])
         image = bounded(inverse_tone(color) / gathered.exposure)
 
         classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
-        odds = kept / new * (begun[2] + begun[3])  # samples that the past was taken for
+        odds = kept / new * sum_of(begun[2:])  # samples that the past was taken for
         count = torch.minimum(odds, past.samples).clamp(max=self.config.samples) + present.confidence
         luma = luminance(present.sample)
         known = (past.samples > 0.0).float()
@@ -320,6 +341,31 @@ class Classifier(Method):
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
     return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
+
+
+def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
+    """The samples (1, 4, h, w) around each pixel's nearest, weighed by a Gaussian: WINDOW of (1, 4, H, W)."""
+    height, width = samples.shape[2], samples.shape[3]
+    around = []
+    for down in (-1, 0, 1):
+        row = grid.row + down
+        rows = samples.index_select(2, row.clamp(0, height - 1))
+        vertical = gaussian(sigma)(row - grid.y)[:, None]
+        for across in (-1, 0, 1):
+            column = grid.column + across
+            sample = rows.index_select(3, column.clamp(0, width - 1))
+            weight = sample[:, 3:] * (vertical * gaussian(sigma)(column - grid.x) + 1e-4)
+            around.append(torch.cat([sample[:, :3], weight], dim=1))
+    return around
+
+
+def weighed(present: Present, kernel: Tensor) -> Tensor:
+    """This frame by the learned kernel (1, WINDOW, H, W), logarithms of factors to the Gaussian."""
+    weights = [s[:, 3:] * kernel[:, i : i + 1].exp() for i, s in enumerate(present.window)]
+    total = sum_of(weights)
+    color = sum_of([s[:, :3] * w for s, w in zip(present.window, weights, strict=True)])
+    color = color / total.clamp(min=1e-12)
+    return torch.where(total > 1e-9, color, present.frame)
 
 
 def shares(logits: Tensor) -> Tensor:

@@ -34,8 +34,8 @@ class NetworkConfig:
     levels: tuple[int, ...] = (32, 64, 128, 256)
     decoder: int = 32
     decoder_layers: int = 2
-    hidden: int = 48
-    mixing: int = 4
+    hidden: int = 40
+    mixing: int = 15
 
 
 class Pointwise(nn.Sequential):
