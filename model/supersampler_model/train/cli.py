@@ -1,8 +1,8 @@
 """`supersampler train classifier`."""
 
-import csv
 import os
 from pathlib import Path
+from statistics import mean
 from typing import Annotated
 
 import torch
@@ -13,6 +13,7 @@ from torch import distributed as dist
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.taau import Taau
+from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
 from supersampler_model.trained import load_trained, save_trained
@@ -55,7 +56,8 @@ def train(
         trainer.save()
         if trainer.rank == 0 and taau is not None:
             found = validate(trainer.average.eval(), entries)
-            _log(output / "log.csv", sums, found, taau)
+            with RunLog(output) as log:
+                log.write(trainer.done, _row(sums, found, taau), found.picture)
             scores = {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
             save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
             n = len(sums)
@@ -70,21 +72,7 @@ def train(
             dist.barrier()
 
 
-def _log(path: Path, updates: list[Update], found: Validated, taau: Validated) -> None:
-    row = {
-        "step": updates[-1].step,
-        "loss": sum(u.loss for u in updates) / len(updates),
-        "picture": sum(u.picture for u in updates) / len(updates),
-        "classes": sum(u.classes for u in updates) / len(updates),
-        "psnr": found.psnr,
-        "tpsnr": found.tpsnr,
-        "psnr_taau": taau.psnr,
-        "tpsnr_taau": taau.tpsnr,
-        **found.overlap,
-    }
-    new = not path.exists()
-    with path.open("a", newline="") as file:
-        writer = csv.DictWriter(file, list(row))
-        if new:
-            writer.writeheader()
-        writer.writerow(row)
+def _row(updates: list[Update], found: Validated, taau: Validated) -> dict[str, float]:
+    means = {name: mean(getattr(u, name) for u in updates) for name in ("loss", "picture", "classes")}
+    scores = {"psnr": found.psnr, "tpsnr": found.tpsnr, "psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
+    return {**means, **scores, **found.overlap}

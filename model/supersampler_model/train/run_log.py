@@ -1,0 +1,86 @@
+"""What a run says of itself: a CSV file, its curves, pictures, and the same for TensorBoard."""
+
+import csv
+from collections.abc import Mapping
+from pathlib import Path
+from types import TracebackType
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from torch.utils.tensorboard import SummaryWriter
+
+from supersampler.display import to_uint8
+from supersampler.frame import Float32
+from supersampler.image_io import replacing, write_png
+
+_PANELS = (("loss", ("loss", "picture", "classes")), ("dB", ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")))
+"""Title and columns of the curves; all other columns are shares of classes."""
+
+
+class RunLog:
+    """Appends a row at a time to `log.csv`, and draws `curves.png` and a picture anew.
+
+    Args:
+        folder: of the run; a log that is there is gone on with.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+        self._path = folder / "log.csv"
+        self._writer = SummaryWriter(str(folder / "tensorboard"))
+        self._rows = _read(self._path)
+
+    def __enter__(self) -> "RunLog":
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self._writer.close()
+
+    def write(self, step: int, values: Mapping[str, float], picture: Float32 | None = None) -> None:
+        """Add a row.
+
+        Args:
+            step: updates done; rows of later steps, by a run that was killed, are dropped.
+            values: by column.
+            picture: (H, W, 3) as a screen shows it.
+        """
+        self._rows = [row for row in self._rows if row["step"] < step]
+        self._rows.append({"step": float(step), **values})
+        columns = list(dict.fromkeys(name for row in self._rows for name in row))
+        with replacing(self._path) as partial, partial.open("w", newline="", encoding="utf-8") as file:
+            table = csv.DictWriter(file, columns)
+            table.writeheader()
+            table.writerows(self._rows)
+        for name, value in values.items():
+            self._writer.add_scalar(name, value, step)
+        if picture is not None:
+            shown = to_uint8(picture)
+            write_png(self._folder / "picture.png", shown)
+            self._writer.add_image("picture", shown, step, dataformats="HWC")
+        self._draw(columns)
+
+    def _draw(self, columns: list[str]) -> None:
+        """Draw a panel of losses, one of scores and one of classes."""
+        listed = {name for _, names in _PANELS for name in names} | {"step"}
+        panels = (*_PANELS, ("intersection over union", tuple(c for c in columns if c not in listed)))
+        figure = Figure(figsize=(15.0, 4.5), layout="constrained")
+        steps = [row["step"] for row in self._rows]
+        for axes, (title, names) in zip(figure.subplots(1, len(panels)), panels, strict=True):
+            for name in (n for n in names if n in columns):
+                axes.plot(steps, [row.get(name, np.nan) for row in self._rows], label=name)
+            axes.set(title=title, xlabel="updates")
+            axes.grid(alpha=0.3)
+            if axes.lines:
+                axes.legend(fontsize="small")
+        with replacing(self._folder / "curves.png") as partial:
+            FigureCanvasAgg(figure).print_png(partial)  # type: ignore[no-untyped-call]
+
+
+def _read(path: Path) -> list[dict[str, float]]:
+    if not path.exists():
+        return []
+    with path.open(newline="", encoding="utf-8") as file:
+        return [{name: float(value) for name, value in row.items() if value} for row in csv.DictReader(file)]
