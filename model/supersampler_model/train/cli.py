@@ -3,17 +3,21 @@
 import os
 from pathlib import Path
 from statistics import mean
-from typing import Annotated
+from typing import Annotated, cast
 
 import torch
 import typer
 from rich.console import Console
 from torch import distributed as dist
 
+from supersampler.cli.arguments import open_shot
+from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import open_dataset
+from supersampler_model.data.dataset.description import Split
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.run_log import RunLog
+from supersampler_model.train.shots import dataset_of_shots
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
 from supersampler_model.trained import load_trained, save_trained
@@ -23,8 +27,13 @@ app = typer.Typer(help="Train a method that learns.")
 
 @app.command()
 def train(
-    data: Annotated[list[Path], typer.Option(help="Training set; may be given several times.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help="classifier.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
+    shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
+    validation_shot: Annotated[
+        list[Path] | None, typer.Option(help="Shot to measure on; any number.")
+    ] = None,
     steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
     size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
     batch: Annotated[int, typer.Option(help="Crops, of all processes together.")] = 8,
@@ -37,13 +46,25 @@ def train(
     """Train the classifier; a run that was stopped goes on when the same command is given again.
 
     With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
+
+    Examples:
+      supersampler train classifier --data data -o run
+      supersampler train classifier --shot kitchen --init run/weights.safetensors -o kitchen-run --rate 2e-4
     """
+    if name != Classifier.name:
+        raise ArgumentError("METHOD", got=name, want="classifier")
     if "RANK" in os.environ:
         dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
         torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
     torch.manual_seed(seed)
     output.mkdir(parents=True, exist_ok=True)
-    datasets = [open_dataset(folder) for folder in data]
+    datasets = [open_dataset(folder) for folder in data or []]
+    for paths, split in ((shot, "train"), (validation_shot, "validation")):
+        if paths:
+            shots = [open_shot(str(path)) for path in paths]
+            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
+    if not any(dataset.entries("train") for dataset in datasets):
+        raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     method = Classifier() if init is None else Classifier.of(load_trained(init))
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)

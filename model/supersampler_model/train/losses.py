@@ -36,20 +36,25 @@ def shown(image: Tensor, exposure: Tensor) -> Tensor:
 
 
 def picture_loss(off: Tensor, before: Tensor | None, ghost: Tensor, weights: LossWeights) -> Tensor:
-    """Error of shown pictures.
+    """Error of shown pictures, over what is known.
 
     Args:
-        off: (n, 3, H, W) picture minus truth.
+        off: (n, 3, H, W) picture minus truth, NaN where there is no truth.
         before: that of the frame before; None where there is none.
         ghost: (n, 1, H, W) 1 where the past is of no use.
         weights: of the terms.
     """
     weighted = 1.0 + weights.ghost * ghost
-    loss = (weighted * (off.abs() + weights.squared * off * off)).mean()
+    loss = _mean_error(off, weights.squared, weighted)
     if before is not None:
-        change = off - before
-        loss = loss + weights.change * (change.abs() + weights.squared * change * change).mean()
+        loss = loss + weights.change * _mean_error(off - before, weights.squared)
     return loss
+
+
+def _mean_error(off: Tensor, squared: float, weight: Tensor | float = 1.0) -> Tensor:
+    known = off.isfinite()
+    off = torch.where(known, off, torch.zeros_like(off))
+    return (weight * (off.abs() + squared * off * off)).sum() / known.sum().clamp(min=1)
 
 
 def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: LossWeights) -> Tensor:
@@ -57,8 +62,8 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: LossWeight
 
     Args:
         logits: (n, 6, H / 2, W / 2).
-        ghost: (n, H, W) int64, 0 to 2.
-        alias: (n, H, W) int64, 0 to 2.
+        ghost: (n, H, W) int64, 0 to 2; anything else is unknown.
+        alias: (n, H, W) int64, the same.
         weights: of the terms.
     """
     return weights.classes * (
@@ -68,8 +73,8 @@ def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: LossWeight
 
 
 def shares_of(classes: Tensor) -> Tensor:
-    """(n, H, W) classes to their shares in each 2x2 pixels: (n, 3, H / 2, W / 2)."""
-    one_hot = F.one_hot(classes, 3).permute(0, 3, 1, 2).float()
+    """(n, H, W) classes to their shares in each 2x2 pixels: (n, 3, H / 2, W / 2); 0 of what is unknown."""
+    one_hot = torch.stack([classes == c for c in range(3)], dim=1).float()
     return F.avg_pool2d(one_hot, 2)
 
 
@@ -77,4 +82,4 @@ def _entropy(logits: Tensor, shares: Tensor, rarest: float) -> Tensor:
     frequency = shares.mean(dim=(0, 2, 3)).clamp(min=1e-6)
     balance = (1.0 / frequency).sqrt().clamp(max=rarest)
     weighted = shares * balance[:, None, None]
-    return -(weighted * logits.log_softmax(dim=1)).sum(dim=1).sum() / weighted.sum()
+    return -(weighted * logits.log_softmax(dim=1)).sum() / weighted.sum().clamp(min=1e-6)

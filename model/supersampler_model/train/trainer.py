@@ -16,12 +16,14 @@ from torch import Tensor
 from torch import distributed as dist
 
 from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.labels import Ghost
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier, History
 from supersampler_model.sampling import View
 from supersampler_model.train.checkpoint import data_hash, load_checkpoint, save_checkpoint, source_commit
 from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shown
 from supersampler_model.train.rollout import State, detached, first_state, step
+from supersampler_model.train.shots import UNKNOWN
 from supersampler_model.train.windows import Place, Sample, Stream
 from supersampler_model.trained import Trained
 
@@ -186,13 +188,13 @@ class Trainer:
         exposure = torch.cat([s.exposure for s in samples])
         off = shown(drawn.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
         ghost = torch.cat([s.ghost for s in samples])
-        ghost = torch.where(drawn.off_screen[:, 0] > 0.0, 1, ghost)
+        ghost = torch.where((drawn.off_screen[:, 0] > 0.0) & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)
         alias = torch.cat([s.alias for s in samples])
         before = (
             None if self._off is None else torch.where(fresh[:, None, None, None], off.detach(), self._off)
         )
         self._off = off
-        useless = (ghost > 0).float()[:, None]
+        useless = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
         weights = self.plan.losses
         return picture_loss(off, before, useless, weights), class_loss(drawn.logits, ghost, alias, weights)
 

@@ -55,11 +55,11 @@ def validate(method: Method, entries: Sequence[tuple[Dataset, SequenceEntry]]) -
         scores, picture = _sequence(method, dataset.frames(entry), dataset.description.display_size, counts)
         rows.append(scores)
         pictures.append(picture)
-    psnr, tpsnr = np.nanmean(np.array(rows), axis=0)
+    psnr, tpsnr = (_mean([row[i] for row in rows]) for i in range(2))
     overlap = {}
     if counts.any():
         overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
-    return Validated(float(psnr), float(tpsnr), overlap, pictures[0])
+    return Validated(psnr, tpsnr, overlap, pictures[0])
 
 
 def _sequence(
@@ -68,6 +68,7 @@ def _sequence(
     display = Size(*display_size)
     history: list[Tensor] = []
     squared, changed, off_before = [], [], None
+    picture = np.zeros((1, 1, 3), np.float32)
     for index, frame in enumerate(frames):
         if frame.reset or not history:
             history = method.first_history(display, Size(*frame.depth.shape[::-1]))
@@ -76,15 +77,18 @@ def _sequence(
         shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
         truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
         off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
+        if np.isnan(off).any():  # a frame of a user's shot without a reference
+            off_before = None
+            continue
         if index >= WARM_UP:
             squared.append(_decibels(off))
             if off_before is not None and not frame.reset:
                 changed.append(_decibels(off - off_before))
-        off_before = off
+        off_before, picture = off, np.concatenate([shown, truth])
         if "classes" in method.history:
             _count(history[list(method.history).index("classes")], frame, counts)
-    picture = np.concatenate([shown, truth])
-    return (float(np.mean(squared)), float(np.mean(changed)) if changed else float("nan")), picture
+    psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))
+    return (psnr, tpsnr), picture
 
 
 def frame_tensors(frame: TrainingFrame) -> list[Tensor]:
@@ -110,6 +114,11 @@ def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
         for c in range(3):
             a, b = said == c, true == c
             counts[:, 3 * group + c] += (a & b).sum(), (a | b).sum()
+
+
+def _mean(values: list[float]) -> float:
+    known = [value for value in values if not np.isnan(value)]
+    return float(np.mean(known)) if known else float("nan")
 
 
 def _decibels(off: Float32) -> float:

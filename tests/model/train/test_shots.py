@@ -1,0 +1,56 @@
+"""A studio's own shots, with references on some frames and no classes, are something to learn from."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from supersampler import halton_jitter
+from supersampler.errors import ShotError
+from supersampler.shot import Shot, ShotWriter
+from supersampler_model.data.analytic import DiscOverPlane
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.train.shots import UNKNOWN, dataset_of_shots
+from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.train.validate import validate
+
+DISPLAY, RENDER = (64, 48), (32, 24)
+
+
+def shot(folder: Path, *, every: int | None = 2) -> Shot:
+    writer = ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30.0)
+    scene = DiscOverPlane()
+    for index in range(12):
+        truth = scene.truth(index, DISPLAY) if every and index % every == 0 else None
+        writer.write(scene.frame(index, RENDER, halton_jitter(index, 2.0)), reference=truth)
+    return Shot.open(folder)
+
+
+def test_references_become_truth_and_what_is_missing_is_marked(tmp_path: Path) -> None:
+    dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
+    [entry] = dataset.entries("train")
+    even, odd = dataset.read(entry, 0), dataset.read(entry, 1)
+    assert np.isfinite(even.reference).all()
+    assert np.isnan(odd.reference).all()
+    assert (even.ghost == UNKNOWN).all()
+    assert entry.ratio == 2.0
+
+
+def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path) -> None:
+    dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
+    torch.manual_seed(0)
+    losses: list[float] = []
+    plan = Plan(steps=24, batch=2, frames=2, size=32, rate=3e-3)
+    trainer = Trainer(Classifier(), [dataset], plan, tmp_path)
+    trainer.run(on_update=lambda update: losses.append(update.loss))
+    assert np.isfinite(losses).all()
+    assert np.mean(losses[-8:]) < np.mean(losses[:8])
+    assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())
+    found = validate(trainer.average.eval(), [(dataset, dataset.entries("train")[0])])
+    assert 10.0 < found.psnr < 60.0
+
+
+def test_a_shot_without_any_reference_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="no frame has a reference"):
+        dataset_of_shots([shot(tmp_path / "shot", every=None)], tmp_path / "set", "train")
