@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from supersampler_model.color import (
     bounded,
@@ -121,6 +121,7 @@ class Gathered(NamedTuple):
     present: Present
     past: Remembered
     there: Past
+    depth: Tensor  # (1, 1, H, W) of the closest sample around
     surfaces: Tensor  # (1, 2, h, w) depth, and that without thin things
     exposure: Tensor  # (1,)
 
@@ -164,7 +165,11 @@ class Classifier(Method):
     def __init__(self, config: ClassifierConfig | None = None) -> None:
         super().__init__()
         self.config = config or ClassifierConfig()
-        self.net = ClassifierNetwork(self.config.network)
+        self.net = self.make_network()
+
+    def make_network(self) -> nn.Module:
+        """Return the network, untrained."""
+        return ClassifierNetwork(self.config.network)
 
     @classmethod
     def of(cls, trained: Trained) -> "Classifier":
@@ -202,7 +207,7 @@ class Classifier(Method):
         before = view_of(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        logits, mixing = self.net(pack(self.planes(gathered)), gathered.past.classes)
+        logits, mixing = self.net(pack(self.planes(gathered)), self.carried(gathered))
         image, state, classes = self.finish(gathered, logits, mixing)
         return Step(image, image, state, classes, gathered.surfaces, jitter * 1.0, gathered.exposure)
 
@@ -226,7 +231,7 @@ class Classifier(Method):
         there = past_at(closest[:, 1:2] * now.across, closest[:, 2:3] * now.down, now.display)
         present = self.gather_present(tone(color * exposure) * usable, usable, depth, now)
         past = self.gather_past(history, there, closest[:, :1], before, exposure)
-        return Gathered(present, past, there, surfaces, exposure)
+        return Gathered(present, past, there, closest[:, :1], surfaces, exposure)
 
     def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View) -> Present:
         """Upsample the usable samples of this frame."""
@@ -301,6 +306,10 @@ class Classifier(Method):
             ],
             dim=1,
         )
+
+    def carried(self, gathered: Gathered) -> Tensor:
+        """What the network sees beside that, at half size."""
+        return gathered.past.classes
 
     def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Compose, count, and go back to linear RGB: the image, the state and the classes."""

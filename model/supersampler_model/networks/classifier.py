@@ -106,18 +106,23 @@ class ClassifierNetwork(nn.Module):
         Returns:
             Logits of CLASSES (n, 6, h, w), and (n, 4 m, h, w), packed, of the pixels.
         """
-        h, w = packed.shape[2], packed.shape[3]
-        rows, columns = aligned(h, packed.device), aligned(w, packed.device)
-        whole = torch.cat([packed, carried], dim=1).index_select(2, rows).index_select(3, columns)
-        features = self.decoder(self.encoder(whole)[:, :, :h, :w])
+        features = self.decoder(cut_to(self.encoder(padded(torch.cat([packed, carried], dim=1))), packed))
         mixing = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
         return self.classes(features), mixing
 
 
-def aligned(size: int, device: torch.device) -> Tensor:
-    """Indices that repeat the last row or column up to a multiple of ALIGNED."""
-    whole = (size + ALIGNED - 1) // ALIGNED * ALIGNED
-    return torch.arange(whole, device=device).clamp(max=size - 1)
+def padded(image: Tensor) -> Tensor:
+    """Repeat the last row and column up to a multiple of ALIGNED."""
+    for axis in (2, 3):
+        size = image.shape[axis]
+        whole = (size + ALIGNED - 1) // ALIGNED * ALIGNED
+        image = image.index_select(axis, torch.arange(whole, device=image.device).clamp(max=size - 1))
+    return image
+
+
+def cut_to(image: Tensor, like: Tensor) -> Tensor:
+    """Undo `padded`."""
+    return image[:, :, : like.shape[2], : like.shape[3]]
 
 
 def pack(image: Tensor) -> Tensor:

@@ -42,7 +42,7 @@ def step(method: Classifier, samples: list[Sample], states: list[State]) -> tupl
     ]
     packed = torch.cat([pack(method.planes(g)) for g in gathered])
     with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
-        logits, mixing = method.net(packed, torch.cat([g.past.classes for g in gathered]))
+        logits, mixing = method.net(packed, torch.cat([method.carried(g) for g in gathered]))
     logits, mixing = logits.float(), mixing.float()
     images, after = [], []
     for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):

@@ -84,7 +84,7 @@ class Trainer:
         self.optimizer = torch.optim.AdamW(
             method.parameters(), lr=plan.rate, weight_decay=plan.decay, betas=(0.9, 0.99)
         )
-        self.average = Classifier(method.config)
+        self.average = type(method)(method.config)
         self.average.load_state_dict(method.state_dict())
         self.done = 0
         count = plan.batch // self.world

@@ -110,6 +110,7 @@ def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
     """Add to the intersections and unions of each class, on every second pixel."""
     for group, truth in enumerate((frame.ghost, frame.alias)):
         said = classes[0, 3 * group : 3 * group + 3].argmax(dim=0).numpy()
+        said = said if said.shape != truth.shape else said[::2, ::2]
         true = truth[::2, ::2]
         for c in range(3):
             a, b = said == c, true == c
