@@ -55,6 +55,7 @@ def describe(method: Method) -> dict[str, Any]:
         ],
         "image": _tensor("image", TENSORS["image"]),
         "config": {} if config is None else dataclasses.asdict(config),
+        **({"learned": dict(method.learned)} if method.learned else {}),
         "licence": "Apache-2.0",
         "attributions": [],
         "versions": {
@@ -74,7 +75,7 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         f"# {described['method']}",
         "",
         f"Source: {described['source']}. Licence: {described['licence']}.",
-        "No learned weights, no training data.",
+        _origin(described.get("learned")),
         "",
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
         "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past.",
@@ -99,6 +100,18 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         f"Constants: `{json.dumps(described['config'])}`." if described["config"] else "No constants.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _origin(learned: Mapping[str, Any] | None) -> str:
+    """Return where the weights come from."""
+    if learned is None:
+        return "No learned weights, no training data."
+    scores = ", ".join(f"{name} {value:.3f}" for name, value in learned.get("validation", {}).items())
+    assets = ", ".join(learned.get("assets", [])) or "none"
+    return (
+        f"Weights: {learned['steps']} updates at commit {learned['commit']}, on training data "
+        f"{learned['data'][:16]}. Validation: {scores or 'none'}. Files of others in that data: {assets}."
+    )
 
 
 def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:

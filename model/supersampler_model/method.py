@@ -7,7 +7,8 @@ or in the method's own `history`. An all-zero history means no past.
 
 import inspect
 from collections.abc import Mapping
-from typing import ClassVar, NamedTuple
+from types import MappingProxyType
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor, nn
@@ -44,12 +45,15 @@ class Method(nn.Module):
         name: as in `Upscaler(name)` and in the model folder.
         source: the paper or definition it follows.
         history: shape of each tensor handed from one frame to the next, without the `history_` prefix.
+        ratios: least and largest ratio of display to render size, per axis.
+        learned: what weights were learned from, plain data; empty where nothing was.
     """
 
     name: ClassVar[str]
     source: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]] = {}
     ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
+    learned: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
     def inputs(cls) -> list[str]:

@@ -12,8 +12,6 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.image_io import replacing
 
-SHIPPED = Path(__file__).parent / "weights"
-
 
 class Trained(NamedTuple):
     """Weights of one method.

@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -12,16 +13,19 @@ import pytest
 import torch
 from onnx import helper
 from torch import Tensor
+from typer.testing import CliRunner
 
-from supersampler import Model, SupersamplerError
+from supersampler import Frame, Model, SupersamplerError, Upscaler
+from supersampler.cli import app
 from supersampler.model_info import find_model
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
 from supersampler_export.parity import SIZES, TOLERANCE, check_parity, compare
 from supersampler_model.method import Method, Size
-from supersampler_model.methods import METHODS
+from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.spatial import Bilinear
+from supersampler_model.trained import Trained, save_trained
 
 
 def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
@@ -68,6 +72,37 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
         dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
         assert tuple(dims) == tensor.shape
         assert helper.tensor_dtype_to_np_dtype(value.type.tensor_type.elem_type) == np.dtype(tensor.type)
+
+
+@pytest.mark.parametrize("name", LEARNED)
+def test_a_learned_method_is_exported_from_its_weights(name: str, tmp_path: Path) -> None:
+    torch.manual_seed(1)
+    method = LEARNED[name]()
+    for parameter in method.parameters():
+        torch.nn.init.normal_(parameter, std=0.3)
+    facts = {"steps": 7, "data": "0" * 64, "assets": ["a.glb"], "commit": "abc", "validation": {"psnr": 30.0}}
+    weights = tmp_path / "weights.safetensors"
+    save_trained(weights, Trained(name, asdict(method.config), facts, method.state_dict()))
+    arguments = ["export", name, "--weights", str(weights), "-o", str(tmp_path / "model")]
+    assert CliRunner().invoke(app, arguments).exit_code == 0
+    assert "a.glb" in (tmp_path / "model" / "MODEL_CARD.md").read_text()
+    upscaler = Upscaler(tmp_path / "model", display_size=(41, 27), validate="off")
+    random = np.random.default_rng(0)
+    for _ in range(3):
+        frame = Frame(
+            color=random.random((14, 21, 3), np.float32), depth=random.random((14, 21), np.float32),
+            motion=random.normal(size=(14, 21, 2)).astype(np.float32), jitter=(0.1, -0.2),
+        )  # fmt: skip
+        image = upscaler.step(frame)
+        assert np.isfinite(image).all()
+        assert (image >= 0.0).all()
+
+
+@pytest.mark.parametrize("arguments", [["classifier"], ["taau", "--weights", "weights.safetensors"]])
+def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path: Path) -> None:
+    result = CliRunner().invoke(app, ["export", *arguments, "-o", str(tmp_path)])
+    assert result.exit_code == 1
+    assert "--weights" in result.output
 
 
 class Fickle(Bilinear):

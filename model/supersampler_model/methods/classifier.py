@@ -8,11 +8,12 @@ all samples.
 """
 
 from dataclasses import dataclass
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor, nn
 
+from supersampler.errors import ArgumentError
 from supersampler_model.color import (
     bounded,
     exposure_for,
@@ -53,7 +54,7 @@ from supersampler_model.sampling import (
     taps,
     view_of,
 )
-from supersampler_model.trained import SHIPPED, Trained, load_trained
+from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
 UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
@@ -153,6 +154,7 @@ class Classifier(Method):
 
     name, source = "classifier", "Guo, Chen, Dong and Tong 2022 (docs/methods.md)"
     ratios: ClassVar = (1.0, 3.0)
+    settings: ClassVar[type[ClassifierConfig]] = ClassifierConfig
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
         "state": (1, 3, *DISPLAY),  # count, least and most luma
@@ -164,7 +166,7 @@ class Classifier(Method):
 
     def __init__(self, config: ClassifierConfig | None = None) -> None:
         super().__init__()
-        self.config = config or ClassifierConfig()
+        self.config = config or self.settings()
         self.net = self.make_network()
 
     def make_network(self) -> nn.Module:
@@ -172,19 +174,21 @@ class Classifier(Method):
         return ClassifierNetwork(self.config.network)
 
     @classmethod
-    def of(cls, trained: Trained) -> "Classifier":
-        """Return the method with weights that were trained."""
+    def of(cls, trained: Trained) -> Self:
+        """Return the method with weights that were trained.
+
+        Raises:
+            ArgumentError: they are of another method.
+        """
+        if trained.method != cls.name:
+            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
         settings = dict(trained.config)
         network = dict(settings.pop("network"))
         network["levels"] = tuple(network["levels"])
-        method = cls(ClassifierConfig(network=NetworkConfig(**network), **settings))
+        method = cls(cls.settings(network=NetworkConfig(**network), **settings))
         method.load_state_dict(trained.tensors)
+        method.learned = trained.facts
         return method.eval()
-
-    @classmethod
-    def shipped(cls) -> "Classifier":
-        """Return the method with the weights of this package."""
-        return cls.of(load_trained(SHIPPED / "classifier.safetensors"))
 
     def forward(
         self,

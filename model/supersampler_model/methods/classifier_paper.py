@@ -66,6 +66,7 @@ class PaperClassifier(Classifier):
     """Classify at half size, upsample the logits, blend by one weight a pixel."""
 
     name, source = "classifier-paper", "Guo, Chen, Dong and Tong 2022, supplement"
+    settings: ClassVar[type[ClassifierConfig]] = PaperConfig
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
         "state": (1, 7, *DISPLAY),  # counter, least and most colour
@@ -74,9 +75,6 @@ class PaperClassifier(Classifier):
         "jitter": (1, 2),
         "exposure": (1,),
     }
-
-    def __init__(self, config: PaperConfig | None = None) -> None:
-        super().__init__(config or PaperConfig())
 
     def make_network(self) -> nn.Module:
         """The network of section 1."""

@@ -45,6 +45,12 @@ def data_hash(datasets: Sequence[Dataset]) -> str:
     return digest.hexdigest()
 
 
+def assets(datasets: Sequence[Dataset]) -> list[str]:
+    """Names of the files that training sequences are composed of: their licences may ask to be named."""
+    entries = [entry for dataset in datasets for entry in dataset.entries("train")]
+    return sorted({name for entry in entries for name, _ in entry.spec.files})
+
+
 def source_commit() -> str:
     """The commit of the code that runs, `unknown` outside a repository, with `+` where it was changed."""
     here = Path(__file__).parent

@@ -69,31 +69,32 @@ def train(
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
     entries = validation_entries(datasets, method.ratios)
-    console = Console(stderr=True, highlight=False)
     taau = validate(Taau().eval(), entries) if entries and trainer.rank == 0 else None
-    sums: list[Update] = []
+    updates: list[Update] = []
     while trainer.done < plan.steps:
-        trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=sums.append)
+        trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
-        if trainer.rank == 0 and taau is not None:
-            found = validate(trainer.average.eval(), entries)
-            with RunLog(output) as log:
-                log.write(trainer.done, _row(sums, found, taau), found.picture)
-            scores = {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
-            save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
-            n = len(sums)
-            console.print(
-                f"{trainer.done}/{plan.steps}: loss {sum(u.loss for u in sums) / n:.4f}, "
-                f"{sum(u.seconds for u in sums) / n:.2f} s an update; validation {found.psnr:.2f} dB "
-                f"(taau {taau.psnr:.2f}), tPSNR {found.tpsnr:.2f} ({taau.tpsnr:.2f}), "
-                + ", ".join(f"{k} {v:.2f}" for k, v in found.overlap.items())
+        if trainer.rank == 0:
+            _report(
+                trainer, output, updates, validate(trainer.average.eval(), entries) if entries else None, taau
             )
-        sums.clear()
+        updates.clear()
         if dist.is_initialized():
             dist.barrier()
 
 
-def _row(updates: list[Update], found: Validated, taau: Validated) -> dict[str, float]:
+def _report(
+    trainer: Trainer, output: Path, updates: list[Update], found: Validated | None, taau: Validated | None
+) -> None:
+    """Write the weights and the log, and say how it goes."""
+    scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
+    bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
     means = {name: mean(getattr(u, name) for u in updates) for name in ("loss", "picture", "classes")}
-    scores = {"psnr": found.psnr, "tpsnr": found.tpsnr, "psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
-    return {**means, **scores, **found.overlap}
+    save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
+    with RunLog(output) as log:
+        log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
+    said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
+    seconds = mean(update.seconds for update in updates)
+    Console(stderr=True, highlight=False, soft_wrap=True).print(
+        f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {said}"
+    )

@@ -5,6 +5,7 @@ handed on from one update to the next, so that the network learns on the histori
 """
 
 import math
+import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field
@@ -20,11 +21,17 @@ from supersampler_model.data.labels import Ghost
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier, History
 from supersampler_model.sampling import View
-from supersampler_model.train.checkpoint import data_hash, load_checkpoint, save_checkpoint, source_commit
+from supersampler_model.train.checkpoint import (
+    assets,
+    data_hash,
+    load_checkpoint,
+    save_checkpoint,
+    source_commit,
+)
 from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shown
 from supersampler_model.train.rollout import State, detached, first_state, step
 from supersampler_model.train.shots import UNKNOWN
-from supersampler_model.train.windows import Place, Sample, Stream
+from supersampler_model.train.windows import Place, Sample, Stream, on
 from supersampler_model.trained import Trained
 
 
@@ -78,14 +85,16 @@ class Trainer:
     """
 
     def __init__(self, method: Classifier, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
-        self.method, self.plan, self.folder = method, plan, folder
+        self.plan, self.folder = plan, folder
+        self.device = _device()
+        self.method = method.to(self.device)
         self.datasets = list(datasets)
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
         self.optimizer = torch.optim.AdamW(
             method.parameters(), lr=plan.rate, weight_decay=plan.decay, betas=(0.9, 0.99)
         )
         self.average = type(method)(method.config)
-        self.average.load_state_dict(method.state_dict())
+        self.average.load_state_dict(method.state_dict())  # stays in memory of the processor, to be validated
         self.done = 0
         count = plan.batch // self.world
         self._streams = [self._stream(i) for i in range(count)]
@@ -129,7 +138,13 @@ class Trainer:
         return Trained(
             self.method.name,
             asdict(self.method.config),
-            {"steps": self.done, "data": data_hash(self.datasets), "commit": source_commit(), **facts},
+            {
+                "steps": self.done,
+                "data": data_hash(self.datasets),
+                "assets": assets(self.datasets),
+                "commit": source_commit(),
+                **facts,
+            },
             {name: value.detach().cpu().contiguous() for name, value in self.average.state_dict().items()},
         )
 
@@ -141,8 +156,8 @@ class Trainer:
         self.optimizer.load_state_dict(content["optimizer"])
         for stream, place in zip(self._streams, content["places"], strict=True):
             stream.place = Place(**place)
-        self._states = [None if s is None else _state(s) for s in content["states"]]
-        self._off = content["off"]
+        self._states = [None if s is None else _state(s, self.device) for s in content["states"]]
+        self._off = None if content["off"] is None else content["off"].to(self.device)
 
     def _stream(self, index: int) -> Stream:
         return Stream(
@@ -157,8 +172,7 @@ class Trainer:
         self.method.train(self.done < (1.0 - self.plan.settle) * self.plan.steps)
         for group in self.optimizer.param_groups:
             group["lr"] = self._rate()
-        pictures = torch.zeros(())
-        classes = torch.zeros(())
+        pictures = classes = torch.zeros((), device=self.device)
         for _ in range(self.plan.frames):
             picture, classified = self._frame()
             pictures, classes = pictures + picture, classes + classified
@@ -175,10 +189,9 @@ class Trainer:
 
     def _frame(self) -> tuple[Tensor, Tensor]:
         """Step all streams by one frame."""
-        samples = [next(walk) for walk in self._walks]
-        fresh = torch.tensor(
-            [s.reset or state is None for s, state in zip(samples, self._states, strict=True)]
-        )
+        samples = [on(self.device, next(walk)) for walk in self._walks]
+        new = [sample.reset or state is None for sample, state in zip(samples, self._states, strict=True)]
+        fresh = torch.tensor(new, device=self.device)
         states = [
             first_state(self.method, sample) if state is None or sample.reset else state
             for sample, state in zip(samples, self._states, strict=True)
@@ -224,7 +237,7 @@ class Trainer:
                 self.average.state_dict().values(), self.method.state_dict().values(), strict=True
             ):
                 if kept.is_floating_point():
-                    kept.lerp_(now, share)
+                    kept.lerp_(now.to(kept.device), share)
                 else:
                     kept.copy_(now)
 
@@ -237,6 +250,14 @@ def _plain(state: State) -> dict[str, Any]:
     }
 
 
-def _state(content: dict[str, Any]) -> State:
+def _state(content: dict[str, Any], device: torch.device) -> State:
     display, across, down, jitter = content["view"]
-    return State(History(*content["history"]), View(Size(*display), across, down, jitter))
+    history = History(*(tensor.to(device) for tensor in content["history"]))
+    return State(history, View(Size(*display), across, down, jitter.to(device)))
+
+
+def _device() -> torch.device:
+    """This process's GPU, where there is one."""
+    if not torch.cuda.is_available():
+        return torch.device("cpu")
+    return torch.device("cuda", int(os.environ.get("LOCAL_RANK", 0)))

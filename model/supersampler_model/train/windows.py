@@ -37,6 +37,13 @@ class Sample(NamedTuple):
     alias: Tensor  # (1, H, W) int64
 
 
+def on(device: torch.device, sample: Sample) -> Sample:
+    """Return the sample with its tensors on `device`."""
+    moved = sample._asdict()
+    moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
+    return Sample(**moved | {"view": sample.view._replace(jitter=sample.view.jitter.to(device))})
+
+
 @dataclass(frozen=True)
 class Cut:
     """Where a crop is and how it is turned; the same for all frames of a window.

@@ -4,7 +4,7 @@ An error that this package raises on purpose is one line on stderr and exit code
 wrong command line is exit code 2. Anything else keeps its traceback, since it is a bug.
 """
 
-from supersampler.cli.app import app, bench, export, main, render
+from supersampler.cli.app import app, bench, export, main, render, train
 from supersampler.cli.check import check
 from supersampler.cli.demo import demo
 from supersampler.cli.import_ import import_shot
@@ -17,6 +17,7 @@ app.command()(info)
 app.command()(check)
 app.command("import")(import_shot)
 app.command()(render)
+app.command()(train)
 app.command()(export)
 app.command()(bench)
 

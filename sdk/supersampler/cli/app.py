@@ -12,6 +12,7 @@ from supersampler.errors import SupersamplerError
 
 TOOLS = {
     "render": "supersampler_model.data.cli",
+    "train": "supersampler_model.train.cli",
     "export": "supersampler_export.cli",
     "bench": "supersampler_bench.cli",
 }
@@ -21,6 +22,7 @@ EXTRAS = {
     "torch": "train",
     "onnx": "train",
     "onnxscript": "train",
+    "tensorboard": "train",
     "moderngl": "render",
     "safetensors": "render",
 }
@@ -94,6 +96,10 @@ def supersampler(
 
 def render() -> None:
     """Render a training set with exact truth and labels. Needs moderngl."""
+
+
+def train() -> None:
+    """Train a method that learns, on rendered data or on your own shots. Needs torch."""
 
 
 def export() -> None:
