@@ -23,7 +23,10 @@ if description["conventions"]:
     sys.exit(f"{shot} is in other conventions; convert it: supersampler import {shot} -o CONVERTED")
 session = ort.InferenceSession(str(model / "step.onnx"), providers=["CPUExecutionProvider"])
 (w, h), (display_w, display_h) = description["render_size"], description["display_size"]
-sizes = {"display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w}
+sizes = {
+    "display_height": display_h, "display_width": display_w, "previous_height": h, "previous_width": w,
+    "half_height": (display_h + 1) // 2, "half_width": (display_w + 1) // 2,
+}  # fmt: skip
 out.mkdir(parents=True, exist_ok=True)
 
 for entry in description["frames"]:

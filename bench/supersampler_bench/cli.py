@@ -140,8 +140,7 @@ def shots(
         render_test_shots(folder, plan, workers=workers, on_progress=update)
     found = _found(folder, plan.ratios)
     if freeze:
-        public_shots.freeze(found, public_shots.FROZEN)
-        found = _found(folder, plan.ratios)
+        found = public_shots.freeze(found, public_shots.FROZEN)
     Console().print(_hashes(found))
     _warn_of(found)
     _ERRORS.print(f"{len(found)} shots in {folder / public_shots.NAME}")

@@ -10,13 +10,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.display import decibels
 from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.frame import Array, Float32
 
 Bool = NDArray[np.bool_]
-
-CEILING_DB = 100.0
-"""PSNR of equal pictures: a finite number, so that a perfect frame stays in the mean and JSON can hold it."""
 
 _BT709 = np.array([0.2126, 0.7152, 0.0722], np.float64)
 _WINDOW = 11  # SSIM, Wang et al. 2004: 11x11 Gaussian of sigma 1.5
@@ -41,11 +39,6 @@ def psnr(picture: Array, reference: Array, mask: Bool | None = None) -> float:
     if mask is not None:
         squared = squared[mask]
     return decibels(float(squared.mean())) if squared.size else float("nan")
-
-
-def decibels(mean_squared_error: float) -> float:
-    """Return the PSNR (dB, peak 1) of a mean squared error >= 0, at most `CEILING_DB`."""
-    return float(-10.0 * np.log10(max(mean_squared_error, 10.0 ** (-CEILING_DB / 10.0))))
 
 
 def ssim(picture: Array, reference: Array) -> float:

@@ -4,7 +4,7 @@ import json
 import os
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
 from typing import Any
@@ -199,8 +199,8 @@ def pixel_hash(shot: Shot) -> str:
     return digest.hexdigest()
 
 
-def freeze(shots: Sequence[PublicShot], path: Path) -> None:
-    """Make the pixels of these shots the ones that numbers are published for.
+def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
+    """Make the pixels of these shots the ones that numbers are published for, and return them as such.
 
     Raises:
         ShotError: they were drawn by several drivers, or the file cannot be written.
@@ -214,6 +214,7 @@ def freeze(shots: Sequence[PublicShot], path: Path) -> None:
     with replacing(path) as partial:
         text = json.dumps({"driver": drivers[0], "pixels_sha256": hashes}, indent=1) + "\n"
         partial.write_text(text, encoding="utf-8", newline="\n")
+    return [replace(shot, frozen=shot.digest, frozen_driver=shot.driver) for shot in shots]
 
 
 def _json(path: Path) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.display import auto_exposure, display_transform
+from supersampler.display import auto_exposure, decibels, display_transform
 from supersampler.errors import ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.shot import ClassMaps, Shot, ShotFrame
@@ -219,4 +219,4 @@ def _pooled(name: str, scores: list[Scores]) -> float:
         return float(values[known].mean())
     pixels = np.array([s[name.replace("psnr", "pixels")] for s in scores])
     squared_errors = 10.0 ** (-values[known] / 10.0)
-    return metrics.decibels(float(np.average(squared_errors, weights=pixels[known])))
+    return decibels(float(np.average(squared_errors, weights=pixels[known])))

@@ -8,7 +8,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.method import Size
-from supersampler_model.sampling import extreme, four, neighbours, sum_of
+from supersampler_model.sampling import Extent, extreme, four, neighbours, sum_of
 
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
 
@@ -82,17 +82,12 @@ class Past(NamedTuple):
     motion: Tensor  # (1, 2, H, W) display pixels
 
 
-def past_of(motion: Tensor, display: Size, render: Size) -> Past:
+def past_of(motion: Tensor, display: Size, render: Size | Extent) -> Past:
     """Follow `motion`, (1, 2, H, W) in render pixels."""
     across = motion[:, :1] * display.width / render.width
     down = motion[:, 1:2] * display.height / render.height
-    return past_at(across, down, display)
-
-
-def past_at(across: Tensor, down: Tensor, display: Size) -> Past:
-    """Follow motion in display pixels, (1, 1, H, W) each."""
-    x = torch.arange(display.width, device=across.device) + across
-    y = torch.arange(display.height, device=across.device)[:, None] + down
+    x = torch.arange(display.width, device=motion.device) + across
+    y = torch.arange(display.height, device=motion.device)[:, None] + down
     right, bottom = display.width - 0.5, display.height - 0.5
     on_screen = (x > -0.5) & (x < right) & (y > -0.5) & (y < bottom)
     return Past(

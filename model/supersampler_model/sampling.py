@@ -16,6 +16,8 @@ from supersampler_model.method import Size
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
+UNSEEN = 1e-3
+"""Sum of weights below which no sample of a neighbourhood is usable."""
 
 
 class Grid(NamedTuple):
@@ -29,37 +31,38 @@ class Grid(NamedTuple):
     top: Tensor  # (H,)
 
 
-def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
-    """Grid of one frame; `jitter` is (1, 2) render pixels."""
-    x = positions(display.width, render.width, jitter[0, :1])
-    y = positions(display.height, render.height, jitter[0, 1:])
-    column, row = nearest(x, render.width), nearest(y, render.height)
-    return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
+class Extent(NamedTuple):
+    """Render pixels that a display spans: its render size, and for a part of a display no whole number."""
+
+    width: float
+    height: float
 
 
 class View(NamedTuple):
     """How a display looks at render-size inputs; also a part of one, as training cuts them out."""
 
     display: Size
-    across: float  # display pixels a render pixel
-    down: float
+    extent: Extent | Size
     jitter: Tensor  # (1, 2) render pixels
 
     def to_render(self, x: Tensor, y: Tensor) -> tuple[Tensor, Tensor]:
         """Positions in display pixels as positions in render pixels."""
-        left, top = self.jitter[0, 0], self.jitter[0, 1]
-        return (x + 0.5) / self.across - 0.5 - left, (y + 0.5) / self.down - 0.5 - top
+        return (
+            (x + 0.5) * self.extent.width / self.display.width - 0.5 - self.jitter[0, 0],
+            (y + 0.5) * self.extent.height / self.display.height - 0.5 - self.jitter[0, 1],
+        )
 
     def grid(self, render: Size) -> Grid:
-        """Where display pixels look."""
-        x, y = self.to_render(*(torch.arange(n, device=self.jitter.device) for n in self.display))
+        """Where display pixels look in an input of the size `render`."""
+        x = positions(self.display.width, self.extent.width, self.jitter[0, :1])
+        y = positions(self.display.height, self.extent.height, self.jitter[0, 1:])
         column, row = nearest(x, render.width), nearest(y, render.height)
         return Grid(x, y, column, row, nearest(x.floor(), render.width), nearest(y.floor(), render.height))
 
 
-def view_of(display: Size, render: Size, jitter: Tensor) -> View:
-    """View of whole images."""
-    return View(display, display.width / render.width, display.height / render.height, jitter)
+def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
+    """Grid of one whole frame; `jitter` is (1, 2) render pixels."""
+    return View(display, render, jitter).grid(render)
 
 
 class Taps(NamedTuple):
@@ -69,7 +72,7 @@ class Taps(NamedTuple):
     weights: list[Tensor]
 
 
-def positions(display: int, render: int, jitter: Tensor) -> Tensor:
+def positions(display: int, render: float, jitter: Tensor) -> Tensor:
     """(display,) positions in render pixels where the display pixels of one axis look; `jitter` is (1,)."""
     pixel = torch.arange(display, dtype=torch.float32, device=jitter.device)
     return (pixel + 0.5) * render / display - 0.5 - jitter
@@ -98,6 +101,20 @@ def resample(image: Tensor, x: Taps, y: Taps) -> Tensor:
     """Sum `image` under the separable kernel of `x` and `y`: (1, c, h, w) -> (1, c, len y, len x)."""
     rows = sum_of([image.index_select(3, i) * w for i, w in zip(*x, strict=True)])
     return sum_of([rows.index_select(2, i) * w[:, None] for i, w in zip(*y, strict=True)])
+
+
+def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
+    """Sum `image` under `kernel` at every display pixel: (1, c, h, w) -> (1, c, H, W).
+
+    The kernel sees distances in render pixels times `scale`, (across, down).
+    """
+    x = taps(grid.x, image.shape[3], kernel, scale=scale[0])
+    return resample(image, x, taps(grid.y, image.shape[2], kernel, scale=scale[1]))
+
+
+def normalised(sums: Tensor) -> Tensor:
+    """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
+    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
 
 
 def pick(image: Tensor, grid: Grid) -> Tensor:

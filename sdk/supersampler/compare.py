@@ -23,7 +23,7 @@ from typing import IO
 
 import numpy as np
 
-from supersampler.display import display_transform, to_uint8
+from supersampler.display import decibels, display_transform, to_uint8
 from supersampler.errors import ArgumentError
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.image_io import Bytes, encode_jpeg, encode_png, replacing
@@ -175,7 +175,7 @@ def compare_layers(
         return layers, {}
     layers["error"] = false_color(np.abs(shown - truth).mean(axis=-1) / ERROR_SCALE)
     mean_squared = float(np.square(shown - truth, dtype=np.float64).mean())
-    return layers, {PSNR: -10.0 * np.log10(max(mean_squared, 1e-10))}
+    return layers, {PSNR: decibels(mean_squared)}
 
 
 def false_color(values: Array) -> Bytes:

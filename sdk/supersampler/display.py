@@ -18,6 +18,9 @@ from supersampler.frame import Array, Float32
 EXPOSURE_KEY = 0.18
 """The log-average luminance that `auto_exposure` brings a picture to: middle grey."""
 
+CEILING_DB = 100.0
+"""The PSNR of equal pictures: a finite number, which means can take in and JSON can hold."""
+
 _DARKEST = 1e-4  # luminance below which black stays black instead of pulling the average to nothing
 _MAX_HALF = 65504.0
 _ADAPTATION = 0.1
@@ -38,6 +41,11 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
     exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(exposure)
     toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
     return np.clip(srgb_oetf(toned), 0.0, 1.0)
+
+
+def decibels(mean_squared_error: float) -> float:
+    """Return the PSNR (dB, peak 1) of a mean squared error >= 0, at most `CEILING_DB`."""
+    return float(-10.0 * np.log10(max(mean_squared_error, 10.0 ** (-CEILING_DB / 10.0))))
 
 
 def srgb_oetf(linear: Array) -> Float32:

@@ -2,12 +2,12 @@
 
 A small network at half display size says of each pixel why its past may be of no use (it was hidden; its
 light has changed) and why one sample does not tell its colour (an edge; fine detail). A compositor then
-weighs what there is: the warped past, the past cut to this frame's colours (Salvi 2016), this frame's nearest
-sample and this frame smoothly upsampled. With a network that says nothing the result is the running mean of
-all samples.
+weighs what there is: the past warped by the motion of what is in front, the same cut to this frame's colours
+(Salvi 2016), the past warped by the pixel's own motion, this frame's nearest sample and this frame smoothly
+upsampled. With a network that says nothing the result is the running mean of all samples.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar, NamedTuple, Self
 
 import torch
@@ -30,7 +30,7 @@ from supersampler_model.motion import (
     Past,
     closest_of_four,
     covered,
-    past_at,
+    past_of,
     read,
     read_cubic,
     squared_length,
@@ -41,27 +41,23 @@ from supersampler_model.motion import (
 from supersampler_model.networks.classifier import ClassifierNetwork, NetworkConfig, pack, unpack
 from supersampler_model.rectification import clip_to_center, variance_box
 from supersampler_model.sampling import (
+    UNSEEN,
     Grid,
-    Kernel,
     View,
     catmull_rom,
     extreme,
     gaussian,
+    normalised,
     pick,
     pick_first,
-    resample,
     sum_of,
-    taps,
-    view_of,
+    upsample,
 )
 from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
-PLANES = 18  # channels of a pixel that the network sees
-CANDIDATES = 5  # past, past cut to the box, nearest sample, this frame by a cubic and by the learned kernel
 WINDOW = 9  # samples around a pixel that the learned kernel weighs
-NETWORK = NetworkConfig(packed=4 * PLANES, carried=6, mixing=CANDIDATES + 1 + WINDOW)
+CARRIED = 6  # classes of the frame before
 
 
 @dataclass(frozen=True)
@@ -70,6 +66,9 @@ class ClassifierConfig:
 
     Attributes:
         network: its widths.
+        rectified: whether the past cut to the box is one of what is weighed.
+        own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
+        perceptual: whether the network sees square roots of colours; else they are linear, as the blend is.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
         kernel_sigma: Gaussian that the learned kernel begins as, render pixels.
@@ -80,7 +79,10 @@ class ClassifierConfig:
         depth_margin, depth_ramp: see `covered`.
     """
 
-    network: NetworkConfig = NETWORK
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    rectified: bool = True
+    own_motion: bool = True
+    perceptual: bool = True
     sample_sigma: float = 0.47
     moment_sigma: float = 0.45
     kernel_sigma: float = 0.45
@@ -90,6 +92,16 @@ class ClassifierConfig:
     contraction: float = 1.0 / 16.0
     depth_margin: float = 0.005
     depth_ramp: float = 0.05
+
+    @property
+    def planes(self) -> int:
+        """Channels of a pixel that the network sees."""
+        return 18 + self.own_motion
+
+    @property
+    def candidates(self) -> int:
+        """Colours that are weighed."""
+        return 4 + self.rectified + self.own_motion
 
 
 class Present(NamedTuple):
@@ -109,6 +121,7 @@ class Remembered(NamedTuple):
 
     color: Tensor  # (1, 3, H, W) toned RGB
     detail: Tensor  # (1, 3, H, W) what the cubic has sharpened
+    own: Tensor  # (1, 3, H, W) where the pixel's own motion leads, toned RGB
     samples: Tensor  # (1, 1, H, W) how many it is made of; 0 where there is no past
     range: Tensor  # (1, 2, H, W) least and most luma that the samples had
     difference: Tensor  # (1, 1, H, W) of depth, equation 10
@@ -171,7 +184,9 @@ class Classifier(Method):
 
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
-        return ClassifierNetwork(self.config.network)
+        c = self.config
+        mixing = c.candidates + 1 + WINDOW
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CARRIED, mixing=mixing)
 
     @classmethod
     def of(cls, trained: Trained) -> Self:
@@ -207,8 +222,8 @@ class Classifier(Method):
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
         display = display_size_of(display_size)
-        now = view_of(display, render_size_of(color), jitter)
-        before = view_of(display, render_size_of(history_depth), history_jitter)
+        now = View(display, render_size_of(color), jitter)
+        before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
         logits, mixing = self.net(pack(self.planes(gathered)), self.carried(gathered))
@@ -230,26 +245,23 @@ class Classifier(Method):
         exposure = exposure_for(color, usable, exposure, history.exposure)
         depth = usable_depth(depth)
         surfaces = torch.cat([depth, without_thin(depth)], dim=1)
-        closest = torch.cat(closest_of_four(depth, usable_motion(motion)), dim=1)
-        closest = pick_first(closest, now.grid(render_size_of(color)))
-        there = past_at(closest[:, 1:2] * now.across, closest[:, 2:3] * now.down, now.display)
+        motion, grid = usable_motion(motion), now.grid(render_size_of(color))
+        closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
+        there = past_of(closest[:, 1:], now.display, now.extent)
+        own = past_of(pick(motion, grid), now.display, now.extent)
         present = self.gather_present(tone(color * exposure) * usable, usable, depth, now)
-        past = self.gather_past(history, there, closest[:, :1], before, exposure)
+        past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
         return Gathered(present, past, there, closest[:, :1], surfaces, exposure)
 
     def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View) -> Present:
         """Upsample the usable samples of this frame."""
         render, c = render_size_of(toned), self.config
         grid = view.grid(render)
-
-        def under(image: Tensor, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
-            x = taps(grid.x, render.width, kernel, scale=scale[0])
-            return resample(image, x, taps(grid.y, render.height, kernel, scale=scale[1]))
-
+        ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples, axes = torch.cat([toned, usable], dim=1), ycocg(toned)
-        near = under(samples, gaussian(c.sample_sigma), (view.across, view.down))
-        sharp = under(samples, catmull_rom)
-        window = under(torch.cat([axes, axes * axes, usable], dim=1), gaussian(c.moment_sigma))
+        near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
+        sharp = upsample(samples, grid, catmull_rom)
+        window = upsample(torch.cat([axes, axes * axes, usable], dim=1), grid, gaussian(c.moment_sigma))
         moments = normalised(window)
         smooth = from_ycocg(moments[:, :3])
         seen = (window[:, 6:7] > UNSEEN).float()
@@ -267,7 +279,7 @@ class Classifier(Method):
         )
 
     def gather_past(
-        self, history: History, past: Past, depth: Tensor, before: View, exposure: Tensor
+        self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor
     ) -> Remembered:
         """Warp the history."""
         c = self.config
@@ -282,6 +294,7 @@ class Classifier(Method):
         return Remembered(
             color=color,
             detail=color - linear,
+            own=tone(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
             samples=state[:, :1] * past.on_screen,
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
@@ -290,18 +303,19 @@ class Classifier(Method):
         )
 
     def planes(self, gathered: Gathered) -> Tensor:
-        """What the network sees of a pixel, (1, PLANES, H, W), all about 1 at most."""
+        """What the network sees of a pixel, (1, planes, H, W), all about 1 at most."""
         present, past, there = gathered.present, gathered.past, gathered.there
         across, down = there.x - there.x.floor(), there.y - there.y.floor()
         speed = squared_length(there.motion).sqrt()
+        colors = [present.frame, present.sample, past.color, past.range]
+        if self.config.own_motion:
+            colors.append(luminance(past.own))
+        seen = torch.cat(colors, dim=1)
         return torch.cat(
             [
-                present.frame,
-                present.sample,
+                seen.clamp(min=1e-6).sqrt() if self.config.perceptual else seen,
                 present.confidence,
-                past.color,
                 past.samples / (past.samples + 4.0),
-                past.range,
                 past.difference,
                 past.surface,
                 speed / (speed + 4.0),
@@ -315,31 +329,37 @@ class Classifier(Method):
         """What the network sees beside that, at half size."""
         return gathered.past.classes
 
+    def pasts(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
+        """Colours of the past, and the weights of a running mean, which the network multiplies."""
+        present, past = gathered.present, gathered.past
+        sharpened = (past.color + sharpness * past.detail).clamp(0.0, TONED)
+        found = [(sharpened, past.samples * past.surface + 1e-3)]
+        other = 0.1 * past.samples + 1e-3
+        if self.config.rectified:
+            box = variance_box(present.first, present.second, self.config.gamma)
+            found.append((from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED), other))
+        if self.config.own_motion:
+            found.append((past.own, other))
+        return found
+
     def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
         """Compose, count, and go back to linear RGB: the image, the state and the classes."""
         present, past = gathered.present, gathered.past
         h, w = present.frame.shape[2], present.frame.shape[3]
-        said = unpack(mixing, h, w).clamp(-16.0, 16.0)
-        sharpness, kernel = said[:, CANDIDATES : CANDIDATES + 1], said[:, CANDIDATES + 1 :]
-        sharpened = (past.color + sharpness * past.detail).clamp(0.0, TONED)
-        box = variance_box(present.first, present.second, self.config.gamma)
-        clipped = from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED)
-        candidates = [sharpened, clipped, present.sample, present.frame, weighed(present, kernel)]
-        begun = [  # the weights of a running mean, which the network multiplies
-            past.samples * past.surface + 1e-3,
-            0.1 * past.samples + 1e-3,
-            present.confidence + 1e-3,
-            torch.full_like(past.samples, 0.05),
-            torch.full_like(past.samples, 0.05),
-        ]
+        said, n = unpack(mixing, h, w).clamp(-16.0, 16.0), self.config.candidates
+        pasts = self.pasts(gathered, said[:, n : n + 1])
+        kernel = weighed(present, said[:, n + 1 :])
+        slight = torch.full_like(past.samples, 0.05)
+        presents = [(present.sample, present.confidence + 1e-3), (present.frame, slight), (kernel, slight)]
+        begun = [weight for _, weight in (*pasts, *presents)]
         weights = [b * said[:, i : i + 1].exp() for i, b in enumerate(begun)]
-        kept, new = weights[0] + weights[1], sum_of(weights[2:])
+        kept, new = sum_of(weights[: len(pasts)]), sum_of(weights[len(pasts) :])
         total = kept + new
-        color = sum_of([w / total * c for w, c in zip(weights, candidates, strict=True)])
+        color = sum_of([w / total * c for w, (c, _) in zip(weights, (*pasts, *presents), strict=True)])
         image = bounded(inverse_tone(color) / gathered.exposure)
 
         classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
-        odds = kept / new * sum_of(begun[2:])  # samples that the past was taken for
+        odds = kept / new * sum_of(begun[len(pasts) :])  # samples that the past was taken for
         count = torch.minimum(odds, past.samples).clamp(max=self.config.samples) + present.confidence
         luma = luminance(present.sample)
         known = (past.samples > 0.0).float()
@@ -349,11 +369,6 @@ class Classifier(Method):
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         range_ = luma + known * (torch.cat([low, high], dim=1) - luma)
         return image, torch.cat([count, range_], dim=1), classes
-
-
-def normalised(sums: Tensor) -> Tensor:
-    """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
-    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
 
 
 def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:

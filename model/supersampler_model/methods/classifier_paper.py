@@ -4,7 +4,7 @@ What the supplement leaves open is said at the line.
 """
 
 import itertools
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import torch
@@ -27,8 +27,7 @@ from supersampler_model.sampling import View, linear, positions, resample, taps
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, counter 1, range 6, difference 1, classes 6
 PIXEL = 14  # what the compositor sees: colour 3, past 3, classes 6, counter 1, difference 1
 
-
-NETWORK = NetworkConfig(packed=4 * PLANES, carried=0, decoder_layers=3, hidden=64)
+NETWORK = NetworkConfig(decoder_layers=3, hidden=64)
 
 
 @dataclass(frozen=True)
@@ -39,7 +38,7 @@ class PaperConfig(ClassifierConfig):
         network: widths; section 1.
     """
 
-    network: NetworkConfig = NETWORK
+    network: NetworkConfig = field(default_factory=lambda: NETWORK)
 
 
 class PaperNetwork(nn.Module):
@@ -47,7 +46,7 @@ class PaperNetwork(nn.Module):
 
     def __init__(self, config: NetworkConfig) -> None:
         super().__init__()
-        self.encoder = Encoder(config.packed, config.levels)
+        self.encoder = Encoder(4 * PLANES, config.levels)
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = Pointwise(config.decoder, CLASSES, rectified=False)
@@ -81,9 +80,10 @@ class PaperClassifier(Classifier):
         return PaperNetwork(self.config.network)
 
     def gather_past(
-        self, history: History, past: Past, depth: Tensor, before: View, exposure: Tensor
+        self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor
     ) -> Remembered:
         """Warp the history: counter, range and depth as they are nearest, logits bilinear (section 3)."""
+        del own
         x, y = before.to_render(past.x, past.y)
         there = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
@@ -93,6 +93,7 @@ class PaperClassifier(Classifier):
         return Remembered(
             color=toned,
             detail=torch.zeros_like(toned),
+            own=toned,
             samples=state[:, :1] * past.on_screen,
             range=state[:, 1:7],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),

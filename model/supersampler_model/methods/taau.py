@@ -45,20 +45,20 @@ from supersampler_model.motion import (
 )
 from supersampler_model.rectification import clip_to_center, overshoot, variance_box
 from supersampler_model.sampling import (
+    UNSEEN,
     Grid,
-    Kernel,
+    View,
     blurred,
     catmull_rom,
     gaussian,
     grid_of,
+    normalised,
     pick,
     pick_first,
-    resample,
-    taps,
+    upsample,
 )
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
-UNSEEN = 1e-3  # sum of weights below which no sample of a neighbourhood is usable
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
 
 
@@ -210,17 +210,12 @@ class Taau(Method):
         """Upsample the usable samples of this frame four ways, all separable."""
         ratio = display.width / render.width, display.height / render.height
         samples = torch.cat([toned, usable], dim=1)
-
-        def under(image: Tensor, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
-            x = taps(grid.x, render.width, kernel, scale=scale[0])
-            return resample(image, x, taps(grid.y, render.height, kernel, scale=scale[1]))
-
         c = self.config
-        smooth = normalised(under(samples, gaussian(c.frame_sigma)))
-        sharp = under(samples, catmull_rom)  # whose weights, some negative, mean nothing if many are missing
+        smooth = normalised(upsample(samples, grid, gaussian(c.frame_sigma)))
+        sharp = upsample(samples, grid, catmull_rom)  # some of its weights are negative: of no use alone
         sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
-        near = under(samples, gaussian(c.sample_sigma), ratio)
-        window = under(torch.cat([toned, toned * toned, usable], dim=1), gaussian(c.moment_sigma))
+        near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
+        window = upsample(torch.cat([toned, toned * toned, usable], dim=1), grid, gaussian(c.moment_sigma))
         moments = normalised(window)
         seen = (window[:, 6:7] > UNSEEN).float()
         return Present(
@@ -242,9 +237,8 @@ class Taau(Method):
         change: Tensor,
     ) -> tuple[Tensor, Tensor]:
         """Read where the past may show what is there now (1, 1, H, W), and its shade at this exposure."""
-        before = render_size_of(history_surface)
-        x = (past.x + 0.5) * before.width / display.width - 0.5 - history_jitter[0, 0]
-        y = (past.y + 0.5) * before.height / display.height - 0.5 - history_jitter[0, 1]
+        before = View(display, render_size_of(history_surface), history_jitter)
+        x, y = before.to_render(past.x, past.y)
         c = self.config
         hidden = covered(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
         same = past.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0)
@@ -316,11 +310,6 @@ class Taau(Method):
         known = (blend.samples > UNKNOWN).float() * blend.spreads
         power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
         return image, torch.cat([blend.samples + present.confidence, power], dim=1)
-
-
-def normalised(sums: Tensor) -> Tensor:
-    """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
-    return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

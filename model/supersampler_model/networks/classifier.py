@@ -20,22 +20,16 @@ class NetworkConfig:
     """Widths of the network.
 
     Attributes:
-        packed: channels of the packed input.
-        carried: channels at half size that come beside them (the classes of the frame before).
         levels: channels of the encoder's levels, each a multiple of what its pixels unpack into.
         decoder: channels of the decoder.
         decoder_layers: of them.
         hidden: channels of the compositor.
-        mixing: what the compositor says of each pixel.
     """
 
-    packed: int
-    carried: int
     levels: tuple[int, ...] = (32, 64, 128, 256)
     decoder: int = 32
     decoder_layers: int = 2
-    hidden: int = 40
-    mixing: int = 15
+    hidden: int = 36
 
 
 class Pointwise(nn.Sequential):
@@ -82,17 +76,23 @@ class Encoder(nn.Module):
 
 
 class ClassifierNetwork(nn.Module):
-    """Which class each packed pixel is of, and how each of its four pixels is to be composed."""
+    """Which class each packed pixel is of, and how each of its four pixels is to be composed.
 
-    def __init__(self, config: NetworkConfig) -> None:
+    Args:
+        config: widths.
+        packed: channels of the packed input.
+        carried: channels at half size that come beside them (the classes of the frame before).
+        mixing: what the compositor says of each pixel.
+    """
+
+    def __init__(self, config: NetworkConfig, *, packed: int, carried: int, mixing: int) -> None:
         super().__init__()
-        channels = config.packed + config.carried
-        self.encoder = Encoder(channels, config.levels)
+        self.encoder = Encoder(packed + carried, config.levels)
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = nn.Conv2d(config.decoder, CLASSES, 1)
-        self.hidden = Pointwise(config.packed + config.decoder, config.hidden)
-        self.mixing = nn.Conv2d(config.hidden, 4 * config.mixing, 1)
+        self.hidden = Pointwise(packed + config.decoder, config.hidden)
+        self.mixing = nn.Conv2d(config.hidden, 4 * mixing, 1)
         for parameter in self.mixing.parameters():
             nn.init.zeros_(parameter)  # begins as the running mean that the blend takes it for
 

@@ -14,7 +14,7 @@ from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
-from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods import LEARNED
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
@@ -27,7 +27,7 @@ app = typer.Typer(help="Train a method that learns.")
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="METHOD", help="classifier.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{', '.join(LEARNED)}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
@@ -43,7 +43,7 @@ def train(
     seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
     init: Annotated[Path | None, typer.Option(help="Weights to begin with, of another run.")] = None,
 ) -> None:
-    """Train the classifier; a run that was stopped goes on when the same command is given again.
+    """Train a method that learns; a run that was stopped goes on when the same command is given again.
 
     With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
 
@@ -51,8 +51,8 @@ def train(
       supersampler train classifier --data data -o run
       supersampler train classifier --shot kitchen --init run/weights.safetensors -o kitchen-run --rate 2e-4
     """
-    if name != Classifier.name:
-        raise ArgumentError("METHOD", got=name, want="classifier")
+    if name not in LEARNED:
+        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}")
     if "RANK" in os.environ:
         dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
         torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
@@ -65,7 +65,7 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
-    method = Classifier() if init is None else Classifier.of(load_trained(init))
+    method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(init))
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
     entries = validation_entries(datasets, method.ratios)
@@ -89,7 +89,7 @@ def _report(
     """Write the weights and the log, and say how it goes."""
     scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
     bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
-    means = {name: mean(getattr(u, name) for u in updates) for name in ("loss", "picture", "classes")}
+    means = {name: mean(getattr(u, name) for u in updates) for name in ("picture", "classes")}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
     with RunLog(output) as log:
         log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)

@@ -54,6 +54,6 @@ def step(method: Classifier, samples: list[Sample], states: list[State]) -> tupl
     return Drawn(torch.cat(images), logits, off_screen), after
 
 
-def detached(states: list[State]) -> list[State]:
+def detached(state: State) -> State:
     """Cut the gradient off."""
-    return [State(s.history._replace(color=s.history.color.detach()), s.view) for s in states]
+    return state._replace(history=state.history._replace(color=state.history.color.detach()))

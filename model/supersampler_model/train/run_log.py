@@ -14,7 +14,7 @@ from supersampler.display import to_uint8
 from supersampler.frame import Float32
 from supersampler.image_io import replacing, write_png
 
-_PANELS = (("loss", ("loss", "picture", "classes")), ("dB", ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")))
+_PANELS = (("loss", ("picture", "classes")), ("dB", ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")))
 """Title and columns of the curves; all other columns are shares of classes."""
 
 

@@ -16,11 +16,12 @@ import torch
 from torch import Tensor
 from torch import distributed as dist
 
+from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier, History
-from supersampler_model.sampling import View
+from supersampler_model.sampling import Extent, View
 from supersampler_model.train.checkpoint import (
     assets,
     data_hash,
@@ -67,8 +68,6 @@ class Plan:
 class Update(NamedTuple):
     """What one update was like."""
 
-    step: int
-    loss: float
     picture: float
     classes: float
     seconds: float
@@ -82,6 +81,10 @@ class Trainer:
         datasets: what on.
         plan: how.
         folder: holds the checkpoint and the log.
+
+    Raises:
+        ArgumentError: nothing can be trained on, the batch does not divide among the processes, or the
+            folder holds a run of other data, another method or another plan.
     """
 
     def __init__(self, method: Classifier, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
@@ -97,9 +100,12 @@ class Trainer:
         self.average.load_state_dict(method.state_dict())  # stays in memory of the processor, to be validated
         self.done = 0
         count = plan.batch // self.world
+        if count * self.world != plan.batch or not count:
+            want = f"a multiple of {self.world}, the number of processes"
+            raise ArgumentError("batch", got=plan.batch, want=want)
         self._streams = [self._stream(i) for i in range(count)]
         self._walks: list[Iterator[Sample]] = [iter(s) for s in self._streams]
-        self._states: list[State | None] = [None] * count
+        self._states: Sequence[State | None] = [None] * count
         self._off: Tensor | None = None
         path = folder / f"checkpoint-{self.rank}.pt"
         if path.exists():
@@ -111,8 +117,7 @@ class Trainer:
             started = time.perf_counter()
             picture, classes = self._update()
             self.done += 1
-            seconds = time.perf_counter() - started
-            on_update(Update(self.done, picture + classes, picture, classes, seconds))
+            on_update(Update(picture, classes, time.perf_counter() - started))
 
     def save(self) -> None:
         """Write this process's checkpoint."""
@@ -126,12 +131,19 @@ class Trainer:
                 "places": [asdict(s.place) for s in self._streams],
                 "states": [None if s is None else _plain(s) for s in self._states],
                 "off": self._off,
-                "config": asdict(self.method.config),
-                "plan": asdict(self.plan),
-                "data": data_hash(self.datasets),
                 "commit": source_commit(),
+                **self._made_of(),
             },
         )
+
+    def _made_of(self) -> dict[str, Any]:
+        """What must be as it was for a run to go on."""
+        return {
+            "name": self.method.name,
+            "config": asdict(self.method.config),
+            "plan": asdict(self.plan),
+            "data": data_hash(self.datasets),
+        }
 
     def trained(self, facts: Mapping[str, Any]) -> Trained:
         """Return the averaged weights, and where they come from."""
@@ -150,6 +162,10 @@ class Trainer:
 
     def _load(self, path: Path) -> None:
         content = load_checkpoint(path)
+        changed = [name for name, value in self._made_of().items() if content[name] != value]
+        if changed:
+            want = f"the run's own {', '.join(changed)}, or a new folder"
+            raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
         self.done = content["done"]
         self.method.load_state_dict(content["method"])
         self.average.load_state_dict(content["average"])
@@ -183,21 +199,17 @@ class Trainer:
         torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
         self.optimizer.step()
         self._keep_average()
-        self._states = [*detached([s for s in self._states if s is not None])]
+        self._states = [state and detached(state) for state in self._states]
         self._off = None if self._off is None else self._off.detach()
         return pictures.item() / self.plan.frames, classes.item() / self.plan.frames
 
     def _frame(self) -> tuple[Tensor, Tensor]:
         """Step all streams by one frame."""
         samples = [on(self.device, next(walk)) for walk in self._walks]
-        new = [sample.reset or state is None for sample, state in zip(samples, self._states, strict=True)]
-        fresh = torch.tensor(new, device=self.device)
-        states = [
-            first_state(self.method, sample) if state is None or sample.reset else state
-            for sample, state in zip(samples, self._states, strict=True)
-        ]
-        drawn, after = step(self.method, samples, states)
-        self._states = list(after)
+        known = [None if s.reset else state for s, state in zip(samples, self._states, strict=True)]
+        fresh = torch.tensor([state is None for state in known], device=self.device)
+        states = [state or first_state(self.method, s) for s, state in zip(samples, known, strict=True)]
+        drawn, self._states = step(self.method, samples, states)
         exposure = torch.cat([s.exposure for s in samples])
         off = shown(drawn.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
         ghost = torch.cat([s.ghost for s in samples])
@@ -246,14 +258,14 @@ def _plain(state: State) -> dict[str, Any]:
     view = state.view
     return {
         "history": [t.detach() for t in state.history],
-        "view": [list(view.display), view.across, view.down, view.jitter],
+        "view": [list(view.display), list(view.extent), view.jitter],
     }
 
 
 def _state(content: dict[str, Any], device: torch.device) -> State:
-    display, across, down, jitter = content["view"]
+    display, extent, jitter = content["view"]
     history = History(*(tensor.to(device) for tensor in content["history"]))
-    return State(history, View(Size(*display), across, down, jitter.to(device)))
+    return State(history, View(Size(*display), Extent(*extent), jitter.to(device)))
 
 
 def _device() -> torch.device:

@@ -7,7 +7,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from supersampler import display_transform
+from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
@@ -81,9 +81,9 @@ def _sequence(
             off_before = None
             continue
         if index >= WARM_UP:
-            squared.append(_decibels(off))
+            squared.append(_psnr(off))
             if off_before is not None and not frame.reset:
-                changed.append(_decibels(off - off_before))
+                changed.append(_psnr(off - off_before))
         off_before, picture = off, np.concatenate([shown, truth])
         if "classes" in method.history:
             _count(history[list(method.history).index("classes")], frame, counts)
@@ -122,5 +122,5 @@ def _mean(values: list[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _decibels(off: Float32) -> float:
-    return float(-10.0 * np.log10(max(float(np.mean(np.square(off, dtype=np.float64))), 1e-10)))
+def _psnr(off: Float32) -> float:
+    return decibels(float(np.square(off, dtype=np.float64).mean()))

@@ -14,10 +14,11 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.method import Size
-from supersampler_model.sampling import View
+from supersampler_model.sampling import Extent, View
 
 MARGIN = 3  # render pixels around those that a crop's display pixels look at
 BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
@@ -123,7 +124,11 @@ def cut_out(frame: TrainingFrame, cut: Cut, *, reset: bool) -> Sample:
         depth=planes(frame.depth[here][..., None]),
         motion=planes(motion),
         exposure=torch.tensor([frame.exposure * cut.exposure / cut.gain], dtype=torch.float32),
-        view=View(Size(cut.size, cut.size), ratio[0], ratio[1], torch.tensor([jitter], dtype=torch.float32)),
+        view=View(
+            Size(cut.size, cut.size),
+            Extent(cut.size / ratio[0], cut.size / ratio[1]),
+            torch.tensor([jitter], dtype=torch.float32),
+        ),
         reset=reset,
         reference=planes(frame.reference[there])[:, colors] * cut.gain,
         ghost=classes(frame.ghost[there]),
@@ -147,38 +152,36 @@ class Stream:
         ratios: least and largest ratio that is trained on.
         size: of the crops, display pixels.
         seed: of the draws; two streams of the same seed and place are the same.
-        place: to start from.
+
+    Raises:
+        ArgumentError: no sequence can be trained on, or crops are larger than a display.
     """
 
     def __init__(
-        self,
-        datasets: Sequence[Dataset],
-        *,
-        ratios: tuple[float, float],
-        size: int,
-        seed: Sequence[int],
-        place: Place | None = None,
+        self, datasets: Sequence[Dataset], *, ratios: tuple[float, float], size: int, seed: Sequence[int]
     ) -> None:
         slack = 0.02  # sizes are whole pixels
         self._sequences = [
-            (dataset, entry)
+            (dataset, entry, count)
             for dataset in datasets
             for entry in dataset.entries("train")
-            if ratios[0] - slack <= entry.ratio <= ratios[1] + slack and dataset.complete(entry) > 1
+            if ratios[0] - slack <= entry.ratio <= ratios[1] + slack
+            and (count := dataset.complete(entry)) > 1
         ]
+        if not self._sequences:
+            want = f"two frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
+            raise ArgumentError("data", got="nothing of use", want=want)
+        smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
+        if size > smallest:
+            raise ArgumentError("size", got=size, want=f"at most {smallest}, the smaller side of a display")
         self._size, self._seed = size, list(seed)
-        self.place = place or Place()
-
-    def __len__(self) -> int:
-        """How many sequences there are."""
-        return len(self._sequences)
+        self.place = Place()
 
     def __iter__(self) -> Iterator[Sample]:
         while True:
             random = np.random.default_rng([*self._seed, self.place.window])
-            dataset, entry = self._sequences[int(random.integers(len(self._sequences)))]
+            dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             cut = draw_cut(random, entry, dataset.description.display_size, self._size)
-            count = dataset.complete(entry)
             first = int(random.integers(max(count // 3, 1)))
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)

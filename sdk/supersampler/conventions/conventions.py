@@ -219,7 +219,7 @@ class Conventions:
         The sky's Z is 1e10. Blender has no jitter of its own: a camera with shift_x = x / max(w, h) and
         shift_y = -y / max(w, h) samples at the pixel's centre + (x, y), which is this package's sign.
 
-        Source: rendered and measured; a converged picture warped so matches the next to 0.01 pixel.
+        Source: rendered and measured; a converged picture warped so lies on the next.
         """
         return cls._preset({"motion_flip_y": True, "depth": "linear", "far": 1e10}, overrides)
 

@@ -43,7 +43,7 @@ def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path
     losses: list[float] = []
     plan = Plan(steps=24, batch=2, frames=2, size=32, rate=3e-3)
     trainer = Trainer(Classifier(), [dataset], plan, tmp_path)
-    trainer.run(on_update=lambda update: losses.append(update.loss))
+    trainer.run(on_update=lambda update: losses.append(update.picture))
     assert np.isfinite(losses).all()
     assert np.mean(losses[-8:]) < np.mean(losses[:8])
     assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())

@@ -1,5 +1,6 @@
 """Training learns, stops and goes on exactly, and refuses what it cannot use."""
 
+import dataclasses
 from pathlib import Path
 
 import numpy as np
@@ -67,8 +68,25 @@ def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
     plan = Plan(steps=30, batch=2, frames=2, size=32, rate=3e-3)
-    trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(u.loss))
+    trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(u.picture + u.classes))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
+
+
+def test_a_run_is_not_gone_on_with_by_another_plan(dataset: Dataset, tmp_path: Path) -> None:
+    first = trainer(dataset, tmp_path)
+    first.run(until=1)
+    first.save()
+    with pytest.raises(ArgumentError, match="plan"):
+        trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
+
+
+@pytest.mark.parametrize(
+    ("plan", "name"),
+    [(dataclasses.replace(PLAN, size=56), "size"), (dataclasses.replace(PLAN, batch=0), "batch")],
+)
+def test_a_plan_that_cannot_be_is_refused(dataset: Dataset, tmp_path: Path, plan: Plan, name: str) -> None:
+    with pytest.raises(ArgumentError, match=name):
+        trainer(dataset, tmp_path, plan)
 
 
 def test_a_checkpoint_that_is_none_is_refused(tmp_path: Path) -> None:

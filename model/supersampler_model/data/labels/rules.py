@@ -253,7 +253,7 @@ def _apart(velocity: Float32, other: Float32, threshold: float) -> Mask:
     return np.asarray(apart[..., 0] + apart[..., 1] > threshold)
 
 
-# numpy reduces a last axis of two or three elements many times slower than it combines them one by one.
+# Written out: numpy is slow to reduce a last axis of two or three elements.
 
 
 def _any_channel(mask: Mask) -> Mask:
