@@ -16,6 +16,7 @@ from supersampler.model_info import CONTRACT
 from supersampler_export.graph import OPSET, export_graph, history_name
 from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_parity
 from supersampler_model.method import TENSORS, Method, Shape
+from supersampler_model.methods.carry import Carry
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
@@ -29,14 +30,21 @@ def write_model_folder(method: Method, folder: Path) -> None:
     for key in ("contract", "method"):
         entry = graph.metadata_props.add()
         entry.key, entry.value = f"supersampler.{key}", str(described[key])
-    step = graph.SerializeToString(deterministic=True)
+    step, carry = _serialized(graph), _serialized(export_graph(Carry()))
     parity = check_parity(method, step)
-    described["files"] = {"step.onnx": hashlib.sha256(step).hexdigest()}
+    check_parity(Carry(), carry)
+    files = {"step.onnx": step, "carry.onnx": carry}
+    described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     described["parity"] = _parity_record(parity)
     folder.mkdir(parents=True, exist_ok=True)
-    _replace(folder / "step.onnx", step)
+    for name, content in files.items():
+        _replace(folder / name, content)
     _replace(folder / "MODEL_CARD.md", model_card(described, graph, parity).encode())
     _replace(folder / "model.json", (json.dumps(described, indent=1) + "\n").encode())
+
+
+def _serialized(graph: onnx.ModelProto) -> bytes:
+    return bytes(graph.SerializeToString(deterministic=True))
 
 
 def describe(method: Method) -> dict[str, Any]:
@@ -54,6 +62,8 @@ def describe(method: Method) -> dict[str, Any]:
             for name, shape in method.history.items()
         ],
         "image": _tensor("image", TENSORS["image"]),
+        "told": [_tensor(name, TENSORS[name]) for name in method.told],
+        "maps": {name: where._asdict() for name, where in method.maps.items()},
         "config": {} if config is None else dataclasses.asdict(config),
         **({"learned": dict(method.learned)} if method.learned else {}),
         "licence": "Apache-2.0",
@@ -68,7 +78,7 @@ def describe(method: Method) -> dict[str, Any]:
 
 def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Sequence[Parity]) -> str:
     """MODEL_CARD.md: what a person wants to know before shipping the file."""
-    tensors = [*described["inputs"], *described["history"], described["image"]]
+    tensors = [*described["inputs"], *described["history"], described["image"], *described["told"]]
     operators = Counter(node.op_type for node in graph.graph.node)
     low, high = described["ratios"]
     lines = [
@@ -78,7 +88,8 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         _origin(described.get("learned")),
         "",
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
-        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past.",
+        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past. "
+        "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells.",
         f"Any ratio of display to render size from {low} to {high}, per axis.",
         "",
         "| tensor | type | shape |",

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from supersampler.errors import SupersamplerError
-from supersampler_model.method import DISPLAY, HALF, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
+from supersampler_model.method import CHANNELS, DISPLAY, HALF, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
 
 OPSET = 17
 """Last one in which every provider implements GridSample alike (docs/contract.md)."""
@@ -57,7 +57,8 @@ def export_graph(method: Method) -> onnx.ModelProto:
     arguments = example_arguments(method, Size(26, 18), Size(52, 37), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
-    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in (*RENDER, *DISPLAY, *HALF, *PREVIOUS)}
+    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, CHANNELS)
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     dynamic = {
         name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
         for name, shape in shapes.items()
@@ -69,7 +70,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
             dynamo=True,
             opset_version=OPSET,
             input_names=[history_name(name) for name in names],
-            output_names=["image", *(f"next.{name}" for name in method.history)],
+            output_names=["image", *(f"next.{name}" for name in method.history), *method.told],
             dynamic_shapes=dynamic,
             verbose=False,
         )
@@ -92,8 +93,8 @@ def shape_of(method: Method, parameter: str) -> Shape:
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
     """Noise of the right shapes and ranges; what it shows does not matter to the trace."""
     half = ((display.height + 1) // 2, (display.width + 1) // 2)
-    every = (*render[::-1], *display[::-1], *half, *previous[::-1])
-    sizes = dict(zip((*RENDER, *DISPLAY, *HALF, *PREVIOUS), every, strict=True))
+    every = (*render[::-1], *display[::-1], *half, *previous[::-1], 3)
+    sizes = dict(zip((*RENDER, *DISPLAY, *HALF, *PREVIOUS, CHANNELS), every, strict=True))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     noise = {
         name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])
@@ -121,7 +122,7 @@ def check_portable(model: onnx.ModelProto) -> None:
 def _declare_outputs(model: onnx.ModelProto, method: Method) -> None:
     """Give the outputs the symbolic shapes of the contract, in place of the exporter's own names."""
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
-    shapes = [TENSORS["image"], *method.history.values()]
+    shapes = [method.image, *method.history.values(), *(TENSORS[name] for name in method.told)]
     for output, shape in zip(model.graph.output, shapes, strict=True):
         symbols = [current.get(n, n) if isinstance(n, str) else n for n in shape]
         output.CopyFrom(onnx.helper.make_tensor_value_info(output.name, onnx.TensorProto.FLOAT, symbols))

@@ -25,6 +25,7 @@ SIZES: Sequence[tuple[Size, Size]] = (
 """(render, display) sizes of the gate; only the first was traced."""
 
 FRAMES = 4
+CARRIED = 3  # channels carried along
 TOLERANCE = 1e-4
 SHARE = 0.999
 """At this share of the pixels the toned pictures differ by no more than TOLERANCE.
@@ -66,15 +67,16 @@ def check_parity(method: Method, graph: bytes) -> list[Parity]:
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
     """Step FRAMES noisy frames through both, each with its own history."""
-    ours = theirs = method.first_history(display, render)
+    ours = theirs = method.first_history(display, render, CARRIED)
     differences = []
     for frame in noise(render, display):
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
-            image, *ours = method(*arguments, *ours)
+            image, ours, _ = method.step(*arguments, *ours)
         names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
         feeds = {name: value.numpy() for name, value in zip(names, [*arguments, *theirs], strict=True)}
-        other, *theirs = (torch.from_numpy(array) for array in session.run(None, feeds))
+        results = [torch.from_numpy(array) for array in session.run(None, feeds)]
+        other, theirs = results[0], results[1 : 1 + len(ours)]
         differences.append((tone(image) - tone(other)).abs().numpy().ravel())
     difference = np.concatenate(differences)
     median, at_share = np.quantile(difference, [0.5, SHARE])
@@ -98,6 +100,8 @@ def noise(render: Size, display: Size) -> Iterator[dict[str, Tensor]]:
             "jitter": torch.tensor(random.uniform(-0.5, 0.5, (1, 2)).astype(np.float32)),
             "exposure": torch.zeros(1),
             "display_size": torch.tensor(display),
+            "carry": _tensor(0.5 + 0.5 * waves),
+            "weight": _tensor(random.random((1, display.height, display.width))),
         }
 
 

@@ -24,6 +24,11 @@ def quarantine(color: Tensor, fallback: Tensor | float) -> Tensor:
     return torch.where((color >= 0.0) & (color <= MAX_HALF), color, fallback)
 
 
+def finite(values: Tensor) -> Tensor:
+    """NaN, Inf and what no half float holds become 0."""
+    return torch.where(values.abs() <= MAX_HALF, values, torch.zeros_like(values))
+
+
 def bounded(color: Tensor) -> Tensor:
     """Clamp to [0, 65504]; what is not a number becomes black. Last step before an image leaves a method.
 

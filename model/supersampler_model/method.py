@@ -2,7 +2,8 @@
 
 The signature of `forward` is the contract: its parameters name the inputs that the method asks for, those
 that begin with `history_` the tensors it wants back from the frame before. Each has the shape in `TENSORS`
-or in the method's own `history`. An all-zero history means no past.
+or in the method's own `history`. An all-zero history means no past. What it returns is the image, the
+history in the order of `history`, then what else it tells, in the order of `told`.
 """
 
 import inspect
@@ -18,6 +19,7 @@ Shape = tuple[int | str, ...]
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
 DISPLAY = ("display_height", "display_width")
+CHANNELS = "channels"  # of what a frame carries along
 HALF = ("half_height", "half_width")  # half the display size, rounded up
 
 TENSORS: Mapping[str, Shape] = {
@@ -27,6 +29,8 @@ TENSORS: Mapping[str, Shape] = {
     "jitter": (1, 2),
     "exposure": (1,),  # 0 asks the graph to measure it
     "display_size": (2,),  # int64 (width, height)
+    "carry": (1, CHANNELS, *RENDER),
+    "weight": (1, 1, *DISPLAY),
     "image": (1, 3, *DISPLAY),
 }
 
@@ -38,6 +42,22 @@ class Size(NamedTuple):
     height: int
 
 
+class MapOf(NamedTuple):
+    """Where a map for people to look at is: channels of one output of the graph."""
+
+    output: str
+    first: int
+    channels: int
+
+
+class Outputs(NamedTuple):
+    """What one step returns, told apart."""
+
+    image: Tensor
+    history: list[Tensor]
+    told: list[Tensor]
+
+
 class Method(nn.Module):
     """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
 
@@ -45,6 +65,9 @@ class Method(nn.Module):
         name: as in `Upscaler(name)` and in the model folder.
         source: the paper or definition it follows.
         history: shape of each tensor handed from one frame to the next, without the `history_` prefix.
+        told: names, of `TENSORS`, of outputs that no step needs.
+        maps: by name, what says why a picture is as it is.
+        image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
@@ -52,6 +75,9 @@ class Method(nn.Module):
     name: ClassVar[str]
     source: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]] = {}
+    told: ClassVar[tuple[str, ...]] = ()
+    maps: ClassVar[Mapping[str, MapOf]] = {}
+    image: ClassVar[Shape] = TENSORS["image"]
     ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
     learned: Mapping[str, Any] = MappingProxyType({})
 
@@ -64,11 +90,17 @@ class Method(nn.Module):
     def _parameters_of_step(cls) -> list[str]:
         return [name for name in inspect.signature(cls.forward).parameters if name != "self"]
 
-    def first_history(self, display: Size, render: Size) -> list[Tensor]:
+    def step(self, *arguments: Tensor) -> Outputs:
+        """Return what `forward` does, told apart."""
+        image, *rest = self(*arguments)
+        count = len(self.history)
+        return Outputs(image, rest[:count], rest[count:])
+
+    def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """All zeros: no past."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
-        names = (*DISPLAY, *HALF, *PREVIOUS)
-        sizes = dict(zip(names, (*display[::-1], *half[::-1], *render[::-1]), strict=True))
+        names = (*DISPLAY, *HALF, *PREVIOUS, CHANNELS)
+        sizes = dict(zip(names, (*display[::-1], *half[::-1], *render[::-1], channels), strict=True))
         return [
             torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
         ]

@@ -16,6 +16,8 @@ from supersampler_model.method import Size
 
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
+WINDOW = 9
+"""Samples around a pixel that a learned kernel weighs."""
 UNSEEN = 1e-3
 """Sum of weights below which no sample of a neighbourhood is usable."""
 
@@ -115,6 +117,40 @@ def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, floa
 def normalised(sums: Tensor) -> Tensor:
     """Divide by the last channel, the sum of the weights: (1, c + 1, h, w) -> (1, c, h, w)."""
     return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
+
+
+def local_moments(color: Tensor, usable: Tensor, grid: Grid, sigma: float) -> tuple[Tensor, Tensor]:
+    """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel."""
+    window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
+    moments, seen = normalised(window), (window[:, 6:7] > UNSEEN).float()
+    return moments[:, :3], moments[:, 3:6] * seen + (1.0 - seen)  # nothing usable: any colour is likely
+
+
+def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
+    """The samples (1, 4, h, w) around each pixel's nearest, weighed by a Gaussian: WINDOW of (1, 4, H, W)."""
+    height, width = samples.shape[2], samples.shape[3]
+    around = []
+    for down in (-1, 0, 1):
+        row = grid.row + down
+        rows = samples.index_select(2, row.clamp(0, height - 1))
+        vertical = gaussian(sigma)(row - grid.y)[:, None]
+        for across in (-1, 0, 1):
+            column = grid.column + across
+            sample = rows.index_select(3, column.clamp(0, width - 1))
+            weight = sample[:, 3:] * (vertical * gaussian(sigma)(column - grid.x) + 1e-4)
+            around.append(torch.cat([sample[:, :3], weight], dim=1))
+    return around
+
+
+def weighed(window: list[Tensor], kernel: Tensor, otherwise: Tensor) -> Tensor:
+    """Mean (1, 3, H, W) of a window by a learned kernel; `otherwise` where no sample of it is usable.
+
+    `kernel` is (1, WINDOW, H, W), logarithms of factors to the window's own weights.
+    """
+    weights = [s[:, 3:] * kernel[:, i : i + 1].exp() for i, s in enumerate(window)]
+    total = sum_of(weights)
+    color = sum_of([s[:, :3] * w for s, w in zip(window, weights, strict=True)]) / total.clamp(min=1e-12)
+    return torch.where(total > 1e-9, color, otherwise)
 
 
 def pick(image: Tensor, grid: Grid) -> Tensor:

@@ -1,18 +1,20 @@
 """`Model`: one exported method in one ONNX Runtime session. Pure: it remembers nothing between calls."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal, overload
 
 import numpy as np
 import onnxruntime as ort
 
+from supersampler.carry import Carrier
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.model_info import ModelInfo, TensorInfo, find_model, read_model_info
 from supersampler.providers import check_provider_in_use, resolve_providers
 
+_CARRY = "history.carry"
 _DEVICES = {
     "CUDAExecutionProvider": "cuda",
     "TensorrtExecutionProvider": "cuda",
@@ -28,15 +30,41 @@ class History:
         display_size: (width, height) of the images that it belongs to.
         render_size: (width, height) of the frame that left it.
         tensors: by graph input name.
+        carry: (1, k, H, W) what the frame carried along; None where it was not asked for.
     """
 
     display_size: Size
     render_size: Size
     tensors: dict[str, ort.OrtValue]
+    carry: Float32 | None = None
 
     def to_numpy(self) -> dict[str, Float32]:
         """Copies of all tensors on the host."""
-        return {name: np.array(tensor.numpy()) for name, tensor in self.tensors.items()}
+        copies = {name: np.array(tensor.numpy()) for name, tensor in self.tensors.items()}
+        return copies if self.carry is None else {**copies, _CARRY: self.carry.copy()}
+
+
+Want = Literal["carry", "class_map", "weight", "count"]
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """An image and what else was asked for; the rest is None.
+
+    Attributes:
+        image: (H, W, 3) float32 linear RGB.
+        carry: (H, W, k) float32 what the frame carries along, blended as the image is.
+        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: shares of each 2x2 pixels' classes. None of a
+            past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
+        weight: (H, W) float32 share of the past in the image, [0, 1].
+        count: (H, W) float32 how many samples the image is worth.
+    """
+
+    image: Float32
+    carry: Float32 | None = None
+    class_map: Float32 | None = None
+    weight: Float32 | None = None
+    count: Float32 | None = None
 
 
 class Model:
@@ -47,8 +75,9 @@ class Model:
         providers: execution providers of ONNX Runtime in use, in order.
     """
 
-    def __init__(self, info: ModelInfo, session: ort.InferenceSession) -> None:
+    def __init__(self, info: ModelInfo, session: ort.InferenceSession, carrier: Carrier) -> None:
         self.info = info
+        self._carrier = carrier
         self.providers: list[str] = session.get_providers()
         self._session = session
         self._device = _DEVICES.get(self.providers[0], "cpu")
@@ -80,7 +109,7 @@ class Model:
         except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
             raise ModelError(f"{info.step_path}: ONNX Runtime cannot load it: {error}") from error
         check_provider_in_use(names[0], session.get_providers())
-        return cls(info, session)
+        return cls(info, session, Carrier(info, options))
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
         """No past: all zeros."""
@@ -90,6 +119,28 @@ class Model:
         }
         return History(display_size, render_size, tensors)
 
+    @overload
+    def run(
+        self,
+        frame: Frame,
+        history: History,
+        *,
+        out: Float32 | None = ...,
+        history_out: History | None = ...,
+        want: tuple[()] = ...,
+    ) -> tuple[Float32, History]: ...
+
+    @overload
+    def run(
+        self,
+        frame: Frame,
+        history: History,
+        *,
+        out: Float32 | None = ...,
+        history_out: History | None = ...,
+        want: Collection[Want],
+    ) -> tuple[Float32 | Result, History]: ...
+
     def run(
         self,
         frame: Frame,
@@ -97,7 +148,8 @@ class Model:
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
-    ) -> tuple[Float32, History]:
+        want: Collection[Want] = (),
+    ) -> tuple[Float32 | Result, History]:
         """Upscale one frame to the display size of `history`.
 
         Args:
@@ -105,21 +157,26 @@ class Model:
             history: what the frame before left; not changed.
             out: (H, W, 3) float32 to write the image to; a new array where None.
             history_out: buffers of an older history to write to; new ones where None.
+            want: what else than the image; what is not named here costs nothing.
 
         Returns:
-            The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame.
+            The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame. Where `want`
+            names something, a `Result` in place of the image.
 
         Raises:
             FrameError: the frame lacks an input, or its size does not fit.
-            ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
+            ArgumentError: `out` has the wrong shape or type, `history_out` is `history`, or the model does
+                not know what `want` names.
         """
         self.check_fits(frame, history.display_size)
+        self.check_wanted(want)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
         width, height = history.display_size
         image = _checked_out(out, (height, width, 3))
         planes = np.empty((1, 3, height, width), np.float32)
         history_out = self._prepared(history_out, history.display_size, frame.size)
+        told = self._told(want, history.display_size)
 
         binding = self._session.io_binding()
         for name, array in self._inputs(frame, history.display_size).items():
@@ -127,10 +184,21 @@ class Model:
         for h in self.info.history:
             binding.bind_ortvalue_input(h.input.name, history.tensors[h.input.name])
             binding.bind_ortvalue_output(h.output, history_out.tensors[h.input.name])
-        binding.bind_ortvalue_output(self.info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
+        for name, array in ((self.info.image.name, planes), *told.items()):
+            binding.bind_ortvalue_output(name, ort.OrtValue.ortvalue_from_numpy(array))
+        carried = None
         self._session.run_with_iobinding(binding)
+        if "carry" in want:
+            carried = self._carried(frame, told.get("weight"), history)
         np.copyto(image, planes[0].transpose(1, 2, 0))
-        return image, history_out
+        history_out.carry = carried
+        return (self._result(image, want, told, history_out) if want else image), history_out
+
+    def check_wanted(self, want: Collection[str]) -> None:
+        """Raise ArgumentError where the model does not know what `want` names."""
+        known = ["carry", *self.info.maps]
+        if isinstance(want, str) or not set(want) <= set(known):
+            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
 
     def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
         """Put copies made by `History.to_numpy` back on the device."""
@@ -141,6 +209,7 @@ class Model:
                     "state", got=f"without a fitting {name!r}", want=f"one saved by {self.info.method!r}"
                 )
             tensor.update_inplace(np.ascontiguousarray(arrays[name], np.float32))
+        history.carry = arrays[_CARRY].copy() if _CARRY in arrays else None
         return history
 
     def check_fits(self, frame: Frame, display_size: Size) -> None:
@@ -158,6 +227,36 @@ class Model:
                     want=f"a ratio from {low} to {high}",
                     hint="Sizes are (width, height).",
                 )
+
+    def _told(self, want: Collection[str], display: Size) -> dict[str, Float32]:
+        """Buffers for what the graph tells beside image and history, as far as it is wanted."""
+        needed = {self.info.maps[name].output for name in want if name != "carry"}
+        needed |= {"weight"} if "carry" in want else set()
+        return {
+            t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
+            for t in self.info.told
+            if t.name in needed
+        }
+
+    def _carried(self, frame: Frame, weight: Float32 | None, history: History) -> Float32:
+        display = history.display_size
+        if weight is None:  # a method without a past
+            weight = np.zeros((1, 1, *display[::-1]), np.float32)
+        return self._carrier.blend(frame, weight, history.carry, display)
+
+    def _result(
+        self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
+    ) -> Result:
+        inputs = {h.output: h.input.name for h in self.info.history}
+        maps: dict[str, Float32] = {}
+        for name in set(want) - {"carry"}:
+            where = self.info.maps[name]
+            tensor = told.get(where.output)
+            planes = left.tensors[inputs[where.output]].numpy() if tensor is None else tensor
+            planes = planes[0, where.first : where.first + where.channels]
+            maps[name] = planes[0].copy() if len(planes) == 1 else planes.transpose(1, 2, 0).copy()
+        carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
+        return Result(image, carry=carry, **maps)
 
     def _inputs(self, frame: Frame, display_size: Size) -> dict[str, np.ndarray[Any, Any]]:
         """Frame inputs that the graph takes, as contiguous NCHW."""

@@ -53,6 +53,15 @@ class HistoryInfo:
 
 
 @dataclass(frozen=True)
+class MapInfo:
+    """Where a map for people to look at is: `channels` of the output tensor `output`, from `first` on."""
+
+    output: str
+    first: int
+    channels: int
+
+
+@dataclass(frozen=True)
 class ModelInfo:
     """What model.json says; see `supersampler info MODEL`."""
 
@@ -64,6 +73,8 @@ class ModelInfo:
     inputs: tuple[TensorInfo, ...]
     history: tuple[HistoryInfo, ...]
     image: TensorInfo
+    told: tuple[TensorInfo, ...]
+    maps: Mapping[str, MapInfo]
     files: Mapping[str, str]
     config: Mapping[str, Any]
     parity: Mapping[str, Any]
@@ -75,6 +86,11 @@ class ModelInfo:
     def step_path(self) -> Path:
         """The graph of the whole recurrent step."""
         return self.folder / "step.onnx"
+
+    @property
+    def carry_path(self) -> Path:
+        """The graph that blends what frames carry along."""
+        return self.folder / "carry.onnx"
 
 
 def model_names() -> list[str]:
@@ -144,6 +160,8 @@ def _parse(folder: Path, data: Mapping[str, Any]) -> ModelInfo:
         inputs=tuple(_tensor(t) for t in data["inputs"]),
         history=tuple(HistoryInfo(_tensor(t), t["output"]) for t in data["history"]),
         image=_tensor(data["image"]),
+        told=tuple(_tensor(t) for t in data["told"]),
+        maps={name: MapInfo(**where) for name, where in data["maps"].items()},
         files=data["files"],
         config=data["config"],
         parity=data["parity"],

@@ -1,18 +1,18 @@
 """`Upscaler`: a Model and the history of one view. One per camera; frames go in one after the other."""
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Literal
+from typing import Literal, overload
 
 import numpy as np
 
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.model import History, Model
+from supersampler.model import History, Model, Result, Want
 
 
 @dataclass(frozen=True)
@@ -103,19 +103,33 @@ class Upscaler:
         """(width, height) of the images; with `scale` None until the first frame."""
         return self._display_size
 
-    def step(self, frame: Frame, *, out: Float32 | None = None) -> Float32:
+    @overload
+    def step(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
+
+    @overload
+    def step(
+        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[Want]
+    ) -> Float32 | Result: ...
+
+    def step(
+        self, frame: Frame, *, out: Float32 | None = None, want: Collection[Want] = ()
+    ) -> Float32 | Result:
         """Upscale the next frame.
 
         Args:
             frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
             out: (H, W, 3) float32 to write the image to.
+            want: what else to return: "carry", and what tells why the image is as it is, "class_map",
+                "weight", "count", as far as the method knows it. What is not named costs nothing; what
+                frames carry along must be asked for from one frame to the next, or begins anew.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
+            Where `want` names something, a `Result` with it as `image`.
 
         Raises:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
-            ArgumentError: `out` has the wrong shape or type.
+            ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
         started = time.perf_counter()
         if self._closed:
@@ -126,7 +140,7 @@ class Upscaler:
         history, fresh = self._history, False
         if history is None or frame.reset:
             history, fresh = self.model.first_history(display_size, frame.size), True
-        image, left = self.model.run(frame, history, out=out, history_out=self._spare)
+        image, left = self.model.run(frame, history, out=out, history_out=self._spare, want=want)
         self._display_size = display_size
         self._history, self._spare = left, history
         self.stats = Stats(

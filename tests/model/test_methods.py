@@ -61,7 +61,7 @@ def run_torch(method: Method, scene: Scene, count: int) -> list[Float32]:
             "display_size": torch.tensor(DISPLAY),
         }
         with torch.no_grad():
-            image, *history = method(*(tensors[name] for name in method.inputs()), *history)
+            image, history, _ = method.step(*(tensors[name] for name in method.inputs()), *history)
         images.append(image[0].numpy().transpose(1, 2, 0))
     return images
 

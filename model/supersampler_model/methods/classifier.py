@@ -25,7 +25,15 @@ from supersampler_model.color import (
     valid,
     ycocg,
 )
-from supersampler_model.method import DISPLAY, HALF, PREVIOUS, Method, display_size_of, render_size_of
+from supersampler_model.method import (
+    DISPLAY,
+    HALF,
+    PREVIOUS,
+    MapOf,
+    Method,
+    display_size_of,
+    render_size_of,
+)
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -38,26 +46,33 @@ from supersampler_model.motion import (
     usable_motion,
     without_thin,
 )
-from supersampler_model.networks.classifier import ClassifierNetwork, NetworkConfig, pack, unpack
+from supersampler_model.networks.classifier import (
+    CLASSES,
+    ClassifierNetwork,
+    NetworkConfig,
+    pack,
+    shares,
+    unpack,
+)
 from supersampler_model.rectification import clip_to_center, variance_box
 from supersampler_model.sampling import (
-    UNSEEN,
-    Grid,
+    WINDOW,
     View,
     catmull_rom,
     extreme,
     gaussian,
+    local_moments,
     normalised,
     pick,
     pick_first,
     sum_of,
     upsample,
+    weighed,
+    window_of,
 )
 from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-WINDOW = 9  # samples around a pixel that the learned kernel weighs
-CARRIED = 6  # classes of the frame before
 
 
 @dataclass(frozen=True)
@@ -150,16 +165,13 @@ class History(NamedTuple):
     exposure: Tensor
 
 
-class Step(NamedTuple):
-    """The image and what the next frame needs."""
+class Finished(NamedTuple):
+    """What a step draws and remembers."""
 
-    image: Tensor
-    history_color: Tensor
-    history_state: Tensor
-    history_classes: Tensor
-    history_depth: Tensor
-    history_jitter: Tensor
-    history_exposure: Tensor
+    image: Tensor  # (1, 3, H, W) linear RGB
+    state: Tensor  # as in `Classifier.history`
+    classes: Tensor
+    weight: Tensor  # (1, 1, H, W) share of the past in the image
 
 
 class Classifier(Method):
@@ -176,6 +188,12 @@ class Classifier(Method):
         "jitter": (1, 2),
         "exposure": (1,),
     }
+    told: ClassVar = ("weight",)
+    maps: ClassVar = {
+        "class_map": MapOf("next.classes", 0, CLASSES),
+        "weight": MapOf("weight", 0, 1),
+        "count": MapOf("next.state", 0, 1),
+    }
 
     def __init__(self, config: ClassifierConfig | None = None) -> None:
         super().__init__()
@@ -186,7 +204,7 @@ class Classifier(Method):
         """Return the network, untrained."""
         c = self.config
         mixing = c.candidates + 1 + WINDOW
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CARRIED, mixing=mixing)
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CLASSES, mixing=mixing)
 
     @classmethod
     def of(cls, trained: Trained) -> Self:
@@ -219,16 +237,18 @@ class Classifier(Method):
         history_depth: Tensor,  # (1, 2, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
-    ) -> Step:
-        """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
+    ) -> tuple[Tensor, ...]:
+        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
         display = display_size_of(display_size)
         now = View(display, render_size_of(color), jitter)
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
         logits, mixing = self.net(pack(self.planes(gathered)), self.carried(gathered))
-        image, state, classes = self.finish(gathered, logits, mixing)
-        return Step(image, image, state, classes, gathered.surfaces, jitter * 1.0, gathered.exposure)
+        done = self.finish(gathered, logits, mixing)
+        surfaces, exposure = gathered.surfaces, gathered.exposure
+        left = (done.image, done.state, done.classes, surfaces, jitter * 1.0, exposure)
+        return (done.image, *left, done.weight)
 
     def gather(
         self,
@@ -258,13 +278,11 @@ class Classifier(Method):
         render, c = render_size_of(toned), self.config
         grid = view.grid(render)
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
-        samples, axes = torch.cat([toned, usable], dim=1), ycocg(toned)
+        samples = torch.cat([toned, usable], dim=1)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
         sharp = upsample(samples, grid, catmull_rom)
-        window = upsample(torch.cat([axes, axes * axes, usable], dim=1), grid, gaussian(c.moment_sigma))
-        moments = normalised(window)
-        smooth = from_ycocg(moments[:, :3])
-        seen = (window[:, 6:7] > UNSEEN).float()
+        first, second = local_moments(ycocg(toned), usable, grid, c.moment_sigma)
+        smooth = from_ycocg(first)
         closest, farthest = extreme(depth, torch.maximum), extreme(depth, torch.minimum)
         edge = (closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)
         whole = (sharp[:, 3:4] > 0.9).float()  # some of its weights are negative: of no use where many miss
@@ -272,8 +290,8 @@ class Classifier(Method):
             frame=(smooth + whole * (normalised(sharp) - smooth)).clamp(0.0, TONED),
             sample=normalised(near).clamp(0.0, TONED),
             confidence=near[:, 3:4].clamp(max=1.0),
-            first=moments[:, :3],
-            second=moments[:, 3:6] * seen + (1.0 - seen),  # where nothing is usable the box holds all colours
+            first=first,
+            second=second,
             window=window_of(samples, grid, c.kernel_sigma),
             edge=pick(edge.clamp(0.0, 1.0), grid),
         )
@@ -342,13 +360,13 @@ class Classifier(Method):
             found.append((past.own, other))
         return found
 
-    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-        """Compose, count, and go back to linear RGB: the image, the state and the classes."""
+    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> Finished:
+        """Compose, count, and go back to linear RGB."""
         present, past = gathered.present, gathered.past
         h, w = present.frame.shape[2], present.frame.shape[3]
         said, n = unpack(mixing, h, w).clamp(-16.0, 16.0), self.config.candidates
         pasts = self.pasts(gathered, said[:, n : n + 1])
-        kernel = weighed(present, said[:, n + 1 :])
+        kernel = weighed(present.window, said[:, n + 1 :], present.frame)
         slight = torch.full_like(past.samples, 0.05)
         presents = [(present.sample, present.confidence + 1e-3), (present.frame, slight), (kernel, slight)]
         begun = [weight for _, weight in (*pasts, *presents)]
@@ -368,35 +386,4 @@ class Classifier(Method):
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         range_ = luma + known * (torch.cat([low, high], dim=1) - luma)
-        return image, torch.cat([count, range_], dim=1), classes
-
-
-def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
-    """The samples (1, 4, h, w) around each pixel's nearest, weighed by a Gaussian: WINDOW of (1, 4, H, W)."""
-    height, width = samples.shape[2], samples.shape[3]
-    around = []
-    for down in (-1, 0, 1):
-        row = grid.row + down
-        rows = samples.index_select(2, row.clamp(0, height - 1))
-        vertical = gaussian(sigma)(row - grid.y)[:, None]
-        for across in (-1, 0, 1):
-            column = grid.column + across
-            sample = rows.index_select(3, column.clamp(0, width - 1))
-            weight = sample[:, 3:] * (vertical * gaussian(sigma)(column - grid.x) + 1e-4)
-            around.append(torch.cat([sample[:, :3], weight], dim=1))
-    return around
-
-
-def weighed(present: Present, kernel: Tensor) -> Tensor:
-    """This frame by the learned kernel (1, WINDOW, H, W), logarithms of factors to the Gaussian."""
-    weights = [s[:, 3:] * kernel[:, i : i + 1].exp() for i, s in enumerate(present.window)]
-    total = sum_of(weights)
-    color = sum_of([s[:, :3] * w for s, w in zip(present.window, weights, strict=True)])
-    color = color / total.clamp(min=1e-12)
-    return torch.where(total > 1e-9, color, present.frame)
-
-
-def shares(logits: Tensor) -> Tensor:
-    """Softmax of three channels, in operators that all providers have alike."""
-    likely = (logits.clamp(-30.0, 30.0)).exp()
-    return likely / sum_of([likely[:, :1], likely[:, 1:2], likely[:, 2:3]])
+        return Finished(image, torch.cat([count, range_], dim=1), classes, kept / total)

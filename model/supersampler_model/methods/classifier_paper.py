@@ -15,13 +15,21 @@ from supersampler_model.method import DISPLAY, PREVIOUS
 from supersampler_model.methods.classifier import (
     Classifier,
     ClassifierConfig,
+    Finished,
     Gathered,
     History,
     Remembered,
-    shares,
 )
 from supersampler_model.motion import Past, read, read_cubic
-from supersampler_model.networks.classifier import CLASSES, Encoder, NetworkConfig, Pointwise, cut_to, padded
+from supersampler_model.networks.classifier import (
+    CLASSES,
+    Encoder,
+    NetworkConfig,
+    Pointwise,
+    cut_to,
+    padded,
+    shares,
+)
 from supersampler_model.sampling import View, linear, positions, resample, taps
 
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, counter 1, range 6, difference 1, classes 6
@@ -121,7 +129,7 @@ class PaperClassifier(Classifier):
         """Nothing: the classes of the frame before are among the planes."""
         return gathered.past.classes[:, :0, ::2, ::2]
 
-    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> Finished:
         """Upsample the logits, weigh, blend; update counter and range."""
         del mixing
         present, past = gathered.present, gathered.past
@@ -151,4 +159,4 @@ class PaperClassifier(Classifier):
         high = torch.maximum(high, now) - share * (high - now).clamp(min=0.0)
         both = torch.cat([now, now], dim=1)
         range_ = both + kept * (torch.cat([low, high], dim=1) - both)
-        return image, torch.cat([counter, range_], dim=1), classes
+        return Finished(image, torch.cat([counter, range_], dim=1), classes, weight)

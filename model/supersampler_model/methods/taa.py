@@ -25,7 +25,7 @@ from supersampler_model.color import (
     valid,
     ycocg,
 )
-from supersampler_model.method import DISPLAY, Method, display_size_of, render_size_of
+from supersampler_model.method import DISPLAY, MapOf, Method, display_size_of, render_size_of
 from supersampler_model.motion import (
     longest,
     past_of,
@@ -83,6 +83,7 @@ class Step(NamedTuple):
     image: Tensor
     history_color: Tensor
     history_exposure: Tensor
+    weight: Tensor
 
 
 class Taa(Method):
@@ -90,6 +91,8 @@ class Taa(Method):
 
     name, source = "taa", "Salvi, An Excursion in Temporal Supersampling, GDC 2016"
     history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}
+    told: ClassVar = ("weight",)
+    maps: ClassVar = {"weight": MapOf("weight", 0, 1)}
 
     def __init__(self, config: TaaConfig | None = None) -> None:
         super().__init__()
@@ -105,12 +108,13 @@ class Taa(Method):
         history_color: Tensor,  # (1, 3, H, W) linear RGB
         history_exposure: Tensor,  # (1,) 0: no past
     ) -> Step:
-        """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
         usable, color = valid(color), quarantine(color, 0.0)
         exposure = exposure_for(color, usable, exposure, history_exposure)
         seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
-        image = self.finish(seen, self.network(seen, history_exposure), exposure)
-        return Step(image, image, exposure)
+        weight = self.network(seen, history_exposure)
+        image = self.finish(seen, weight, exposure)
+        return Step(image, image, exposure, 1.0 - weight)
 
     def gather(
         self,

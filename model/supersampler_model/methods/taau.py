@@ -30,7 +30,15 @@ from supersampler_model.color import (
     valid,
     ycocg,
 )
-from supersampler_model.method import DISPLAY, PREVIOUS, Method, Size, display_size_of, render_size_of
+from supersampler_model.method import (
+    DISPLAY,
+    PREVIOUS,
+    MapOf,
+    Method,
+    Size,
+    display_size_of,
+    render_size_of,
+)
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -52,6 +60,7 @@ from supersampler_model.sampling import (
     catmull_rom,
     gaussian,
     grid_of,
+    local_moments,
     normalised,
     pick,
     pick_first,
@@ -153,6 +162,7 @@ class Step(NamedTuple):
     history_surface: Tensor
     history_jitter: Tensor
     history_exposure: Tensor
+    weight: Tensor
 
 
 class Taau(Method):
@@ -166,6 +176,8 @@ class Taau(Method):
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),
     }
+    told: ClassVar = ("weight",)
+    maps: ClassVar = {"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)}
 
     def __init__(self, config: TaauConfig | None = None) -> None:
         super().__init__()
@@ -185,7 +197,7 @@ class Taau(Method):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> Step:
-        """Return the image (1, 3, H, W), linear RGB >= 0, and the history."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         usable, color = valid(color), quarantine(color, 0.0)
@@ -202,7 +214,8 @@ class Taau(Method):
         remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
         image, samples = self.finish(present, remembered, blend, exposure)
-        return Step(image, image, samples, surface, jitter * 1.0, exposure)
+        weight = (1.0 - blend.weight) * (blend.samples > UNKNOWN)
+        return Step(image, image, samples, surface, jitter * 1.0, exposure, weight)
 
     def gather_present(
         self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size
@@ -215,15 +228,13 @@ class Taau(Method):
         sharp = upsample(samples, grid, catmull_rom)  # some of its weights are negative: of no use alone
         sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
-        window = upsample(torch.cat([toned, toned * toned, usable], dim=1), grid, gaussian(c.moment_sigma))
-        moments = normalised(window)
-        seen = (window[:, 6:7] > UNSEEN).float()
+        first, second = local_moments(toned, usable, grid, c.moment_sigma)
         return Present(
             frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
-            first=moments[:, :3],
-            second=moments[:, 3:6] * seen + (1.0 - seen),  # where nothing is usable the box holds all colours
+            first=first,
+            second=second,
             shade=pick(surface[:, 1:3], grid),
         )
 

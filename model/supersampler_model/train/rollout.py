@@ -46,9 +46,9 @@ def step(method: Classifier, samples: list[Sample], states: list[State]) -> tupl
     logits, mixing = logits.float(), mixing.float()
     images, after = [], []
     for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
-        image, state, classes = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
-        left = History(image, state.detach(), classes.detach(), g.surfaces, g.exposure)
-        images.append(image)
+        done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
+        left = History(done.image, done.state.detach(), done.classes.detach(), g.surfaces, g.exposure)
+        images.append(done.image)
         after.append(State(left, sample.view))
     off_screen = torch.cat([1.0 - g.there.on_screen for g in gathered])
     return Drawn(torch.cat(images), logits, off_screen), after

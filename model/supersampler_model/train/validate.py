@@ -73,7 +73,7 @@ def _sequence(
         if frame.reset or not history:
             history = method.first_history(display, Size(*frame.depth.shape[::-1]))
         with torch.no_grad():
-            image, *history = method(*frame_tensors(frame), torch.tensor(display), *history)
+            image, history, _ = method.step(*frame_tensors(frame), torch.tensor(display), *history)
         shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
         truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
         off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]

@@ -17,10 +17,12 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.labels import Alias
 from supersampler_model.method import Size
 from supersampler_model.sampling import Extent, View
 
 MARGIN = 3  # render pixels around those that a crop's display pixels look at
+CHOICES = 3  # crops to choose the one with most to learn from
 BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
 
 
@@ -181,13 +183,22 @@ class Stream:
         while True:
             random = np.random.default_rng([*self._seed, self.place.window])
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
-            cut = draw_cut(random, entry, dataset.description.display_size, self._size)
             first = int(random.integers(max(count // 3, 1)))
+            display_size = dataset.description.display_size
+            cuts = [draw_cut(random, entry, display_size, self._size) for _ in range(CHOICES)]
+            alias = dataset.read(entry, first).alias
+            cut = max(cuts, key=lambda cut: _aliased(alias, cut))
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
                 yield cut_out(frame, cut, reset=frame.reset or index == first)
             self.place = Place(self.place.window + 1, 0)
+
+
+def _aliased(alias: NDArray[np.uint8], cut: Cut) -> int:
+    """How many pixels of a crop one sample does not do justice to."""
+    crop = alias[cut.top : cut.top + cut.size, cut.left : cut.left + cut.size]
+    return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 
 
 def _span(corner: int, size: int, ratio: float, extent: int) -> tuple[int, int]:

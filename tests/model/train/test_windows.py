@@ -48,7 +48,7 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     history = method.first_history(Size(*DISPLAY), Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
         with torch.no_grad():
-            image, *history = method(*frame_tensors(frame), torch.tensor(DISPLAY), *history)
+            image, history, _ = method.step(*frame_tensors(frame), torch.tensor(DISPLAY), *history)
     picture: torch.Tensor = image
     return picture
 
