@@ -32,7 +32,7 @@ from supersampler.model_info import ModelInfo, model_names
 
 if TYPE_CHECKING:
     from supersampler.detect import Detection, detect_conventions
-    from supersampler.model import History, Model
+    from supersampler.model import History, Model, Result
     from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.upscaler import State, Stats, Upscaler
 
@@ -52,6 +52,7 @@ __all__ = [
     "ModelInfo",
     "ProviderError",
     "RawFrame",
+    "Result",
     "Shot",
     "ShotError",
     "ShotFrame",
@@ -77,7 +78,7 @@ __all__ = [
 # These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
 _LAZY = {
     **dict.fromkeys(("Detection", "detect_conventions"), "detect"),
-    **dict.fromkeys(("History", "Model"), "model"),
+    **dict.fromkeys(("History", "Model", "Result"), "model"),
     **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
     **dict.fromkeys(("State", "Stats", "Upscaler"), "upscaler"),
 }

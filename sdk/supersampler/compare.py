@@ -40,16 +40,26 @@ _FRAMES_GO_HERE = "<!-- frames -->\n"
 
 @dataclass(frozen=True, kw_only=True)
 class Legend:
-    """The scale of a layer in false colours: CSS colours from `low` to `high`, evenly spaced."""
+    """What the false colours of a layer mean.
+
+    Attributes:
+        colors: CSS colours: a scale from `low` to `high`, evenly spaced, or one for each of `names`.
+        low, high: the ends of a scale.
+        names: of colours that are no scale.
+    """
 
     colors: Sequence[str]
-    low: str
-    high: str
+    low: str = ""
+    high: str = ""
+    names: Sequence[str] = ()
 
 
-ERROR_LEGEND = Legend(
-    colors=[f"rgb{color}" for color in _ERROR_COLORS], low="0", high=f"{ERROR_SCALE:.0%} of the display range"
-)
+def false_color_legend(low: str, high: str) -> Legend:
+    """Return the scale of `false_color`."""
+    return Legend(colors=[f"rgb{color}" for color in _ERROR_COLORS], low=low, high=high)
+
+
+ERROR_LEGEND = false_color_legend("0", f"{ERROR_SCALE:.0%} of the display range")
 
 
 @dataclass(frozen=True, kw_only=True)

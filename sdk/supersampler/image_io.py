@@ -64,8 +64,8 @@ def read_exr_channels(path: Path | str) -> list[str]:
 def write_exr(
     path: Path | str,
     image: Channel | Mapping[str, Channel],
-    *,
     channels: Sequence[str] = ("R", "G", "B"),
+    *,
     compression: str = "zip",
 ) -> None:
     """Write an EXR file, in one piece or not at all. float16 is stored as half, float32 as float.

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, overload
+from typing import Any, overload
 
 import numpy as np
 import onnxruntime as ort
@@ -42,9 +42,6 @@ class History:
         """Copies of all tensors on the host."""
         copies = {name: np.array(tensor.numpy()) for name, tensor in self.tensors.items()}
         return copies if self.carry is None else {**copies, _CARRY: self.carry.copy()}
-
-
-Want = Literal["carry", "class_map", "weight", "count"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,7 +135,7 @@ class Model:
         *,
         out: Float32 | None = ...,
         history_out: History | None = ...,
-        want: Collection[Want],
+        want: Collection[str],
     ) -> tuple[Float32 | Result, History]: ...
 
     def run(
@@ -148,7 +145,7 @@ class Model:
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
-        want: Collection[Want] = (),
+        want: Collection[str] = (),
     ) -> tuple[Float32 | Result, History]:
         """Upscale one frame to the display size of `history`.
 

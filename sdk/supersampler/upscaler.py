@@ -12,7 +12,7 @@ import numpy as np
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.model import History, Model, Result, Want
+from supersampler.model import History, Model, Result
 
 
 @dataclass(frozen=True)
@@ -107,12 +107,10 @@ class Upscaler:
     def step(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
 
     @overload
-    def step(
-        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[Want]
-    ) -> Float32 | Result: ...
+    def step(self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]) -> Float32 | Result: ...
 
     def step(
-        self, frame: Frame, *, out: Float32 | None = None, want: Collection[Want] = ()
+        self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
     ) -> Float32 | Result:
         """Upscale the next frame.
 

@@ -15,7 +15,7 @@ from onnx import helper
 from torch import Tensor
 from typer.testing import CliRunner
 
-from supersampler import Frame, Model, SupersamplerError, Upscaler
+from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.model_info import find_model
 from supersampler_export import folder as folder_module
@@ -67,7 +67,9 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
     graph = onnx.load(info.step_path).graph
     inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
     assert [value.name for value in graph.input] == inputs
-    assert [value.name for value in graph.output] == [info.image.name, *(h.output for h in info.history)]
+    outputs = [info.image.name, *(h.output for h in info.history), *(t.name for t in info.told)]
+    assert [value.name for value in graph.output] == outputs
+    assert {where.output for where in info.maps.values()} <= set(outputs)
     for value, tensor in zip(graph.input, [*info.inputs, *(h.input for h in info.history)], strict=True):
         dims = [dim.dim_param or dim.dim_value for dim in value.type.tensor_type.shape.dim]
         assert tuple(dims) == tensor.shape
@@ -93,9 +95,12 @@ def test_a_learned_method_is_exported_from_its_weights(name: str, tmp_path: Path
             color=random.random((14, 21, 3), np.float32), depth=random.random((14, 21), np.float32),
             motion=random.normal(size=(14, 21, 2)).astype(np.float32), jitter=(0.1, -0.2),
         )  # fmt: skip
-        image = upscaler.step(frame)
-        assert np.isfinite(image).all()
-        assert (image >= 0.0).all()
+        result = upscaler.step(frame, want=("class_map", "weight", "count"))
+        assert isinstance(result, Result)
+        assert np.isfinite(result.image).all()
+        assert (result.image >= 0.0).all()
+        assert result.class_map is not None
+        np.testing.assert_allclose(result.class_map[..., :3].sum(axis=-1), 1.0, atol=1e-3)
 
 
 @pytest.mark.parametrize("arguments", [["classifier"], ["taau", "--weights", "weights.safetensors"]])

@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -70,10 +71,10 @@ def pictures(folder: Path) -> dict[str, tuple[bytes, int]]:
 def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
     write: Callable[..., None] = Results.write
 
-    def stop(self: Results, at: int, image: np.ndarray, exposure: float) -> None:
+    def stop(self: Results, at: int, *picture: Any) -> None:
         if at == index:
             raise KeyboardInterrupt
-        write(self, at, image, exposure)
+        write(self, at, *picture)
 
     monkeypatch.setattr(Results, "write", stop)
 

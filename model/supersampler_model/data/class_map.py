@@ -4,26 +4,16 @@ The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; wher
 of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
 """
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
+from supersampler.maps import CLASS_COLORS, NO_CLASS
 from supersampler_model.data.labels import Alias, Ghost, Labels
 
 Picture = NDArray[np.uint8]
-
-NOTHING = (24, 24, 24)
-COLORS: Mapping[str, tuple[int, int, int]] = {
-    "visibility": (213, 94, 0),  # vermilion
-    "visibility, aliased": (204, 121, 167),  # purple
-    "shading": (240, 228, 66),  # yellow
-    "geometry": (86, 180, 233),  # sky blue
-    "texture": (0, 158, 115),  # green
-}
-"""sRGB of each class, in the legend's order; NOTHING is that of pixels without a class."""
 
 OPACITY = 0.6
 LUMA = np.array((0.2126, 0.7152, 0.0722))
@@ -41,7 +31,7 @@ ADVANCE, LINE = 4, 8  # pixels from letter to letter, and from line to line, bef
 
 
 def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
-    """Return which pixels (H, W) have each colour of COLORS; no two overlap."""
+    """Return which pixels (H, W) have each colour of CLASS_COLORS; no two overlap."""
     visibility, shading = labels.ghost == Ghost.VISIBILITY, labels.ghost == Ghost.SHADING
     aliased, ghost = labels.alias != Alias.NONE, labels.ghost != Ghost.NONE
     return {
@@ -55,9 +45,9 @@ def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
 
 def class_picture(labels: Labels) -> Picture:
     """(H, W, 3) sRGB of the classes alone."""
-    picture = np.full((*labels.ghost.shape, 3), NOTHING, np.uint8)
+    picture = np.full((*labels.ghost.shape, 3), NO_CLASS, np.uint8)
     for name, mask in masks_of(labels).items():
-        picture[mask] = COLORS[name]
+        picture[mask] = CLASS_COLORS[name]
     return picture
 
 
@@ -79,7 +69,7 @@ def overlay(labels: Labels, picture: NDArray[Any]) -> Picture:
     values = picture.astype(np.float32) * (1.0 if picture.dtype == np.uint8 else 255.0)
     shown = np.repeat((values @ LUMA)[..., None], 3, axis=-1)
     for name, mask in masks_of(labels).items():
-        shown[mask] += OPACITY * (np.array(COLORS[name]) - shown[mask])
+        shown[mask] += OPACITY * (np.array(CLASS_COLORS[name]) - shown[mask])
     return np.asarray(np.clip(np.rint(shown), 0, 255), np.uint8)
 
 
@@ -102,9 +92,9 @@ def with_legend(picture: Picture, labels: Labels) -> Picture:
 
 def _line(name: str, share: float, scale: int) -> Picture:
     """One entry of the legend, as wide as any other: a swatch, the name, the share in percent."""
-    written = _written(f"{name:<{max(map(len, COLORS))}} {100 * share:5.1f}%")
+    written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * share:5.1f}%")
     line = np.zeros((LINE, LINE + written.shape[1] + ADVANCE, 3), np.uint8)
-    line[1 : LINE - 1, 1 : LINE - 1] = COLORS[name]
+    line[1 : LINE - 1, 1 : LINE - 1] = CLASS_COLORS[name]
     line[1 : 1 + written.shape[0], LINE : LINE + written.shape[1]][written] = 255
     return line.repeat(scale, axis=0).repeat(scale, axis=1)
 

@@ -19,7 +19,13 @@ def demo(
     from supersampler.shot import shipped_shot
 
     job = UpscaleJob(
-        shot=shipped_shot(), output=output, model=method, scale=2.0, formats=("exr", "png"), compare=True
+        shot=shipped_shot(),
+        output=output,
+        model=method,
+        scale=2.0,
+        formats=("exr", "png"),
+        compare=True,
+        maps=True,
     )
     results = run_job(job)
     typer.echo(f"EXR frames: {results.place('exr')}")

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.display import display_transform, to_uint8
 from supersampler.errors import ShotError
@@ -59,17 +60,18 @@ class Results:
                 return index
         return frame_count
 
-    def write(self, index: int, image: Float32, exposure: float) -> None:
+    def write(self, index: int, image: Float32, exposure: float, carry: Float32 | None = None) -> None:
         """Write one frame: EXR as linear half floats, PNG as a screen shows it. Each file appears whole.
 
         Args:
             index: its place in the shot.
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
+            carry: (H, W, k) of the EXR: A where it is one channel, else carry.0, carry.1 and so on.
         """
         for path in self._paths(index):
             if path.suffix == ".exr":
-                write_exr(path, np.minimum(image, _LARGEST_HALF).astype(np.float16))
+                write_exr(path, *_with_carry(image, carry))
             else:
                 write_png(path, to_uint8(display_transform(image, exposure)))
 
@@ -107,6 +109,17 @@ class Results:
             key = changed[0]
             problem = f"pictures of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
+
+
+def _with_carry(image: Float32, carry: Float32 | None) -> tuple[NDArray[np.float16], list[str]]:
+    """Pixels and channel names of an EXR."""
+    names, arrays = ["R", "G", "B"], [image]
+    if carry is not None:
+        count = carry.shape[2]
+        names += ["A"] if count == 1 else [f"carry.{index}" for index in range(count)]
+        arrays.append(carry)
+    pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
+    return pixels.astype(np.float16), names
 
 
 def _read(path: Path) -> Mapping[str, object]:

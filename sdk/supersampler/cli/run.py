@@ -25,11 +25,19 @@ from rich.text import Text
 from supersampler import __version__
 from supersampler.cli.arguments import size_text
 from supersampler.cli.results import Results
-from supersampler.compare import About, ComparePage, compare_layers, compare_page, versions
+from supersampler.compare import (
+    ERROR_LEGEND,
+    About,
+    ComparePage,
+    compare_layers,
+    compare_page,
+    versions,
+)
 from supersampler.display import ExposureMeter
 from supersampler.errors import FrameError, FrameWarning, ShotError
-from supersampler.frame import Size
-from supersampler.model import Model
+from supersampler.frame import Frame, Size
+from supersampler.maps import LEGENDS, map_layers
+from supersampler.model import Model, Result
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
@@ -59,6 +67,7 @@ class UpscaleJob:
     scale: float | None = None
     formats: Sequence[str] = ("exr",)
     compare: bool = False
+    maps: bool = False
     providers: str | Sequence[str] = "auto"
     threads: int = 0
     validate: Literal["off", "warn", "strict"] = "warn"
@@ -128,16 +137,24 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
             frame = item.frame
             with _named(job, item.index):
-                image = upscaler.step(frame)
+                result = _step(job, upscaler, frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
             if item.index >= first:
-                results.write(item.index, image, exposure)
+                results.write(item.index, result.image, exposure, result.carry)
             if page is not None and item.index >= page_start:
-                page.add(item.index, *compare_layers(frame, image, item.reference, exposure))
+                layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
+                page.add(item.index, {**layers, **map_layers(result)}, numbers)
             progress.advance(task)
     stats, seconds = upscaler.stats, time.perf_counter() - began
     rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
     job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
+
+
+def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> Result:
+    """Step, and ask for what the pictures and the page show."""
+    maps = [name for name in upscaler.model.info.maps if job.maps]
+    result = upscaler.step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
+    return result if isinstance(result, Result) else Result(result)
 
 
 def _last_cut(shot: Shot, index: int) -> int:
@@ -162,6 +179,7 @@ def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[Compare
         display_size=display_size,
         frame_rate=shot.frame_rate,
         facts=facts,
+        legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],
     )
     return compare_page(job.output / PAGE, about)

@@ -34,6 +34,9 @@ def upscale(
     compare: Annotated[
         bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
     ] = False,
+    maps: Annotated[
+        bool, typer.Option("--maps", help="With --compare: also classes, weight of the past, samples.")
+    ] = False,
     providers: Annotated[
         str,
         typer.Option(
@@ -77,6 +80,7 @@ def upscale(
         scale=scale,
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
         compare=compare,
+        maps=maps,
         providers=names[0] if len(names) == 1 else names,
         threads=threads,
         validate=validate.value,

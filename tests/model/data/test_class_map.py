@@ -5,7 +5,8 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
-from supersampler_model.data.class_map import COLORS, NOTHING, class_picture, masks_of, overlay, with_legend
+from supersampler.maps import CLASS_COLORS, NO_CLASS
+from supersampler_model.data.class_map import class_picture, masks_of, overlay, with_legend
 from supersampler_model.data.labels import Labels
 
 NAMES = [
@@ -26,14 +27,14 @@ def test_each_class_has_a_color_of_its_own() -> None:
     assert picture.dtype == np.uint8
     for row, names in enumerate(NAMES):
         for column, name in enumerate(names):
-            assert tuple(picture[row, column]) == {**COLORS, "nothing": NOTHING}[name]
-    assert len({*COLORS.values(), NOTHING}) == len(COLORS) + 1
+            assert tuple(picture[row, column]) == {**CLASS_COLORS, "nothing": NO_CLASS}[name]
+    assert len({*CLASS_COLORS.values(), NO_CLASS}) == len(CLASS_COLORS) + 1
     assert sum(masks_of(labels()).values()).max() == 1  # type: ignore[union-attr]
 
 
 def test_classes_differ_for_colour_blind_eyes() -> None:
     """Seen without reds (Viénot 1999, protanopia) any two differ by more than a tenth of white."""
-    linear = np.array([*COLORS.values(), NOTHING]) / 255.0
+    linear = np.array([*CLASS_COLORS.values(), NO_CLASS]) / 255.0
     linear = np.where(linear <= 0.04045, linear / 12.92, ((linear + 0.055) / 1.055) ** 2.4)
     blind = linear @ np.array([[0.11238, 0.88762, 0.0], [0.11238, 0.88762, 0.0], [0.00401, -0.00401, 1.0]]).T
     seen = np.clip(blind, 0.0, 1.0) ** (1 / 2.2)
@@ -45,7 +46,7 @@ def test_classes_differ_for_colour_blind_eyes() -> None:
 def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(picture: NDArray[np.generic]) -> None:
     tinted = overlay(labels(), picture)
     assert tuple(tinted[0, 0]) == (255, 255, 255)
-    np.testing.assert_allclose(tinted[2, 0], 0.4 * 255 + 0.6 * np.array(COLORS["shading"]), atol=1)
+    np.testing.assert_allclose(tinted[2, 0], 0.4 * 255 + 0.6 * np.array(CLASS_COLORS["shading"]), atol=1)
     red = np.zeros((3, 3, 3), np.uint8)
     red[..., 0] = 200
     assert np.ptp(overlay(labels(), red)[0, 0].astype(int)) == 0  # this pixel has no class
@@ -59,7 +60,7 @@ def test_a_legend_goes_under_the_picture_and_names_each_class_with_its_share(wid
     height = picture.shape[0]
     np.testing.assert_array_equal(full[:height, : picture.shape[1]], picture)
     legend = full[height:]
-    for color in COLORS.values():
+    for color in CLASS_COLORS.values():
         assert (legend == np.array(color)).all(axis=-1).sum() >= 36  # a swatch
     other = with_legend(picture, Labels(np.zeros_like(shown.ghost), shown.alias))
     assert other.shape == full.shape

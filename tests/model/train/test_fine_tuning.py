@@ -39,16 +39,16 @@ def test_references_become_truth_and_what_is_missing_is_marked(tmp_path: Path) -
 
 def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path) -> None:
     dataset = dataset_of_shots([shot(tmp_path / "shot")], tmp_path / "set", "train")
-    torch.manual_seed(0)
+    sequence = [(dataset, dataset.entries("train")[0])]
     losses: list[float] = []
-    plan = Plan(steps=24, batch=2, frames=2, size=32, rate=3e-3)
+    torch.manual_seed(0)
+    plan = Plan(steps=40, batch=2, frames=2, size=48, rate=3e-3, average=8)
     trainer = Trainer(Classifier(), [dataset], plan, tmp_path)
+    before = validate(trainer.average.eval(), sequence).psnr
     trainer.run(on_update=lambda update: losses.append(update.picture))
     assert np.isfinite(losses).all()
-    assert np.mean(losses[-8:]) < np.mean(losses[:8])
     assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())
-    found = validate(trainer.average.eval(), [(dataset, dataset.entries("train")[0])])
-    assert 10.0 < found.psnr < 60.0
+    assert validate(trainer.average.eval(), sequence).psnr > before + 0.1
 
 
 def test_a_shot_without_any_reference_is_refused(tmp_path: Path) -> None:

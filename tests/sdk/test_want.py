@@ -1,0 +1,159 @@
+"""What an Upscaler tells beside the image: maps that explain it, and channels that go along with it."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from noise import noise
+from supersampler import ArgumentError, Frame, FrameError, Model, Result, ShotWriter, Upscaler
+from supersampler.cli import app
+from supersampler.image_io import read_exr
+from supersampler.maps import CLASS_COLORS, class_colors, map_layers
+
+DISPLAY = (64, 36)
+TEMPORAL = ["taa", "taau"]
+
+
+@pytest.fixture(scope="module", params=TEMPORAL)
+def model(request: pytest.FixtureRequest) -> Model:
+    return Model.load(request.param, threads=1)
+
+
+def make(model: Model | str) -> Upscaler:
+    return Upscaler(model, display_size=DISPLAY, validate="off")
+
+
+def carrying(seed: int, channels: int = 2) -> Frame:
+    """Return a frame that carries its own colour's first channels, scaled to [0, 1]."""
+    frame = noise(seed)
+    assert frame.color is not None
+    return noise(seed, carry=(frame.color / 8.0)[..., :channels].copy())
+
+
+def told(upscaler: Upscaler, frame: Frame, *want: str) -> Result:
+    result = upscaler.step(frame, want=want)
+    assert isinstance(result, Result)
+    return result
+
+
+def test_asking_does_not_change_the_image(model: Model) -> None:
+    silent, asked = make(model), make(model)
+    for seed in range(3):
+        result = told(asked, carrying(seed), "weight", "carry")
+        np.testing.assert_array_equal(result.image, silent.step(noise(seed)))
+
+
+def test_the_first_frame_takes_nothing_from_the_past_and_the_next_ones_do(model: Model) -> None:
+    upscaler = make(model)
+    first, second = (told(upscaler, noise(seed), "weight").weight for seed in range(2))
+    assert first is not None
+    assert second is not None
+    assert first.shape == (36, 64)
+    assert first.max() == 0.0
+    assert 0.0 <= second.min() < second.max() <= 1.0
+
+
+def test_the_count_of_a_still_scene_grows() -> None:
+    upscaler = make("taau")
+    still = np.zeros((18, 32, 2), np.float32)
+    counts = []
+    for index in range(6):
+        count = told(upscaler, noise(1, motion=still, reset=index == 0), "count").count
+        assert count is not None
+        counts.append(float(count.mean()))
+    assert (np.diff(counts) > 0.0).all()
+
+
+def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
+    upscaler = make(model)
+    for seed, value in ((0, 0.25), (1, 0.25), (0, 0.75)):  # noise(0) is a cut
+        carry = told(upscaler, noise(seed, carry=np.full((18, 32, 1), value, np.float32)), "carry").carry
+        assert carry is not None
+        np.testing.assert_allclose(carry, value, rtol=1e-5)
+
+
+def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
+    upscaler = make(model)
+    zeros = np.zeros((18, 32, 1), np.float32)
+    told(upscaler, noise(0, carry=zeros), "carry")
+    still = np.zeros((18, 32, 2), np.float32)
+    result = told(upscaler, noise(1, carry=zeros + 1.0, motion=still), "carry", "weight")
+    assert result.carry is not None
+    assert result.weight is not None
+    np.testing.assert_allclose(result.carry[..., 0], 1.0 - result.weight, atol=1e-5)
+
+
+def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
+    upscaler = make(model)
+    carry = np.full((18, 32, 1), 0.5, np.float32)
+    told(upscaler, noise(0, carry=carry), "carry")
+    bad = carry.copy()
+    bad[4, 5], bad[9, 9], bad[2, 2] = np.nan, np.inf, -np.inf
+    for seed in range(1, 4):
+        result = told(upscaler, noise(seed, carry=bad if seed == 1 else carry), "carry")
+        assert result.carry is not None
+        assert np.isfinite(result.carry).all()
+
+
+def test_a_saved_state_holds_what_was_carried(model: Model) -> None:
+    upscaler, fork = make(model), make(model)
+    told(upscaler, carrying(0), "carry")
+    fork.load_state(upscaler.save_state())
+    ours, theirs = (told(u, carrying(1), "carry").carry for u in (upscaler, fork))
+    assert ours is not None
+    assert theirs is not None
+    np.testing.assert_array_equal(ours, theirs)
+
+
+def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> None:
+    upscaler = make("taau")
+    told(upscaler, carrying(0), "carry")
+    with pytest.raises(ArgumentError, match="class_map"):
+        upscaler.step(carrying(1), want=("class_map",))
+    with pytest.raises(ArgumentError, match="want"):
+        upscaler.step(carrying(1), want="carry")
+    with pytest.raises(FrameError, match="carry is None"):
+        upscaler.step(noise(1), want=("carry",))
+    with pytest.raises(FrameError, match="carry is 1 channels"):
+        upscaler.step(carrying(1, channels=1), want=("carry",))
+    other = make("taau")
+    told(other, carrying(0), "carry")
+    ours, theirs = (told(u, carrying(1), "carry") for u in (upscaler, other))
+    np.testing.assert_array_equal(ours.image, theirs.image)
+    assert ours.carry is not None
+    assert theirs.carry is not None
+    np.testing.assert_array_equal(ours.carry, theirs.carry)
+
+
+def test_a_spatial_method_upsamples_what_is_carried() -> None:
+    carry = told(make("bilinear"), carrying(0), "carry").carry
+    assert carry is not None
+    assert carry.shape == (36, 64, 2)
+
+
+def test_alpha_of_a_shot_ends_in_the_exr_files(tmp_path: Path) -> None:
+    writer = ShotWriter(tmp_path / "shot", name="alpha", display_size=None, frame_rate=30.0)
+    for seed in range(2):
+        writer.write(noise(seed, carry=np.full((18, 32, 1), 0.5, np.float32)))
+    out = tmp_path / "out"
+    arguments = ["upscale", str(tmp_path / "shot"), "-o", str(out), "--compare", "--maps"]
+    result = CliRunner().invoke(app, [*arguments, "--method", "taau"])
+    assert result.exit_code == 0, result.output
+    channels = read_exr(out / "0001.exr")
+    assert set(channels) == {"R", "G", "B", "A"}
+    np.testing.assert_allclose(channels["A"], 0.5, atol=1e-3)
+    page = (out / "compare.html").read_text("utf-8")
+    assert 'id="1/weight"' in page
+    assert 'id="1/count"' in page
+
+
+def test_classes_have_the_colours_of_the_legend() -> None:
+    shares = np.zeros((1, 5, 6), np.float32)
+    for column, (ghost, alias) in enumerate([(1, 3), (1, 4), (2, 3), (0, 4), (0, 5)]):
+        shares[0, column, [ghost, alias]] = 1.0
+    assert [tuple(map(int, pixel)) for pixel in class_colors(shares)[0]] == list(CLASS_COLORS.values())
+    image = np.zeros((2, 10, 3), np.float32)
+    layers = map_layers(Result(image, class_map=shares, weight=image[..., 0], count=image[..., 0]))
+    assert list(layers) == ["classes", "weight", "count"]
