@@ -62,6 +62,7 @@ from supersampler_model.sampling import (
     extreme,
     gaussian,
     local_moments,
+    neighbours,
     normalised,
     pick,
     pick_first,
@@ -83,6 +84,7 @@ class ClassifierConfig:
         network: its widths.
         rectified: whether the past cut to the box is one of what is weighed.
         own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
+        corrected: whether the warped past is filtered by a learned cross of five pixels.
         perceptual: whether the network sees square roots of colours; else they are linear, as the blend is.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
@@ -97,6 +99,7 @@ class ClassifierConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     rectified: bool = True
     own_motion: bool = True
+    corrected: bool = True
     perceptual: bool = True
     sample_sigma: float = 0.47
     moment_sigma: float = 0.45
@@ -117,6 +120,11 @@ class ClassifierConfig:
     def candidates(self) -> int:
         """Colours that are weighed."""
         return 4 + self.rectified + self.own_motion
+
+    @property
+    def filters(self) -> tuple[int, int, int]:
+        """What the compositor says beside weights: sharpness, cross of the past, kernel of this frame."""
+        return 1, 4 * self.corrected, WINDOW
 
 
 class Present(NamedTuple):
@@ -203,7 +211,7 @@ class Classifier(Method):
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
         c = self.config
-        mixing = c.candidates + 1 + WINDOW
+        mixing = c.candidates + sum(c.filters)
         return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CLASSES, mixing=mixing)
 
     @classmethod
@@ -347,10 +355,15 @@ class Classifier(Method):
         """What the network sees beside that, at half size."""
         return gathered.past.classes
 
-    def pasts(self, gathered: Gathered, sharpness: Tensor) -> list[tuple[Tensor, Tensor]]:
+    def pasts(self, gathered: Gathered, sharpness: Tensor, cross: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Colours of the past, and the weights of a running mean, which the network multiplies."""
         present, past = gathered.present, gathered.past
-        sharpened = (past.color + sharpness * past.detail).clamp(0.0, TONED)
+        sharpened = past.color + sharpness * past.detail
+        if self.config.corrected:
+            around = neighbours(past.color)[1::2]
+            off = [cross[:, i : i + 1] * (color - past.color) for i, color in enumerate(around)]
+            sharpened = sharpened + sum_of(off)
+        sharpened = sharpened.clamp(0.0, TONED)
         found = [(sharpened, past.samples * past.surface + 1e-3)]
         other = 0.1 * past.samples + 1e-3
         if self.config.rectified:
@@ -364,9 +377,12 @@ class Classifier(Method):
         """Compose, count, and go back to linear RGB."""
         present, past = gathered.present, gathered.past
         h, w = present.frame.shape[2], present.frame.shape[3]
-        said, n = unpack(mixing, h, w).clamp(-16.0, 16.0), self.config.candidates
-        pasts = self.pasts(gathered, said[:, n : n + 1])
-        kernel = weighed(present.window, said[:, n + 1 :], present.frame)
+        parts = (self.config.candidates, *self.config.filters)
+        said, sharpness, cross, kernel = (
+            unpack(mixing, h, w).clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
+        )
+        pasts = self.pasts(gathered, sharpness, cross)
+        kernel = weighed(present.window, kernel, present.frame)
         slight = torch.full_like(past.samples, 0.05)
         presents = [(present.sample, present.confidence + 1e-3), (present.frame, slight), (kernel, slight)]
         begun = [weight for _, weight in (*pasts, *presents)]

@@ -30,6 +30,7 @@ from supersampler_model.train.checkpoint import (
     source_commit,
 )
 from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shown
+from supersampler_model.train.optimizer import Muon
 from supersampler_model.train.rollout import State, detached, first_state, step
 from supersampler_model.train.shots import UNKNOWN
 from supersampler_model.train.windows import Place, Sample, Stream, on
@@ -57,7 +58,7 @@ class Plan:
     batch: int = 8
     frames: int = 4
     size: int = 128
-    rate: float = 2e-3
+    rate: float = 6e-3
     decay: float = 1e-4
     average: int = 500
     settle: float = 0.3
@@ -93,9 +94,7 @@ class Trainer:
         self.method = method.to(self.device)
         self.datasets = list(datasets)
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
-        self.optimizer = torch.optim.AdamW(
-            method.parameters(), lr=plan.rate, weight_decay=plan.decay, betas=(0.9, 0.99)
-        )
+        self.optimizer = Muon(self.method.parameters(), rate=plan.rate, decay=plan.decay)
         self.average = type(method)(method.config)
         self.average.load_state_dict(method.state_dict())  # stays in memory of the processor, to be validated
         self.done = 0

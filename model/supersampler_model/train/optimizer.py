@@ -1,0 +1,87 @@
+"""Muon (Jordan et al. 2024) for the 1x1 convolutions, which are matrices, and AdamW for all else.
+
+A step along the nearest orthogonal matrix moves all directions of a weight alike, where gradients of a
+recurrent picture loss have a few that are large. Scaled as Liu et al. 2025, section 2.2, so that one learning
+rate serves both.
+"""
+
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+MOMENTUM = 0.95
+BETAS = (0.9, 0.99)
+TINY = 1e-8
+_STEPS = 5
+_COEFFICIENTS = (3.4445, -4.775, 2.0315)  # of the quintic iteration whose limit is orthogonal
+
+
+class Muon(torch.optim.Optimizer):
+    """One optimizer for a whole network.
+
+    Args:
+        parameters: of the network.
+        rate: learning rate.
+        decay: decoupled weight decay, of matrices alone.
+    """
+
+    def __init__(self, parameters: Iterable[nn.Parameter], *, rate: float, decay: float) -> None:
+        super().__init__(parameters, {"lr": rate, "decay": decay})
+
+    @torch.no_grad()
+    def step(self) -> None:  # type: ignore[override]  # no closure: gradients are there
+        """Update all parameters that have a gradient."""
+        for group in self.param_groups:
+            for parameter in group["params"]:
+                if parameter.grad is None:
+                    continue
+                state = self.state[parameter]
+                if is_matrix(parameter):
+                    parameter.mul_(1.0 - group["lr"] * group["decay"])
+                    parameter.add_(_orthogonal_step(parameter.grad, state), alpha=-group["lr"])
+                else:
+                    parameter.add_(_adam_step(parameter.grad, state), alpha=-group["lr"])
+
+
+def is_matrix(parameter: Tensor) -> bool:
+    """Whether a weight is one of a 1x1 convolution."""
+    return parameter.ndim == 4 and parameter.shape[2:] == (1, 1)
+
+
+def orthogonalised(matrix: Tensor) -> Tensor:
+    """The matrix with all its singular values brought near 1, by Newton and Schulz's iteration."""
+    a, b, c = _COEFFICIENTS
+    wide = matrix.shape[0] <= matrix.shape[1]
+    x: Tensor = matrix if wide else matrix.T
+    x = x / (x.norm() + TINY)
+    for _ in range(_STEPS):
+        gram = x @ x.T
+        x = a * x + (b * gram + c * gram @ gram) @ x
+    return x if wide else x.T
+
+
+def _orthogonal_step(gradient: Tensor, state: Mapping[str, Any]) -> Tensor:
+    momentum = _remembered(state, "momentum", gradient)
+    momentum.lerp_(gradient, 1.0 - MOMENTUM)
+    ahead = gradient.lerp(momentum, MOMENTUM)
+    step: Tensor = orthogonalised(ahead.flatten(1)) * (0.2 * max(ahead.shape[:2]) ** 0.5)
+    return step.view_as(gradient)
+
+
+def _adam_step(gradient: Tensor, state: Any) -> Tensor:
+    first, second = _remembered(state, "first", gradient), _remembered(state, "second", gradient)
+    state["count"] = count = state.get("count", 0) + 1
+    first.lerp_(gradient, 1.0 - BETAS[0])
+    second.lerp_(gradient * gradient, 1.0 - BETAS[1])
+    scale = (second / (1.0 - BETAS[1] ** count)).sqrt() + TINY
+    step: Tensor = first / (1.0 - BETAS[0] ** count) / scale
+    return step
+
+
+def _remembered(state: Any, name: str, like: Tensor) -> Tensor:
+    if name not in state:
+        state[name] = torch.zeros_like(like)
+    tensor: Tensor = state[name]
+    return tensor
