@@ -75,7 +75,7 @@ def quality(
         one = open_shot(shot)
         name, opened = one.name, [(one, {})]
     if update is not None:
-        find_block(update, name)  # fails now, not after minutes of measuring
+        find_block(update, f"quality {name}")  # fails now, not after minutes of measuring
     names = [method.strip() for method in methods.split(",")]
     report = Report([_measured(one, origin, names) for one, origin in opened])
     console = Console()
@@ -84,7 +84,32 @@ def quality(
     if json is not None:
         write_json(report.record(), json)
     if update is not None:
-        update_block(update, name, report.markdown())
+        update_block(update, f"quality {name}", report.markdown())
+
+
+@app.command()
+def cost(
+    methods: Annotated[
+        str,
+        typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
+    ] = "classifier",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    update: Annotated[
+        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+    ] = None,
+) -> None:
+    """Count the multiply-adds and parameters of networks, in their graphs.
+
+    Example:
+      supersampler bench cost --methods classifier,my_classifier --update docs/methods.md
+    """
+    from supersampler_bench.cost import markdown_table, measure_cost
+
+    size = parse_size(display_size)
+    table = markdown_table([measure_cost(name.strip(), size) for name in methods.split(",")], size)
+    Console().print(table, markup=False)
+    if update is not None:
+        update_block(update, "cost", table)
 
 
 def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:

@@ -24,6 +24,7 @@ Scores = dict[str, float]
 
 WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
+ORACLE = "oracle"
 MASKED = ("disoccluded", "changing_light", "aliased", "moving")
 METRICS = (
     "psnr",
@@ -87,7 +88,7 @@ def measure_quality(
 
     Args:
         shot: at least one frame with a reference.
-        methods: names of shipped models, or model folders.
+        methods: names of shipped models, or model folders; "oracle" for `oracle.Oracle`.
         on_frame: called with the number of frames done, after each.
 
     Returns:
@@ -98,20 +99,29 @@ def measure_quality(
         ModelError, FrameError: see `Upscaler`.
     """
     display_size = reference_size(shot)
-    upscalers = [Upscaler(method, display_size=display_size, validate="off") for method in methods]
+    steppers = [_stepper(method, display_size) for method in methods]
     results = [MethodScores(str(method), []) for method in methods]
     truths = _Truths(display_size)
     before: list[Float32 | None] = [None] * len(methods)
     for item in shot:
         truth = truths.next(item, shot.read_classes(item.index))
-        for i, upscaler in enumerate(upscalers):
-            image = upscaler.step(item.frame)
+        for i, step in enumerate(steppers):
+            image = step(item)
             if truth is not None:
                 results[i].frames.append(_score(image, before[i], truth))
             before[i] = image if truth is not None else None
         if on_frame is not None:
             on_frame(item.index + 1)
     return results
+
+
+def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], Float32]:
+    if method == ORACLE:
+        from supersampler_bench.oracle import Oracle  # needs torch
+
+        return Oracle(display_size).step
+    upscaler = Upscaler(method, display_size=display_size, validate="off")
+    return lambda item: upscaler.step(item.frame)
 
 
 def reference_size(shot: Shot) -> Size:

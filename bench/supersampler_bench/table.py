@@ -12,7 +12,7 @@ from rich.table import Table
 from supersampler.errors import ArgumentError
 from supersampler.image_io import replacing
 from supersampler.shot import Shot
-from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
+from supersampler_bench.quality import BORDER, ORACLE, WARM_UP_FRAMES, MeanScores, MethodScores
 
 Summaries: TypeAlias = Sequence[MethodScores | MeanScores]
 
@@ -57,9 +57,14 @@ def cells(results: Summaries, bold: str) -> list[list[str]]:
 def _column(column: Column, results: Summaries, bold: str) -> list[str]:
     values = [result.summary()[column.metric] * column.scale for result in results]
     figures = ["–" if math.isnan(value) else f"{value:.{column.digits}f}" for value in values]
-    known = [float(figure) for figure in figures if figure != "–"]  # as shown: equal figures are equally good
+    known = [  # as shown: equal figures are equally good
+        float(f) for f, r in zip(figures, results, strict=True) if f != "–" and r.method != ORACLE
+    ]
     best = (max if column.higher_is_better else min)(known, default=None)
-    return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
+    best_ones = [
+        f != "–" and float(f) == best and r.method != ORACLE for f, r in zip(figures, results, strict=True)
+    ]
+    return [bold.format(f) if good else f for f, good in zip(figures, best_ones, strict=True)]
 
 
 def caption(shot: Shot, results: Sequence[MethodScores]) -> str:
@@ -97,11 +102,24 @@ def markdown_table(title: str, results: Summaries) -> str:
     """Return the table as Markdown, with its caption."""
     heading = ["method", *(column.heading for column in COLUMNS)]
     rows = [heading, ["---", *(["---:"] * len(COLUMNS))], *cells(results, "**{}**")]
-    return "\n".join([*("| " + " | ".join(row) + " |" for row in rows), "", f"{title}."])
+    lines = [*("| " + " | ".join(row) + " |" for row in rows), "", f"{title}.", *coverage(results)]
+    return "\n".join(lines)
+
+
+def coverage(results: Summaries) -> list[str]:
+    """Say how much of the way in PSNR from `taau` to the oracle each better method goes."""
+    psnr = {result.method: result.summary()["psnr"] for result in results}
+    if not {"taau", ORACLE} <= set(psnr):
+        return []
+    start, way = psnr["taau"], psnr[ORACLE] - psnr["taau"]
+    covered = {name: (value - start) / way for name, value in psnr.items() if start < value < psnr[ORACLE]}
+    return [
+        f"Of the way from taau to the oracle, {name} goes {share:.0%}." for name, share in covered.items()
+    ]
 
 
 def update_block(path: Path, name: str, text: str) -> None:
-    """Replace what stands between `<!-- bench:quality NAME -->` and `<!-- /bench -->`, whole or not at all.
+    """Replace what stands between `<!-- bench:NAME -->` and `<!-- /bench -->`, whole or not at all.
 
     Raises:
         ArgumentError: see `find_block`.
@@ -115,12 +133,12 @@ def update_block(path: Path, name: str, text: str) -> None:
 
 
 def find_block(path: Path, name: str) -> tuple[str, int, int]:
-    """Return a Markdown file's text, and where in it the block of the shot `name` begins and ends.
+    """Return a Markdown file's text, and where in it the block `name` (as "quality plaza") begins and ends.
 
     Raises:
         ArgumentError: the file cannot be read, or has not exactly one such block.
     """
-    opening, closing = f"<!-- bench:quality {name} -->", "<!-- /bench -->"
+    opening, closing = f"<!-- bench:{name} -->", "<!-- /bench -->"
     try:
         with path.open(encoding="utf-8", newline="") as file:  # line ends stay as they are
             content = file.read()

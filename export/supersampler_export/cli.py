@@ -10,7 +10,7 @@ from supersampler.errors import ArgumentError
 from supersampler_export.folder import write_model_folder
 from supersampler_model.method import Method
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.trained import load_trained
+from supersampler_model.trained import SHIPPED, load_trained
 
 app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 
@@ -19,11 +19,12 @@ app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 def export(
     method: Annotated[
         str,
-        typer.Argument(help=f"One of {', '.join([*METHODS, *LEARNED])}; `all`: those without weights."),
+        typer.Argument(help=f"One of {', '.join([*METHODS, *LEARNED])}; `all`: those that ship."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; with `all`, its parent.")],
     weights: Annotated[
-        Path | None, typer.Option(help="Of a method that is learned: a weights.safetensors of a run.")
+        Path | None,
+        typer.Option(help="Of a method that is learned: weights.safetensors of a run, not those that ship."),
     ] = None,
 ) -> None:
     """Write METHOD as a model folder: step.onnx (the whole recurrent step), model.json and a model card.
@@ -36,21 +37,34 @@ def export(
       supersampler upscale SHOT --model my_taau -o out
     """
     console = Console()
-    for name in METHODS if method == "all" else [method]:
+    for name in shipped_methods() if method == "all" else [method]:
         folder = output / name if method == "all" else output
-        made = _made(name, weights)
+        made = made_method(name, weights)
         with console.status(f"exporting {name}"):
             write_model_folder(made, folder)
         console.print(f"{name}: {folder}")
 
 
-def _made(name: str, weights: Path | None) -> Method:
-    if (name in METHODS) == (weights is not None) and name in {*METHODS, *LEARNED}:
-        got = "none" if weights is None else weights
-        want = f"a file for {', '.join(LEARNED)}, none for the others"
-        raise ArgumentError("--weights", got=got, want=want)
-    if weights is not None and name in LEARNED:
-        return LEARNED[name].of(load_trained(weights))
-    if name not in METHODS:
-        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join([*METHODS, *LEARNED])}, or all")
-    return METHODS[name]()
+def shipped_methods() -> list[str]:
+    """Names of the methods that ship: those without weights, and those whose weights ship."""
+    return [*METHODS, *(name for name in LEARNED if _shipped(name).exists())]
+
+
+def made_method(name: str, weights: Path | None = None) -> Method:
+    """Return a method, with the weights of a file, or with those that ship.
+
+    Raises:
+        ArgumentError: there is no such method, it has no weights or none are there.
+    """
+    if name in LEARNED and (weights is not None or _shipped(name).exists()):
+        return LEARNED[name].of(load_trained(weights or _shipped(name)))
+    if name in METHODS and weights is None:
+        return METHODS[name]()
+    if name in {*METHODS, *LEARNED}:
+        want = "none, as nothing in it is learned" if name in METHODS else "a file, as none ship"
+        raise ArgumentError("--weights", got=weights, want=want)
+    raise ArgumentError("METHOD", got=name, want=f"one of {', '.join([*METHODS, *LEARNED])}, or all")
+
+
+def _shipped(name: str) -> Path:
+    return SHIPPED / f"{name}.safetensors"

@@ -13,9 +13,9 @@ import torch
 
 from supersampler import __version__
 from supersampler.model_info import CONTRACT
-from supersampler_export.graph import OPSET, export_graph, history_name
-from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_parity
-from supersampler_model.method import TENSORS, Method, Shape
+from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
+from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_fused, check_parity
+from supersampler_model.method import TENSORS, Fused, Method, Shape
 from supersampler_model.methods.carry import Carry
 
 
@@ -34,6 +34,10 @@ def write_model_folder(method: Method, folder: Path) -> None:
     parity = check_parity(method, step)
     check_parity(Carry(), carry)
     files = {"step.onnx": step, "carry.onnx": carry}
+    fused = method.fused()
+    if fused is not None:
+        files["network.onnx"] = _serialized(export_fused(fused))
+        check_fused(fused, files["network.onnx"])
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     described["parity"] = _parity_record(parity)
     folder.mkdir(parents=True, exist_ok=True)
@@ -49,7 +53,7 @@ def _serialized(graph: onnx.ModelProto) -> bytes:
 
 def describe(method: Method) -> dict[str, Any]:
     """What model.json says, but for the files and the parity."""
-    config = getattr(method, "config", None)
+    config, fused = getattr(method, "config", None), method.fused()
     return {
         "contract": CONTRACT,
         "method": method.name,
@@ -62,6 +66,7 @@ def describe(method: Method) -> dict[str, Any]:
             for name, shape in method.history.items()
         ],
         "image": _tensor("image", TENSORS["image"]),
+        **({} if fused is None else {"network": _network(fused)}),
         "told": [_tensor(name, TENSORS[name]) for name in method.told],
         "maps": {name: where._asdict() for name, where in method.maps.items()},
         "config": {} if config is None else dataclasses.asdict(config),
@@ -89,7 +94,8 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         "",
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
         "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past. "
-        "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells.",
+        "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells."
+        + (" `network.onnx` is the learned part alone." if "network" in described else ""),
         f"Any ratio of display to render size from {low} to {high}, per axis.",
         "",
         "| tensor | type | shape |",
@@ -132,6 +138,11 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
         "frames": FRAMES,
         "sizes": [dataclasses.asdict(p) for p in parity],
     }
+
+
+def _network(fused: Fused) -> dict[str, Any]:
+    tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
+    return {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

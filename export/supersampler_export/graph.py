@@ -4,14 +4,26 @@ import contextlib
 import io
 import logging
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any
 
 import onnx
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from supersampler.errors import SupersamplerError
-from supersampler_model.method import CHANNELS, DISPLAY, HALF, PREVIOUS, RENDER, TENSORS, Method, Shape, Size
+from supersampler_model.method import (
+    CHANNELS,
+    DISPLAY,
+    HALF,
+    PREVIOUS,
+    RENDER,
+    TENSORS,
+    Fused,
+    Method,
+    Shape,
+    Size,
+)
 
 OPSET = 17
 """Last one in which every provider implements GridSample alike (docs/contract.md)."""
@@ -63,21 +75,54 @@ def export_graph(method: Method) -> onnx.ModelProto:
         name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
         for name, shape in shapes.items()
     }
+    inputs = [history_name(name) for name in names]
+    outputs = ["image", *(f"next.{name}" for name in method.history), *method.told]
+    current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
+    left = [[current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()]
+    model = _traced(method, arguments, inputs, outputs, dynamic)
+    _declare_outputs(model, [method.image, *left, *(TENSORS[name] for name in method.told)])
+    return model
+
+
+def export_fused(fused: Fused) -> onnx.ModelProto:
+    """Trace the learned part alone, at free sizes.
+
+    Raises:
+        ExportError: another opset or operator came out.
+    """
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in HALF}
+    dynamic = {
+        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
+        for name, shape in fused.inputs.items()
+    }
+    arguments = example_inputs(fused, Size(21, 13))
+    model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
+    _declare_outputs(model, list(fused.outputs.values()))
+    return model
+
+
+def example_inputs(fused: Fused, half: Size) -> list[Tensor]:
+    """Noise of the shapes that the learned part takes at half the display size."""
+    sizes = dict(zip(HALF, half[::-1], strict=True))
+    shapes = [[sizes[n] if isinstance(n, str) else n for n in shape] for shape in fused.inputs.values()]
+    return [torch.rand(shape) for shape in shapes]
+
+
+def _traced(
+    module: nn.Module,
+    arguments: Sequence[Tensor],
+    inputs: list[str],
+    outputs: list[str],
+    dynamic: Mapping[str, Mapping[int, Any]],
+) -> onnx.ModelProto:
     with _quiet(), torch.no_grad():
         program = torch.onnx.export(
-            method.eval(),
-            tuple(arguments),
-            dynamo=True,
-            opset_version=OPSET,
-            input_names=[history_name(name) for name in names],
-            output_names=["image", *(f"next.{name}" for name in method.history), *method.told],
-            dynamic_shapes=dynamic,
-            verbose=False,
-        )
+            module.eval(), tuple(arguments), dynamo=True, opset_version=OPSET, input_names=inputs,
+            output_names=outputs, dynamic_shapes=dict(dynamic), verbose=False,
+        )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export handed back no program")
     model = program.model_proto
-    _declare_outputs(model, method)
     check_portable(model)
     onnx.checker.check_model(model, full_check=True)
     return model
@@ -119,13 +164,10 @@ def check_portable(model: onnx.ModelProto) -> None:
                 raise ExportError("GridSample bicubic differs between providers; use nine bilinear reads")
 
 
-def _declare_outputs(model: onnx.ModelProto, method: Method) -> None:
+def _declare_outputs(model: onnx.ModelProto, shapes: Sequence[Sequence[int | str]]) -> None:
     """Give the outputs the symbolic shapes of the contract, in place of the exporter's own names."""
-    current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
-    shapes = [method.image, *method.history.values(), *(TENSORS[name] for name in method.told)]
     for output, shape in zip(model.graph.output, shapes, strict=True):
-        symbols = [current.get(n, n) if isinstance(n, str) else n for n in shape]
-        output.CopyFrom(onnx.helper.make_tensor_value_info(output.name, onnx.TensorProto.FLOAT, symbols))
+        output.CopyFrom(onnx.helper.make_tensor_value_info(output.name, onnx.TensorProto.FLOAT, shape))
     del model.graph.value_info[:]
     for node in model.graph.node:
         del node.metadata_props[:]

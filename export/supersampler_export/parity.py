@@ -8,9 +8,9 @@ import onnxruntime as ort
 import torch
 from torch import Tensor
 
-from supersampler_export.graph import ExportError, history_name
+from supersampler_export.graph import ExportError, example_inputs, history_name
 from supersampler_model.color import tone
-from supersampler_model.method import Method, Size
+from supersampler_model.method import Fused, Method, Size
 
 SIZES: Sequence[tuple[Size, Size]] = (
     (Size(26, 18), Size(52, 37)),  # as traced
@@ -63,6 +63,24 @@ def check_parity(method: Method, graph: bytes) -> list[Parity]:
                 f"{result.difference:.1e}; want {TOLERANCE:.0e}"
             )
     return results
+
+
+def check_fused(fused: Fused, graph: bytes) -> None:
+    """Run the learned part alone by both, at sizes not traced.
+
+    Raises:
+        ExportError: they differ by more than the tolerance, of the largest value.
+    """
+    session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
+    for half in (Size(16, 8), Size(33, 17), Size(1, 1)):
+        inputs = example_inputs(fused, half)
+        with torch.no_grad():
+            ours = fused.module(*inputs)
+        feeds = {name: value.numpy() for name, value in zip(fused.inputs, inputs, strict=True)}
+        for name, one, other in zip(fused.outputs, ours, session.run(None, feeds), strict=True):
+            off = np.abs(one.numpy() - other).max() / max(np.abs(other).max(), 1.0)
+            if not off <= TOLERANCE:
+                raise ExportError(f"{name} at {tuple(half)}: ONNX Runtime is off by {off:.1e}")
 
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:

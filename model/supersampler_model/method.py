@@ -58,6 +58,14 @@ class Outputs(NamedTuple):
     told: list[Tensor]
 
 
+class Fused(NamedTuple):
+    """The learned part of a step, for executors that do the rest by themselves."""
+
+    module: nn.Module
+    inputs: Mapping[str, Shape]
+    outputs: Mapping[str, Shape]
+
+
 class Method(nn.Module):
     """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
 
@@ -95,6 +103,10 @@ class Method(nn.Module):
         image, *rest = self(*arguments)
         count = len(self.history)
         return Outputs(image, rest[:count], rest[count:])
+
+    def fused(self) -> Fused | None:
+        """Return the learned part; None where nothing is learned, or not all of it is in one place."""
+        return None
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """All zeros: no past."""

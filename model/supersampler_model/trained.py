@@ -12,6 +12,9 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.image_io import replacing
 
+SHIPPED = Path(__file__).parent / "weights"
+"""Weights that ship, a file for each method that has some: METHOD.safetensors."""
+
 
 class Trained(NamedTuple):
     """Weights of one method.

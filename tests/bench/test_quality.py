@@ -13,6 +13,7 @@ from supersampler.frame import Float32
 from supersampler.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench import metrics, quality
 from supersampler_bench.quality import FrameScores, MeanScores, MethodScores, measure_quality
+from supersampler_bench.table import cells, coverage
 from supersampler_model.data.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
 RENDER, DISPLAY = (48, 27), (96, 54)
@@ -201,3 +202,13 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
     alone = measure_quality(shot, ["taau"])
     np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))
+
+
+def test_nothing_is_better_than_the_oracle_and_it_is_no_methods_rival(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path, references=range(8), count=8)
+    results = measure_quality(shot, ["bilinear", "taau", "oracle"])
+    psnr = {result.method: result.summary(warm=False)["psnr"] for result in results}
+    assert psnr["oracle"] > max(psnr["bilinear"], psnr["taau"]) + 1.0
+    assert not any("<" in cell for cell in cells(results, "<{}>")[2])
+    halfway = MethodScores("halfway", results[2].frames[:4] + results[1].frames[4:])
+    assert len(coverage([*results, halfway])) == 1

@@ -38,7 +38,7 @@ def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> Non
 def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
     file = tmp_path / "README.md"
     file.write_text(README, encoding="utf-8")
-    update_block(file, "plaza", "new\\1\ntable")
+    update_block(file, "quality plaza", "new\\1\ntable")
     assert file.read_text(encoding="utf-8") == README.replace("old", "new\\1\ntable")
     assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
 
@@ -46,7 +46,7 @@ def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
 def test_line_ends_of_windows_stay(tmp_path: Path) -> None:
     file = tmp_path / "README.md"
     file.write_bytes(README.replace("\n", "\r\n").encode())
-    update_block(file, "plaza", "a\nb")
+    update_block(file, "quality plaza", "a\nb")
     assert file.read_bytes() == README.replace("old", "a\nb").replace("\n", "\r\n").encode()
 
 
@@ -57,13 +57,13 @@ def test_a_file_without_one_block_is_left_alone_and_told_what_to_write(
     file = tmp_path / "README.md"
     file.write_text(text, encoding="utf-8")
     with pytest.raises(ArgumentError, match=rf"{found} blocks .*Write the lines <!-- bench:"):
-        update_block(file, "plaza", "new")
+        update_block(file, "quality plaza", "new")
     assert file.read_text(encoding="utf-8") == text
 
 
 def test_a_missing_file_is_named(tmp_path: Path) -> None:
     with pytest.raises(ArgumentError, match=r"README\.md"):
-        update_block(tmp_path / "README.md", "plaza", "new")
+        update_block(tmp_path / "README.md", "quality plaza", "new")
 
 
 def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ upsampled. With a network that says nothing the result is the running mean of al
 """
 
 from dataclasses import dataclass, field
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, Self
 
 import torch
 from torch import Tensor, nn
@@ -29,11 +29,13 @@ from supersampler_model.method import (
     DISPLAY,
     HALF,
     PREVIOUS,
+    Fused,
     MapOf,
     Method,
     display_size_of,
     render_size_of,
 )
+from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Present, Remembered
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -127,61 +129,6 @@ class ClassifierConfig:
         return 1, 4 * self.corrected, WINDOW
 
 
-class Present(NamedTuple):
-    """This frame at display size; colours are toned RGB."""
-
-    frame: Tensor  # (1, 3, H, W) cubic upsampling
-    sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
-    confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
-    first: Tensor  # (1, 3, H, W) E[c] of a neighbourhood, YCoCg
-    second: Tensor  # (1, 3, H, W) E[c^2]
-    window: list[Tensor]  # WINDOW of (1, 4, H, W): samples around each pixel, and their weights at first
-    edge: Tensor  # (1, 1, H, W) relative range of depth around
-
-
-class Remembered(NamedTuple):
-    """The warped past at display size."""
-
-    color: Tensor  # (1, 3, H, W) toned RGB
-    detail: Tensor  # (1, 3, H, W) what the cubic has sharpened
-    own: Tensor  # (1, 3, H, W) where the pixel's own motion leads, toned RGB
-    samples: Tensor  # (1, 1, H, W) how many it is made of; 0 where there is no past
-    range: Tensor  # (1, 2, H, W) least and most luma that the samples had
-    difference: Tensor  # (1, 1, H, W) of depth, equation 10
-    surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
-    classes: Tensor  # (1, 6, H / 2, W / 2) what the pixels were held for
-
-
-class Gathered(NamedTuple):
-    """All that is known before the network speaks."""
-
-    present: Present
-    past: Remembered
-    there: Past
-    depth: Tensor  # (1, 1, H, W) of the closest sample around
-    surfaces: Tensor  # (1, 2, h, w) depth, and that without thin things
-    exposure: Tensor  # (1,)
-
-
-class History(NamedTuple):
-    """What the frame before left; shapes as in `Classifier.history`."""
-
-    color: Tensor
-    state: Tensor
-    classes: Tensor
-    depth: Tensor
-    exposure: Tensor
-
-
-class Finished(NamedTuple):
-    """What a step draws and remembers."""
-
-    image: Tensor  # (1, 3, H, W) linear RGB
-    state: Tensor  # as in `Classifier.history`
-    classes: Tensor
-    weight: Tensor  # (1, 1, H, W) share of the past in the image
-
-
 class Classifier(Method):
     """Classify, then compose."""
 
@@ -213,6 +160,13 @@ class Classifier(Method):
         c = self.config
         mixing = c.candidates + sum(c.filters)
         return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CLASSES, mixing=mixing)
+
+    def fused(self) -> Fused | None:
+        """Classifier and compositor, on packed pixels."""
+        c = self.config
+        inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, CLASSES, *HALF)}
+        said = c.candidates + sum(c.filters)
+        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * said, *HALF)})
 
     @classmethod
     def of(cls, trained: Trained) -> Self:

@@ -11,15 +11,9 @@ import torch
 from torch import Tensor, nn
 
 from supersampler_model.color import bounded, inverse_tone, quarantine, tone
-from supersampler_model.method import DISPLAY, PREVIOUS
-from supersampler_model.methods.classifier import (
-    Classifier,
-    ClassifierConfig,
-    Finished,
-    Gathered,
-    History,
-    Remembered,
-)
+from supersampler_model.method import DISPLAY, PREVIOUS, Fused
+from supersampler_model.methods.classifier import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Remembered
 from supersampler_model.motion import Past, read, read_cubic
 from supersampler_model.networks.classifier import (
     CLASSES,
@@ -86,6 +80,10 @@ class PaperClassifier(Classifier):
     def make_network(self) -> nn.Module:
         """The network of section 1."""
         return PaperNetwork(self.config.network)
+
+    def fused(self) -> Fused | None:
+        """None: the compositor works on what the classifier's logits are upsampled to."""
+        return None
 
     def gather_past(
         self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor

@@ -6,7 +6,8 @@ import torch
 from torch import Tensor
 
 from supersampler_model.method import render_size_of
-from supersampler_model.methods.classifier import Classifier, History
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_buffers import History
 from supersampler_model.networks.classifier import pack
 from supersampler_model.sampling import View
 from supersampler_model.train.windows import Sample

@@ -20,7 +20,8 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.method import Size
-from supersampler_model.methods.classifier import Classifier, History
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_buffers import History
 from supersampler_model.sampling import Extent, View
 from supersampler_model.train.checkpoint import (
     assets,

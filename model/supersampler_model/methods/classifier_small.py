@@ -1,0 +1,27 @@
+"""`classifier-small`: the `classifier` at half the width, for processors."""
+
+from dataclasses import dataclass, field
+from typing import ClassVar
+
+from supersampler_model.methods.classifier import Classifier, ClassifierConfig
+from supersampler_model.networks.classifier import NetworkConfig
+
+NETWORK = NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=24)
+
+
+@dataclass(frozen=True)
+class SmallConfig(ClassifierConfig):
+    """Constants.
+
+    Attributes:
+        network: its widths.
+    """
+
+    network: NetworkConfig = field(default_factory=lambda: NETWORK)
+
+
+class SmallClassifier(Classifier):
+    """Classify, then compose, with less."""
+
+    name = "classifier-small"
+    settings: ClassVar[type[ClassifierConfig]] = SmallConfig
