@@ -72,7 +72,7 @@ def describe(method: Method) -> dict[str, Any]:
         "config": {} if config is None else dataclasses.asdict(config),
         **({"learned": dict(method.learned)} if method.learned else {}),
         "licence": "Apache-2.0",
-        "attributions": [],
+        "attributions": list(method.learned.get("attributions", ())),
         "versions": {
             "supersampler": __version__,
             "torch": torch.__version__.split("+")[0],
@@ -124,7 +124,7 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
     if learned is None:
         return "No learned weights, no training data."
     scores = ", ".join(f"{name} {value:.3f}" for name, value in learned.get("validation", {}).items())
-    assets = ", ".join(learned.get("assets", [])) or "none"
+    assets = "; ".join(learned.get("attributions") or learned.get("assets", [])) or "none"
     return (
         f"Weights: {learned['steps']} updates at commit {learned['commit']}, on training data "
         f"{learned['data'][:16]}. Validation: {scores or 'none'}. Files of others in that data: {assets}."

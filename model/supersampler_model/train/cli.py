@@ -41,6 +41,9 @@ def train(
     rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
     seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
+    attributions: Annotated[
+        Path | None, typer.Option(help="Text file: a line for each author to be named for the data's files.")
+    ] = None,
     init: Annotated[Path | None, typer.Option(help="Weights to begin with, of another run.")] = None,
 ) -> None:
     """Train a method that learns; a run that was stopped goes on when the same command is given again.
@@ -66,6 +69,7 @@ def train(
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(init))
+    named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
     entries = validation_entries(datasets, method.ratios)
@@ -75,22 +79,28 @@ def train(
         trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
         if trainer.rank == 0:
-            _report(
-                trainer, output, updates, validate(trainer.average.eval(), entries) if entries else None, taau
-            )
+            found = validate(trainer.average.eval(), entries) if entries else None
+            _report(trainer, output, updates, found, taau, named)
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
 
 
 def _report(
-    trainer: Trainer, output: Path, updates: list[Update], found: Validated | None, taau: Validated | None
+    trainer: Trainer,
+    output: Path,
+    updates: list[Update],
+    found: Validated | None,
+    taau: Validated | None,
+    attributions: list[str],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
     scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
     bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
     means = {name: mean(getattr(u, name) for u in updates) for name in ("picture", "classes")}
-    save_trained(output / "weights.safetensors", trainer.trained({"validation": scores}))
+    save_trained(
+        output / "weights.safetensors", trainer.trained({"validation": scores, "attributions": attributions})
+    )
     with RunLog(output) as log:
         log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
     said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
