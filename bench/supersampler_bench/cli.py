@@ -17,7 +17,7 @@ from supersampler.shot import Shot
 from supersampler_bench import public_shots
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
-from supersampler_bench.record import Measured, write_json
+from supersampler_bench.record import Measured, setting, write_json
 from supersampler_bench.report import Report
 from supersampler_bench.table import find_block, rich_table, update_block
 
@@ -136,6 +136,37 @@ def _measured(shot: Shot, origin: dict[str, Any], methods: list[str]) -> Measure
         task = progress.add_task(shot.name, total=len(shot))
         results = measure_quality(shot, methods, on_frame=lambda n: progress.update(task, completed=n))
     return Measured(shot, results, origin)
+
+
+@app.command()
+def ablation(
+    data: Annotated[list[Path], typer.Option(help="Training set with validation sequences; any number.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the runs.")],
+    steps: Annotated[int, typer.Option(min=1, help="Updates of each run.")] = 800,
+    workers: Annotated[int, typer.Option(min=1, help="Runs at a time, a thread each.")] = 1,
+    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+    ] = None,
+) -> None:
+    """Train the classifier with one choice changed at a time, briefly, and compare on validation sequences.
+
+    A run that was stopped goes on when the same command is given again.
+
+    Example:
+      supersampler bench ablation --data data -o ablation --workers 2 --update docs/methods.md
+    """
+    from supersampler_bench.ablation import Ablation, markdown_table, record, run_ablation
+
+    if update is not None:
+        find_block(update, "ablation")
+    plan = Ablation(data=data, folder=output, steps=steps, workers=workers)
+    rows = run_ablation(plan, lambda r: _ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
+    Console().print(markdown_table(rows, plan), markup=False)
+    if json is not None:
+        write_json({**record(rows, plan), **setting()}, json)
+    if update is not None:
+        update_block(update, "ablation", markdown_table(rows, plan))
 
 
 @app.command()

@@ -76,6 +76,10 @@ from supersampler_model.sampling import (
 from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
+COLORS = {"frame": 3, "sample": 3, "past": 3, "range": 2, "own": 1}
+NUMBERS = dict.fromkeys(("confidence", "count", "difference", "surface", "speed", "blur", "edge"), 1)
+SEEN = {**COLORS, **NUMBERS}
+"""Channels of what the network may see of a pixel, by name; `Classifier.planes` has what they are."""
 
 
 @dataclass(frozen=True)
@@ -84,6 +88,8 @@ class ClassifierConfig:
 
     Attributes:
         network: its widths.
+        inputs: names of SEEN that the network sees.
+        recurrent: whether it also sees the classes of the frame before.
         rectified: whether the past cut to the box is one of what is weighed.
         own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
         corrected: whether the warped past is filtered by a learned cross of five pixels.
@@ -99,6 +105,8 @@ class ClassifierConfig:
     """
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
+    inputs: tuple[str, ...] = tuple(SEEN)
+    recurrent: bool = True
     rectified: bool = True
     own_motion: bool = True
     corrected: bool = True
@@ -116,7 +124,12 @@ class ClassifierConfig:
     @property
     def planes(self) -> int:
         """Channels of a pixel that the network sees."""
-        return 18 + self.own_motion
+        return sum(SEEN[name] for name in self.inputs)
+
+    @property
+    def carried(self) -> int:
+        """Channels at half size that it sees."""
+        return CLASSES * self.recurrent
 
     @property
     def candidates(self) -> int:
@@ -159,12 +172,12 @@ class Classifier(Method):
         """Return the network, untrained."""
         c = self.config
         mixing = c.candidates + sum(c.filters)
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=CLASSES, mixing=mixing)
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=mixing)
 
     def fused(self) -> Fused | None:
         """Classifier and compositor, on packed pixels."""
         c = self.config
-        inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, CLASSES, *HALF)}
+        inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
         said = c.candidates + sum(c.filters)
         return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * said, *HALF)})
 
@@ -180,6 +193,7 @@ class Classifier(Method):
         settings = dict(trained.config)
         network = dict(settings.pop("network"))
         network["levels"] = tuple(network["levels"])
+        settings["inputs"] = tuple(settings["inputs"])
         method = cls(cls.settings(network=NetworkConfig(**network), **settings))
         method.load_state_dict(trained.tensors)
         method.learned = trained.facts
@@ -287,27 +301,30 @@ class Classifier(Method):
         present, past, there = gathered.present, gathered.past, gathered.there
         across, down = there.x - there.x.floor(), there.y - there.y.floor()
         speed = squared_length(there.motion).sqrt()
-        colors = [present.frame, present.sample, past.color, past.range]
-        if self.config.own_motion:
-            colors.append(luminance(past.own))
-        seen = torch.cat(colors, dim=1)
-        return torch.cat(
-            [
-                seen.clamp(min=1e-6).sqrt() if self.config.perceptual else seen,
-                present.confidence,
-                past.samples / (past.samples + 4.0),
-                past.difference,
-                past.surface,
-                speed / (speed + 4.0),
-                2.0 * (across * (1.0 - across) + down * (1.0 - down)),  # by how much resampling blurs
-                present.edge,
-            ],
-            dim=1,
-        )
+        colors = {
+            "frame": present.frame,
+            "sample": present.sample,
+            "past": past.color,
+            "range": past.range,
+            "own": luminance(past.own),
+        }
+        numbers = {
+            "confidence": present.confidence,
+            "count": past.samples / (past.samples + 4.0),
+            "difference": past.difference,
+            "surface": past.surface,
+            "speed": speed / (speed + 4.0),
+            "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),  # of this resampling
+            "edge": present.edge,
+        }
+        c = self.config
+        seen = torch.cat([colors[name] for name in c.inputs if name in colors], dim=1)
+        encoded = seen.clamp(min=1e-6).sqrt() if c.perceptual else seen
+        return torch.cat([encoded, *(numbers[name] for name in c.inputs if name in numbers)], dim=1)
 
     def carried(self, gathered: Gathered) -> Tensor:
         """What the network sees beside that, at half size."""
-        return gathered.past.classes
+        return gathered.past.classes[:, : self.config.carried]
 
     def pasts(self, gathered: Gathered, sharpness: Tensor, cross: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Colours of the past, and the weights of a running mean, which the network multiplies."""

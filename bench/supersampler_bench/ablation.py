@@ -1,0 +1,116 @@
+"""What each choice of the classifier gives: one changed at a time, trained briefly, all alike, validated."""
+
+import multiprocessing
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from supersampler_model.data.dataset import open_dataset
+from supersampler_model.methods.classifier import SEEN, Classifier, ClassifierConfig
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.train.validate import validate, validation_entries
+
+BATCH, AVERAGE = 4, 100
+
+
+@dataclass(frozen=True)
+class Row:
+    """One variant's scores on the validation sequences."""
+
+    name: str
+    psnr: float
+    tpsnr: float
+
+
+def without(*inputs: str) -> ClassifierConfig:
+    """Return the default with a network that does not see these inputs."""
+    return ClassifierConfig(inputs=tuple(name for name in SEEN if name not in inputs))
+
+
+_DEFAULT = ClassifierConfig()
+VARIANTS: Mapping[str, Callable[[], Classifier]] = {
+    "default": Classifier,
+    "half the width (`classifier-small`)": SmallClassifier,
+    "the paper's form (`classifier-paper`)": PaperClassifier,
+    "past not cut to the box": lambda: Classifier(replace(_DEFAULT, rectified=False)),
+    "no past by the pixel's own motion": lambda: Classifier(replace(without("own"), own_motion=False)),
+    "warped past not filtered": lambda: Classifier(replace(_DEFAULT, corrected=False)),
+    "colours seen linear, not as square roots": lambda: Classifier(replace(_DEFAULT, perceptual=False)),
+    "range of the past not seen": lambda: Classifier(without("range")),
+    "range only grows": lambda: Classifier(replace(_DEFAULT, contraction=0.0)),
+    "distance of samples not seen": lambda: Classifier(without("confidence")),
+    "count not seen": lambda: Classifier(without("count")),
+    "difference of depth and cover not seen": lambda: Classifier(without("difference", "surface")),
+    "classes of the frame before not seen": lambda: Classifier(replace(_DEFAULT, recurrent=False)),
+    "speed and blur not seen": lambda: Classifier(without("speed", "blur")),
+}
+
+
+@dataclass(frozen=True)
+class Ablation:
+    """What is run.
+
+    Attributes:
+        data: training sets.
+        folder: of the runs; a run that is there is gone on with.
+        steps: updates of each.
+        workers: runs at a time, a thread each.
+        names: of VARIANTS.
+    """
+
+    data: Sequence[Path]
+    folder: Path
+    steps: int
+    workers: int = 1
+    names: Sequence[str] = tuple(VARIANTS)
+
+
+def run_ablation(ablation: Ablation, on_row: Callable[[Row], None]) -> list[Row]:
+    """Train and validate all variants, in the order of their names."""
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(ablation.workers, context) as pool:
+        futures = [pool.submit(_run, ablation, name) for name in ablation.names]
+        for future in as_completed(futures):
+            on_row(future.result())
+        return [future.result() for future in futures]
+
+
+def record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
+    """Return everything, ready for JSON."""
+    plan = {"steps": ablation.steps, "batch": BATCH}
+    return {"bench": "ablation", **plan, "rows": [vars(row) for row in rows]}
+
+
+def markdown_table(rows: Sequence[Row], ablation: Ablation) -> str:
+    """Return the table as Markdown, with its caption."""
+    base = rows[0].psnr
+    lines = [
+        "| variant | PSNR dB | against the default | tPSNR dB |",
+        "| --- | ---: | ---: | ---: |",
+        *(f"| {r.name} | {r.psnr:.2f} | {r.psnr - base:+.2f} | {r.tpsnr:.2f} |" for r in rows),
+        "",
+        f"Each trained for {ablation.steps} updates of {BATCH} crops from the same seed, far from the end: "
+        "what is compared is how fast it learns. Mean over the validation sequences.",
+    ]
+    return "\n".join(lines)
+
+
+def _run(ablation: Ablation, name: str) -> Row:
+    torch.set_num_threads(1)
+    torch.manual_seed(0)
+    folder = ablation.folder / f"{list(VARIANTS).index(name):02d}"
+    folder.mkdir(parents=True, exist_ok=True)
+    datasets = [open_dataset(path) for path in ablation.data]
+    method = VARIANTS[name]()
+    trainer = Trainer(method, datasets, Plan(steps=ablation.steps, batch=BATCH, average=AVERAGE), folder)
+    while trainer.done < ablation.steps:
+        trainer.run(trainer.done + 200)
+        trainer.save()
+    found = validate(trainer.average.eval(), validation_entries(datasets, method.ratios))
+    return Row(name, found.psnr, found.tpsnr)
