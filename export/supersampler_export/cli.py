@@ -10,7 +10,7 @@ from supersampler.errors import ArgumentError
 from supersampler_export.folder import write_model_folder
 from supersampler_model.method import Method
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.trained import SHIPPED, load_trained
+from supersampler_model.trained import load_trained, shipped_weights
 
 app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 
@@ -47,7 +47,7 @@ def export(
 
 def shipped_methods() -> list[str]:
     """Names of the methods that ship: those without weights, and those whose weights ship."""
-    return [*METHODS, *(name for name in LEARNED if _shipped(name).exists())]
+    return [*METHODS, *(name for name in LEARNED if shipped_weights(name).exists())]
 
 
 def made_method(name: str, weights: Path | None = None) -> Method:
@@ -56,15 +56,11 @@ def made_method(name: str, weights: Path | None = None) -> Method:
     Raises:
         ArgumentError: there is no such method, it has no weights or none are there.
     """
-    if name in LEARNED and (weights is not None or _shipped(name).exists()):
-        return LEARNED[name].of(load_trained(weights or _shipped(name)))
+    if name in LEARNED and (weights is not None or shipped_weights(name).exists()):
+        return LEARNED[name].of(load_trained(weights or shipped_weights(name)))
     if name in METHODS and weights is None:
         return METHODS[name]()
     if name in {*METHODS, *LEARNED}:
         want = "none, as nothing in it is learned" if name in METHODS else "a file, as none ship"
         raise ArgumentError("--weights", got=weights, want=want)
     raise ArgumentError("METHOD", got=name, want=f"one of {', '.join([*METHODS, *LEARNED])}, or all")
-
-
-def _shipped(name: str) -> Path:
-    return SHIPPED / f"{name}.safetensors"

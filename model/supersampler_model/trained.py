@@ -12,9 +12,6 @@ from torch import Tensor
 from supersampler.errors import ArgumentError
 from supersampler.image_io import replacing
 
-SHIPPED = Path(__file__).parent / "weights"
-"""Weights that ship, a file for each method that has some: METHOD.safetensors."""
-
 
 class Trained(NamedTuple):
     """Weights of one method.
@@ -30,6 +27,11 @@ class Trained(NamedTuple):
     config: dict[str, Any]
     facts: dict[str, Any]
     tensors: dict[str, Tensor]
+
+
+def shipped_weights(method: str) -> Path:
+    """Where the weights of a method are that ship; of some there are none."""
+    return Path(__file__).parent / "weights" / f"{method}.safetensors"
 
 
 def save_trained(path: Path, trained: Trained) -> None:

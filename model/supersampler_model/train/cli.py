@@ -20,7 +20,7 @@ from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
-from supersampler_model.trained import load_trained, save_trained
+from supersampler_model.trained import load_trained, save_trained, shipped_weights
 
 app = typer.Typer(help="Train a method that learns.")
 
@@ -44,7 +44,9 @@ def train(
     attributions: Annotated[
         Path | None, typer.Option(help="Text file: a line for each author to be named for the data's files.")
     ] = None,
-    init: Annotated[Path | None, typer.Option(help="Weights to begin with, of another run.")] = None,
+    init: Annotated[
+        str | None, typer.Option(help="Weights to begin with: a file of another run, or `shipped`.")
+    ] = None,
 ) -> None:
     """Train a method that learns; a run that was stopped goes on when the same command is given again.
 
@@ -52,7 +54,7 @@ def train(
 
     Examples:
       supersampler train classifier --data data -o run
-      supersampler train classifier --shot kitchen --init run/weights.safetensors -o kitchen-run --rate 2e-4
+      supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
     """
     if name not in LEARNED:
         raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}")
@@ -68,7 +70,7 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
-    method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(init))
+    method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(_weights(name, init)))
     named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
@@ -84,6 +86,10 @@ def train(
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
+
+
+def _weights(name: str, init: str) -> Path:
+    return shipped_weights(name) if init == "shipped" else Path(init)
 
 
 def _report(
