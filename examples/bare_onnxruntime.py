@@ -16,7 +16,7 @@ from OpenImageIO import ImageBuf
 
 shipped = Path(__file__).resolve().parents[1] / "sdk" / "supersampler"
 given = [Path(argument) for argument in sys.argv[1:]]
-model, shot, out = given or [shipped / "models" / "taau", shipped / "shots" / "plaza", Path("out")]
+model, shot, out = given or [shipped / "models" / "classifier", shipped / "shots" / "plaza", Path("out")]
 contract = json.loads((model / "model.json").read_text())
 description = json.loads((shot / "shot.json").read_text())
 if description["conventions"]:

@@ -130,7 +130,7 @@ def film(folder: Path, frames: int, frame_rate: float) -> None:
 def parse_arguments() -> Namespace:
     parser = ArgumentParser(formatter_class=ArgumentDefaultsHelpFormatter)
     add = parser.add_argument
-    add("--model", default="taau", help="name of a model, or its folder")
+    add("--model", default="classifier", help="name of a model, or its folder")
     add("--family", default="fences", choices=(*TRAIN_FAMILIES, *TEST_FAMILIES), help="of scenes")
     add("--seed", type=int, default=0, help="of the scene, its camera, cuts and exposure")
     add("--frames", type=int, default=48, help="how many")

@@ -42,7 +42,7 @@ def quality(
     ],
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
-    ] = "bilinear,bicubic,taa,taau",
+    ] = "bilinear,bicubic,taa,taau,classifier",
     ratio: Annotated[
         str, typer.Option(help="Of the test shots: display over render size, with commas between.")
     ] = "2",

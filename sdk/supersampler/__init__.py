@@ -1,7 +1,7 @@
 """Temporal supersampling: aliased, jittered, low-resolution frames in, clean high-resolution frames out.
 
 >>> from supersampler import Upscaler, shipped_shot
->>> upscaler = Upscaler("taau", scale=2)
+>>> upscaler = Upscaler(scale=2)
 >>> for item in shipped_shot():
 ...     image = upscaler.step(item.frame)  # (360, 640, 3) float32, linear RGB
 """

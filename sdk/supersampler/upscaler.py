@@ -43,7 +43,7 @@ class Stats:
 class Upscaler:
     """Turns the frames of one camera, in order, into clean frames at display size.
 
-    >>> upscaler = Upscaler("taau", display_size=(1920, 1080))
+    >>> upscaler = Upscaler(display_size=(1920, 1080))
     >>> for frame in shot:
     ...     image = upscaler.step(frame)  # (1080, 1920, 3) float32, linear RGB
 
@@ -67,7 +67,7 @@ class Upscaler:
 
     def __init__(
         self,
-        model: Model | str | Path = "taau",
+        model: Model | str | Path = "classifier",
         *,
         display_size: Size | None = None,
         scale: float | None = None,

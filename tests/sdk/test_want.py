@@ -13,7 +13,7 @@ from supersampler.image_io import read_exr
 from supersampler.maps import CLASS_COLORS, class_colors, map_layers
 
 DISPLAY = (64, 36)
-TEMPORAL = ["taa", "taau"]
+TEMPORAL = ["taa", "taau", "classifier"]
 
 
 @pytest.fixture(scope="module", params=TEMPORAL)

@@ -78,6 +78,8 @@ from supersampler_model.trained import Trained
 TONED = 1.0 - 1e-4  # most of a toned colour
 COLORS = {"frame": 3, "sample": 3, "past": 3, "range": 2, "own": 1}
 NUMBERS = dict.fromkeys(("confidence", "count", "difference", "surface", "speed", "blur", "edge"), 1)
+SHARPEST = 2.0  # most that is added of what the cubic has sharpened
+SIDE = 0.01  # weight of a neighbour in the cross on the past, at first
 SEEN = {**COLORS, **NUMBERS}
 """Channels of what the network may see of a pixel, by name; `Classifier.planes` has what they are."""
 
@@ -329,14 +331,15 @@ class Classifier(Method):
     def pasts(self, gathered: Gathered, sharpness: Tensor, cross: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Colours of the past, and the weights of a running mean, which the network multiplies."""
         present, past = gathered.present, gathered.past
-        sharpened = past.color + sharpness * past.detail
-        if self.config.corrected:
-            around = neighbours(past.color)[1::2]
-            off = [cross[:, i : i + 1] * (color - past.color) for i, color in enumerate(around)]
-            sharpened = sharpened + sum_of(off)
-        sharpened = sharpened.clamp(0.0, TONED)
-        found = [(sharpened, past.samples * past.surface + 1e-3)]
-        other = 0.1 * past.samples + 1e-3
+        moved = past.color
+        if self.config.corrected:  # a mean: with negative weights the recursion could amplify what it meets
+            sides = [SIDE * cross[:, i : i + 1].exp() for i in range(4)]
+            beside = zip(sides, neighbours(past.color)[1::2], strict=True)
+            moved = sum_of([moved, *(w * color for w, color in beside)]) / (1.0 + sum_of(sides))
+        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * past.detail).clamp(0.0, TONED)
+        known = (past.samples > 0.0).float()  # without a past its colour is no colour, whatever is said of it
+        found = [(sharpened, known * (past.samples * past.surface + 1e-3))]
+        other = known * (0.1 * past.samples + 1e-3)
         if self.config.rectified:
             box = variance_box(present.first, present.second, self.config.gamma)
             found.append((from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED), other))
@@ -354,23 +357,26 @@ class Classifier(Method):
         )
         pasts = self.pasts(gathered, sharpness, cross)
         kernel = weighed(present.window, kernel, present.frame)
-        slight = torch.full_like(past.samples, 0.05)
-        presents = [(present.sample, present.confidence + 1e-3), (present.frame, slight), (kernel, slight)]
+        there = (sum_of([sample[:, 3:] for sample in present.window]) > 0.0).float()
+        sampled = there * (present.confidence + 1e-3)
+        presents = [(present.sample, sampled), (present.frame, 0.05 * there), (kernel, 0.05 * there)]
         begun = [weight for _, weight in (*pasts, *presents)]
         weights = [b * said[:, i : i + 1].exp() for i, b in enumerate(begun)]
         kept, new = sum_of(weights[: len(pasts)]), sum_of(weights[len(pasts) :])
-        total = kept + new
+        total = (kept + new).clamp(min=1e-12)  # 0 where nothing is known: black
         color = sum_of([w / total * c for w, (c, _) in zip(weights, (*pasts, *presents), strict=True)])
         image = bounded(inverse_tone(color) / gathered.exposure)
 
         classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
-        odds = kept / new * sum_of(begun[len(pasts) :])  # samples that the past was taken for
+        odds = (
+            kept / new.clamp(min=1e-12) * sum_of(begun[len(pasts) :])
+        )  # samples that the past was taken for
         count = torch.minimum(odds, past.samples).clamp(max=self.config.samples) + present.confidence
         luma = luminance(present.sample)
-        known = (past.samples > 0.0).float()
+        held = (4.0 * odds / past.samples.clamp(min=1e-6)).clamp(max=1.0) * (past.samples > 0.0)
         rate = present.confidence * self.config.contraction
         low, high = past.range[:, :1], past.range[:, 1:2]
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
-        range_ = luma + known * (torch.cat([low, high], dim=1) - luma)
+        range_ = luma + held * (torch.cat([low, high], dim=1) - luma)
         return Finished(image, torch.cat([count, range_], dim=1), classes, kept / total)

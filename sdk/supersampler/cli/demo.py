@@ -8,7 +8,7 @@ import typer
 
 def demo(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")] = Path("out"),
-    method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "taau",
+    method: Annotated[str, typer.Option(help="A shipped model: see `supersampler info`.")] = "classifier",
 ) -> None:
     """Upscale the shot that ships with the package by 2x, and show the result beside input and reference.
 

@@ -62,7 +62,7 @@ class UpscaleJob:
 
     shot: Shot
     output: Path
-    model: str | Path = "taau"
+    model: str | Path = "classifier"
     display_size: Size | None = None
     scale: float | None = None
     formats: Sequence[str] = ("exr",)

@@ -12,7 +12,9 @@ from supersampler.errors import ArgumentError
 def upscale(
     shot: ShotArgument,
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
-    method: Annotated[str | None, typer.Option(help="A shipped model by name.", show_default="taau")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
+    ] = None,
     model: Annotated[Path | None, typer.Option(help="A model folder, instead of --method.")] = None,
     display_size: Annotated[
         str | None,
@@ -75,7 +77,7 @@ def upscale(
     job = UpscaleJob(
         shot=open_shot(shot),
         output=output,
-        model=model or method or "taau",
+        model=model or method or "classifier",
         display_size=None if display_size is None else parse_size(display_size),
         scale=scale,
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
