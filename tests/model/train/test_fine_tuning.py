@@ -42,7 +42,7 @@ def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path
     sequence = [(dataset, dataset.entries("train")[0])]
     losses: list[float] = []
     torch.manual_seed(0)
-    plan = Plan(steps=40, batch=2, frames=2, size=48, rate=3e-3, average=8)
+    plan = Plan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
     trainer = Trainer(Classifier(), [dataset], plan, tmp_path)
     before = validate(trainer.average.eval(), sequence).psnr
     trainer.run(on_update=lambda update: losses.append(update.picture))
