@@ -39,7 +39,7 @@ def test_the_bare_example_takes_the_shipped_shot() -> None:
 
 def test_bare_onnx_runtime_draws_the_pictures_of_upscaler(tmp_path: Path) -> None:
     shot = short_shot(tmp_path / "shot")
-    upscaler = Upscaler("taau", display_size=(640, 360), validate="off")
+    upscaler = Upscaler("classifier", display_size=(640, 360), validate="off")
     script = EXAMPLES / "bare_onnxruntime.py"
     assert "import supersampler" not in script.read_text().replace("not import supersampler", "")
     out = tmp_path / "out"
@@ -66,11 +66,11 @@ def test_the_live_renderer_shows_its_input_beside_the_pictures_of_upscaler(tmp_p
     done = live(*arguments, "--zoom", "4", "--window", "never", "-o", str(tmp_path))
     assert done.returncode == 0, done.stderr
     assert "rendering" in done.stdout
-    assert "upscaling, taau" in done.stdout
+    assert "upscaling, classifier" in done.stdout
 
     sequence = make_sequence(SequenceSpec(family="foliage", seed=3, frames=10))
     assert [index for index in range(10) if sequence.cut(index)] == [0, 6]  # one to get wrong
-    renderer, upscaler = Renderer((128, 72)), Upscaler("taau", display_size=(128, 72))
+    renderer, upscaler = Renderer((128, 72)), Upscaler("classifier", display_size=(128, 72))
     for index in range(10):
         scene, jitter, exposure = sequence.scene(index), halton_jitter(index, 2.0), sequence.exposure(index)
         assert exposure is not None

@@ -60,7 +60,7 @@ def shot(tmp_path: Path) -> Path:
 
 def upscaled(path: Path, display_size: tuple[int, int]) -> list[np.ndarray]:
     """What the library itself makes of the shot."""
-    upscaler = Upscaler("taau", display_size=display_size)
+    upscaler = Upscaler("classifier", display_size=display_size)
     return [upscaler.step(item.frame) for item in Shot.open(path)]
 
 
@@ -168,7 +168,7 @@ def test_other_settings_need_overwrite(shot: Path, tmp_path: Path) -> None:
     run("upscale", shot, "-o", tmp_path / "out", "--format", "png")
     other = ("upscale", shot, "-o", tmp_path / "out", "--method", "bilinear", "--scale", "1")
     message = one_line(run(*other))
-    assert "method was taau, is now bilinear" in message
+    assert "method was classifier, is now bilinear" in message
     assert "--overwrite" in message
     assert run(*other, "--overwrite").exit_code == 0
     assert len(pictures(tmp_path / "out")) == COUNT
