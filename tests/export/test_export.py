@@ -22,7 +22,7 @@ from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
-from supersampler_export.parity import SIZES, TOLERANCE, check_parity, compare
+from supersampler_export.parity import SIZES, TOLERANCE, check_fused, check_parity, compare
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.spatial import Bilinear
@@ -79,7 +79,16 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
         assert helper.tensor_dtype_to_np_dtype(value.type.tensor_type.elem_type) == np.dtype(tensor.type)
 
 
-@pytest.mark.parametrize("name", LEARNED)
+@pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
+def test_the_shipped_network_is_the_learned_part_of_the_method(name: str) -> None:
+    fused = made_method(name).fused()
+    assert fused is not None
+    path = find_model(name) / "network.onnx"
+    check_portable(onnx.load(path))
+    check_fused(fused, path.read_bytes())
+
+
+@pytest.mark.parametrize("name", [name for name in LEARNED if name not in shipped_methods()][-1:])
 def test_a_learned_method_is_exported_from_its_weights(name: str, tmp_path: Path) -> None:
     torch.manual_seed(1)
     method = LEARNED[name]()
