@@ -1,22 +1,19 @@
 """Render the public test shots into a cache, with several processes; a run that was stopped goes on."""
 
 import json
-import multiprocessing
-import os
 from collections.abc import Callable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from functools import partial
+from itertools import count
 from pathlib import Path
 
-from supersampler.errors import ShotError, SupersamplerError
+from supersampler.errors import ShotError
 from supersampler.image_io import replacing
 from supersampler_bench.public_shots import DRAWN, TestShots, read_drawn, shot_folder
-from supersampler_model.data.errors import DataError
 from supersampler_model.data.gl.context import Graphics, open_graphics
 from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
-
-_POLL = 0.5  # seconds between looks at how far the workers are
 
 
 def render_test_shots(
@@ -28,27 +25,27 @@ def render_test_shots(
         cache: folder of all that can be made again.
         shots: which.
         workers: processes; software OpenGL draws with cores / workers threads in each.
-        on_progress: called now and then with the number of frames that are there, of all shots.
+        on_progress: called after each frame with the number of frames that are there, of all shots.
 
     Raises:
         DataError: a worker failed; what is complete stays, and the next run goes on.
     """
-    threads = str(max((os.cpu_count() or 1) // workers, 1))
-    context = multiprocessing.get_context("spawn")  # a forked OpenGL context is undefined
-    with ProcessPoolExecutor(workers, context, _set_threads, (threads,)) as pool:
-        running: set[Future[str]] = {pool.submit(_render, cache, shots, family) for family in shots.seeds}
-        try:
-            while running:
-                done, running = wait(running, _POLL, FIRST_COMPLETED)
-                on_progress(frames_there(cache, shots))
-                failed = [future.result() for future in done if future.result()]
-                if failed:
-                    raise DataError(failed[0])
-        finally:
-            pool.shutdown(wait=False, cancel_futures=True)
+    done = count(frames_there(cache, shots) + 1)
+    families = list(shots.seeds)
+    shares = [families[k::workers] for k in range(min(workers, len(families)))]
+    run_parts(
+        [partial(_render, cache, shots, share) for share in shares], on_frame=lambda: on_progress(next(done))
+    )
 
 
-def render_test_shot(cache: Path, shots: TestShots, family: str, graphics: Graphics | None = None) -> None:
+def render_test_shot(
+    cache: Path,
+    shots: TestShots,
+    family: str,
+    graphics: Graphics | None = None,
+    *,
+    on_frame: Callable[[], None] = lambda: None,
+) -> None:
     """Render the frames of one shot that are not there yet, at all ratios.
 
     Raises:
@@ -67,7 +64,7 @@ def render_test_shot(cache: Path, shots: TestShots, family: str, graphics: Graph
     spec = SequenceSpec(family=family, seed=shots.seeds[family], frames=shots.frames)
     renderer = Renderer(shots.display_size, samples=shots.samples, graphics=graphics)
     form = ShotForm(name=family, ratios=shots.ratios, license="Apache-2.0")
-    render_shot(folder, make_sequence(spec), renderer, form)
+    render_shot(folder, make_sequence(spec), renderer, form, on_frame=on_frame)
 
 
 def driver_name(graphics: Graphics) -> str:
@@ -83,14 +80,8 @@ def frames_there(cache: Path, shots: TestShots) -> int:
     return sum(len(list((shot_folder(cache, family) / last).glob("[!.]*.exr"))) for family in shots.seeds)
 
 
-def _set_threads(count: str) -> None:
-    os.environ.setdefault("LP_NUM_THREADS", count)  # read by Mesa when the context is opened
-
-
-def _render(cache: Path, shots: TestShots, family: str) -> str:
-    """Render in this process; return what went wrong, as errors with several arguments do not travel."""
-    try:
-        render_test_shot(cache, shots, family)
-    except (SupersamplerError, OSError) as error:
-        return str(error)
-    return ""
+def _render(cache: Path, shots: TestShots, families: list[str], on_frame: OnFrame) -> None:
+    """Render some shots in this process."""
+    graphics = open_graphics()
+    for family in families:
+        render_test_shot(cache, shots, family, graphics, on_frame=on_frame)

@@ -1,0 +1,93 @@
+"""Work shared out to processes, each with an OpenGL context of its own; one that fails stops them all."""
+
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any, TypeAlias
+
+from supersampler.errors import SupersamplerError
+from supersampler_model.data.errors import DataError
+
+OnFrame: TypeAlias = Callable[[], None]
+Part: TypeAlias = Callable[[OnFrame], None]
+"""One process's share, to be pickled; it calls what it is given after each frame."""
+
+_WAIT = 0.5  # seconds between looks at whether a process has died
+
+
+def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
+    """Run each part in a process; software OpenGL draws with cores / parts threads in each.
+
+    Args:
+        parts: what to do.
+        on_frame: called after each frame, in this process.
+
+    Raises:
+        DataError: a part failed (a full disk, no OpenGL, a file that has changed) or its process ended.
+    """
+    context = multiprocessing.get_context("spawn")  # a forked OpenGL context is undefined
+    results = context.Queue()
+    with _threads_each(max((os.cpu_count() or 1) // max(len(parts), 1), 1)):
+        processes = [context.Process(target=_work, args=(part, results), daemon=True) for part in parts]
+        for process in processes:
+            process.start()
+    try:
+        _follow(processes, results, on_frame)
+    finally:
+        for process in processes:
+            process.terminate()
+            process.join()
+
+
+def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
+    """Count frames until every process has said that it is done."""
+    running = len(processes)
+    while running:
+        try:
+            kind, text = results.get(timeout=_WAIT)
+        except queue.Empty:
+            dead = [p for p in processes if p.exitcode not in (None, 0)]
+            if dead:
+                raise DataError(f"a worker ended with code {dead[0].exitcode}; run again to go on") from None
+            continue
+        if kind == "failed":
+            raise DataError(text)
+        if kind == "frame":
+            on_frame()
+        else:
+            running -= 1
+
+
+def _work(part: Part, results: Any) -> None:
+    """Do one part in this process."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of them: the parent sees to it
+
+    def on_frame() -> None:
+        parent = multiprocessing.parent_process()
+        if parent is not None and not parent.is_alive():  # killed: a next run must not meet this one
+            sys.exit(1)
+        results.put(("frame", ""))
+
+    try:
+        part(on_frame)
+        results.put(("done", ""))
+    except SupersamplerError as error:
+        results.put(("failed", str(error)))
+    except OSError as error:
+        results.put(("failed", f"{error}; make room and run again"))
+
+
+@contextmanager
+def _threads_each(count: int) -> Iterator[None]:
+    """Start children that draw with `count` threads, without changing the environment of this process."""
+    before = os.environ.get("LP_NUM_THREADS")
+    os.environ.setdefault("LP_NUM_THREADS", str(count))
+    try:
+        yield
+    finally:
+        if before is None:
+            os.environ.pop("LP_NUM_THREADS", None)
