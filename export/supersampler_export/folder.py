@@ -125,8 +125,10 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
         return "No learned weights, no training data."
     scores = ", ".join(f"{name} {value:.3f}" for name, value in learned.get("validation", {}).items())
     assets = "; ".join(learned.get("attributions") or learned.get("assets", [])) or "none"
+    init = learned.get("init")
+    begun = f", begun with those of {init['steps']} updates at commit {init['commit']}" if init else ""
     return (
-        f"Weights: {learned['steps']} updates at commit {learned['commit']}, on training data "
+        f"Weights: {learned['steps']} updates at commit {learned['commit']}{begun}, on training data "
         f"{learned['data'][:16]}. Validation: {scores or 'none'}. Files of others in that data: {assets}."
     )
 

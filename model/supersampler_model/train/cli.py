@@ -3,7 +3,7 @@
 import os
 from pathlib import Path
 from statistics import mean
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import torch
 import typer
@@ -71,6 +71,7 @@ def train(
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(_weights(name, init)))
+    begun = {key: method.learned[key] for key in ("steps", "commit", "data") if key in method.learned}
     named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(method, datasets, plan, output)
@@ -82,7 +83,7 @@ def train(
         trainer.save()
         if trainer.rank == 0:
             found = validate(trainer.average.eval(), entries) if entries else None
-            _report(trainer, output, updates, found, taau, named)
+            _report(trainer, output, updates, found, taau, {"attributions": named, "init": begun})
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
@@ -98,15 +99,13 @@ def _report(
     updates: list[Update],
     found: Validated | None,
     taau: Validated | None,
-    attributions: list[str],
+    facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
     scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
     bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
     means = {name: mean(getattr(u, name) for u in updates) for name in ("picture", "classes")}
-    save_trained(
-        output / "weights.safetensors", trainer.trained({"validation": scores, "attributions": attributions})
-    )
+    save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
     with RunLog(output) as log:
         log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
     said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
