@@ -3,14 +3,14 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, overload
 
 import numpy as np
 import onnxruntime as ort
 
-from supersampler.carry import Carrier
-from supersampler.errors import ArgumentError, FrameError, ModelError
+from supersampler.carry import Carrier, checked_carry
+from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.graph_session import frame_inputs, open_session, pixels_of
 from supersampler.model_info import ModelInfo, TensorInfo, find_model, read_model_info
 from supersampler.providers import check_provider_in_use, resolve_providers
 
@@ -46,7 +46,7 @@ class History:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """An image and what else was asked for; the rest is None.
+    """An image, and what else was asked for; what was not is None.
 
     Attributes:
         image: (H, W, 3) float32 linear RGB.
@@ -101,10 +101,7 @@ class Model:
         options.log_severity_level = 3  # errors only; the rest would print over a progress bar
         options.intra_op_num_threads = threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        try:
-            session = ort.InferenceSession(str(info.step_path), options, providers=names)
-        except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
-            raise ModelError(f"{info.step_path}: ONNX Runtime cannot load it: {error}") from error
+        session = open_session(info.step_path, options, names)
         check_provider_in_use(names[0], session.get_providers())
         return cls(info, session, Carrier(info, options))
 
@@ -116,28 +113,6 @@ class Model:
         }
         return History(display_size, render_size, tensors)
 
-    @overload
-    def run(
-        self,
-        frame: Frame,
-        history: History,
-        *,
-        out: Float32 | None = ...,
-        history_out: History | None = ...,
-        want: tuple[()] = ...,
-    ) -> tuple[Float32, History]: ...
-
-    @overload
-    def run(
-        self,
-        frame: Frame,
-        history: History,
-        *,
-        out: Float32 | None = ...,
-        history_out: History | None = ...,
-        want: Collection[str],
-    ) -> tuple[Float32 | Result, History]: ...
-
     def run(
         self,
         frame: Frame,
@@ -145,8 +120,7 @@ class Model:
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
-        want: Collection[str] = (),
-    ) -> tuple[Float32 | Result, History]:
+    ) -> tuple[Float32, History]:
         """Upscale one frame to the display size of `history`.
 
         Args:
@@ -154,48 +128,60 @@ class Model:
             history: what the frame before left; not changed.
             out: (H, W, 3) float32 to write the image to; a new array where None.
             history_out: buffers of an older history to write to; new ones where None.
-            want: what else than the image; what is not named here costs nothing.
 
         Returns:
-            The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame. Where `want`
-            names something, a `Result` in place of the image.
+            The image (H, W, 3) float32, linear RGB, >= 0, and the history for the next frame.
 
         Raises:
             FrameError: the frame lacks an input, or its size does not fit.
-            ArgumentError: `out` has the wrong shape or type, `history_out` is `history`, or the model does
-                not know what `want` names.
+            ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
+        """
+        result, left = self.run_wanted((), frame, history, out=out, history_out=history_out)
+        return result.image, left
+
+    def run_wanted(
+        self,
+        want: Collection[str],
+        frame: Frame,
+        history: History,
+        *,
+        out: Float32 | None = None,
+        history_out: History | None = None,
+    ) -> tuple[Result, History]:
+        """Upscale as `run` does, and return what `want` names of `Result` with the image.
+
+        What is not named costs nothing.
+
+        Raises:
+            FrameError: as `run`; or the frame carries nothing, or other channels than the one before, and
+                "carry" is wanted.
+            ArgumentError: as `run`; or the model does not know what `want` names.
         """
         self.check_fits(frame, history.display_size)
-        self.check_wanted(want)
+        self._check_wanted(want)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
-        width, height = history.display_size
+        width, height = display_size = history.display_size
+        carried = checked_carry(frame, display_size, history.carry) if "carry" in want else None
         image = _checked_out(out, (height, width, 3))
         planes = np.empty((1, 3, height, width), np.float32)
-        history_out = self._prepared(history_out, history.display_size, frame.size)
-        told = self._told(want, history.display_size)
+        history_out = self._prepared(history_out, display_size, frame.size)
+        told = self._told(want, display_size)
 
         binding = self._session.io_binding()
-        for name, array in self._inputs(frame, history.display_size).items():
+        names = [t.name for t in self.info.inputs]
+        for name, array in frame_inputs(frame, display_size, names).items():
             binding.bind_cpu_input(name, array)
         for h in self.info.history:
             binding.bind_ortvalue_input(h.input.name, history.tensors[h.input.name])
             binding.bind_ortvalue_output(h.output, history_out.tensors[h.input.name])
         for name, array in ((self.info.image.name, planes), *told.items()):
             binding.bind_ortvalue_output(name, ort.OrtValue.ortvalue_from_numpy(array))
-        carried = None
         self._session.run_with_iobinding(binding)
-        if "carry" in want:
-            carried = self._carried(frame, told.get("weight"), history)
-        np.copyto(image, planes[0].transpose(1, 2, 0))
-        history_out.carry = carried
-        return (self._result(image, want, told, history_out) if want else image), history_out
 
-    def check_wanted(self, want: Collection[str]) -> None:
-        """Raise ArgumentError where the model does not know what `want` names."""
-        known = ["carry", *self.info.maps]
-        if isinstance(want, str) or not set(want) <= set(known):
-            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
+        np.copyto(image, planes[0].transpose(1, 2, 0))
+        history_out.carry = None if carried is None else self._carrier.blend(carried, told.get("weight"))
+        return self._result(image, want, told, history_out), history_out
 
     def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
         """Put copies made by `History.to_numpy` back on the device."""
@@ -225,6 +211,11 @@ class Model:
                     hint="Sizes are (width, height).",
                 )
 
+    def _check_wanted(self, want: Collection[str]) -> None:
+        known = ["carry", *self.info.maps]
+        if isinstance(want, str) or not set(want) <= set(known):
+            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
+
     def _told(self, want: Collection[str], display: Size) -> dict[str, Float32]:
         """Buffers for what the graph tells beside image and history, as far as it is wanted."""
         needed = {self.info.maps[name].output for name in want if name != "carry"}
@@ -235,12 +226,6 @@ class Model:
             if t.name in needed
         }
 
-    def _carried(self, frame: Frame, weight: Float32 | None, history: History) -> Float32:
-        display = history.display_size
-        if weight is None:  # a method without a past
-            weight = np.zeros((1, 1, *display[::-1]), np.float32)
-        return self._carrier.blend(frame, weight, history.carry, display)
-
     def _result(
         self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
     ) -> Result:
@@ -250,22 +235,9 @@ class Model:
             where = self.info.maps[name]
             tensor = told.get(where.output)
             planes = left.tensors[inputs[where.output]].numpy() if tensor is None else tensor
-            planes = planes[0, where.first : where.first + where.channels]
-            maps[name] = planes[0].copy() if len(planes) == 1 else planes.transpose(1, 2, 0).copy()
+            maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
         carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
         return Result(image, carry=carry, **maps)
-
-    def _inputs(self, frame: Frame, display_size: Size) -> dict[str, np.ndarray[Any, Any]]:
-        """Frame inputs that the graph takes, as contiguous NCHW."""
-        values: dict[str, Any] = {
-            "color": frame.color,
-            "depth": frame.depth,
-            "motion": frame.motion,
-            "jitter": np.array([frame.jitter], np.float32),
-            "exposure": np.array([frame.exposure or 0.0], np.float32),
-            "display_size": np.array(display_size, np.int64),
-        }
-        return {t.name: _planes(values[t.name], t) for t in self.info.inputs}
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
         """Buffers that this frame's history fits in, those of `history` where they do."""
@@ -280,13 +252,6 @@ class Model:
     def _zeros(self, tensor: TensorInfo, render: Size, display: Size, previous: Size) -> ort.OrtValue:
         shape = tensor.shape_for(render=render, display=display, previous=previous)
         return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self._device, 0)
-
-
-def _planes(value: np.ndarray[Any, Any], tensor: TensorInfo) -> np.ndarray[Any, Any]:
-    """(h, w, c) or (h, w) to (1, c, h, w) of the tensor's type; small vectors as they are."""
-    if len(tensor.shape) == 4:
-        value = value.transpose(2, 0, 1)[None] if value.ndim == 3 else value[None, None]
-    return np.ascontiguousarray(value, np.dtype(tensor.type))
 
 
 def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:

@@ -138,7 +138,7 @@ class Upscaler:
         history, fresh = self._history, False
         if history is None or frame.reset:
             history, fresh = self.model.first_history(display_size, frame.size), True
-        image, left = self.model.run(frame, history, out=out, history_out=self._spare, want=want)
+        result, left = self.model.run_wanted(want, frame, history, out=out, history_out=self._spare)
         self._display_size = display_size
         self._history, self._spare = left, history
         self.stats = Stats(
@@ -146,7 +146,7 @@ class Upscaler:
             self.stats.resets + fresh,
             self.stats.seconds + time.perf_counter() - started,
         )
-        return image
+        return result if want else result.image
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""

@@ -1,0 +1,50 @@
+"""An ONNX graph in a session of ONNX Runtime, and a frame as graphs take it."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime as ort
+
+from supersampler.errors import ModelError
+from supersampler.frame import Float32, Frame, Size
+
+
+def open_session(path: Path, options: ort.SessionOptions, providers: Sequence[str]) -> ort.InferenceSession:
+    """Load a graph.
+
+    Raises:
+        ModelError: ONNX Runtime cannot.
+    """
+    try:
+        return ort.InferenceSession(str(path), options, providers=list(providers))
+    except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
+        raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
+
+
+def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:
+    """What a graph takes of a frame, by name: images as contiguous NCHW, the rest as small vectors."""
+    inputs: dict[str, np.ndarray[Any, Any]] = {}
+    for name in names:
+        if name == "jitter":
+            inputs[name] = np.array([frame.jitter], np.float32)
+        elif name == "exposure":
+            inputs[name] = np.array([frame.exposure or 0.0], np.float32)
+        elif name == "display_size":
+            inputs[name] = np.array(display_size, np.int64)
+        else:
+            inputs[name] = planes_of(getattr(frame, name))
+    return inputs
+
+
+def planes_of(image: np.ndarray[Any, Any]) -> Float32:
+    """(h, w, c) or (h, w) as contiguous (1, c, h, w)."""
+    planes = image.transpose(2, 0, 1)[None] if image.ndim == 3 else image[None, None]
+    return np.ascontiguousarray(planes, np.float32)
+
+
+def pixels_of(planes: Float32) -> Float32:
+    """(1, c, h, w) as a contiguous copy (h, w, c), (h, w) where c is 1."""
+    pixels: Float32 = planes[0, 0] if planes.shape[1] == 1 else planes[0].transpose(1, 2, 0)
+    return pixels.copy()
