@@ -59,6 +59,7 @@ from supersampler_model.networks.classifier import (
 from supersampler_model.rectification import clip_to_center, variance_box
 from supersampler_model.sampling import (
     WINDOW,
+    Grid,
     View,
     catmull_rom,
     extreme,
@@ -143,6 +144,11 @@ class ClassifierConfig:
         """What the compositor says beside weights: sharpness, cross of the past, kernel of this frame."""
         return 1, 4 * self.corrected, WINDOW
 
+    @property
+    def mixing(self) -> int:
+        """Numbers that the compositor says of a pixel."""
+        return self.candidates + sum(self.filters)
+
 
 class Classifier(Method):
     """Classify, then compose."""
@@ -173,15 +179,13 @@ class Classifier(Method):
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
         c = self.config
-        mixing = c.candidates + sum(c.filters)
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=mixing)
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.mixing)
 
     def fused(self) -> Fused | None:
         """Classifier and compositor, on packed pixels."""
         c = self.config
         inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
-        said = c.candidates + sum(c.filters)
-        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * said, *HALF)})
+        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
 
     @classmethod
     def of(cls, trained: Trained) -> Self:
@@ -247,14 +251,13 @@ class Classifier(Method):
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
         there = past_of(closest[:, 1:], now.display, now.extent)
         own = past_of(pick(motion, grid), now.display, now.extent)
-        present = self.gather_present(tone(color * exposure) * usable, usable, depth, now)
+        present = self.gather_present(tone(color * exposure) * usable, usable, depth, now, grid)
         past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
         return Gathered(present, past, there, closest[:, :1], surfaces, exposure)
 
-    def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View) -> Present:
+    def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View, grid: Grid) -> Present:
         """Upsample the usable samples of this frame."""
-        render, c = render_size_of(toned), self.config
-        grid = view.grid(render)
+        c = self.config
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
         samples = torch.cat([toned, usable], dim=1)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)

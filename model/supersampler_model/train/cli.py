@@ -1,4 +1,4 @@
-"""`supersampler train classifier`."""
+"""`supersampler train`."""
 
 import os
 from pathlib import Path
