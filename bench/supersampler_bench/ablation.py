@@ -10,7 +10,8 @@ from typing import Any
 import torch
 
 from supersampler_model.data.dataset import open_dataset
-from supersampler_model.methods.classifier import SEEN, Classifier, ClassifierConfig
+from supersampler_model.methods.classifier import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier_inputs import SEEN
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
 from supersampler_model.train.trainer import Plan, Trainer
@@ -39,10 +40,13 @@ VARIANTS: Mapping[str, Callable[[], Classifier]] = {
     "half the width (`classifier-small`)": SmallClassifier,
     "the paper's form (`classifier-paper`)": PaperClassifier,
     "past not cut to the box": lambda: Classifier(replace(_DEFAULT, rectified=False)),
-    "no past by the pixel's own motion": lambda: Classifier(replace(without("own"), own_motion=False)),
+    "no past by the pixel's own motion": lambda: Classifier(replace(_DEFAULT, own_motion=False)),
     "warped past not filtered": lambda: Classifier(replace(_DEFAULT, corrected=False)),
-    "colours seen linear, not as square roots": lambda: Classifier(replace(_DEFAULT, perceptual=False)),
-    "range of the past not seen": lambda: Classifier(without("range")),
+    "differences of past and present not seen": lambda: Classifier(
+        without("past_to_sample", "past_to_frame", "beyond")
+    ),
+    "contrasts not seen": lambda: Classifier(without("contrast", "past_contrast")),
+    "range of the past not seen": lambda: Classifier(without("least", "most")),
     "range only grows": lambda: Classifier(replace(_DEFAULT, contraction=0.0)),
     "distance of samples not seen": lambda: Classifier(without("confidence")),
     "count not seen": lambda: Classifier(without("count")),

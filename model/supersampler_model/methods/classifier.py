@@ -36,6 +36,7 @@ from supersampler_model.method import (
     render_size_of,
 )
 from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Present, Remembered
+from supersampler_model.methods.classifier_inputs import SEEN, inputs_of
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -43,7 +44,6 @@ from supersampler_model.motion import (
     past_of,
     read,
     read_cubic,
-    squared_length,
     usable_depth,
     usable_motion,
     without_thin,
@@ -77,12 +77,8 @@ from supersampler_model.sampling import (
 from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-COLORS = {"frame": 3, "sample": 3, "past": 3, "range": 2, "own": 1}
-NUMBERS = dict.fromkeys(("confidence", "count", "difference", "surface", "speed", "blur", "edge"), 1)
 SHARPEST = 2.0  # most that is added of what the cubic has sharpened
 SIDE = 0.01  # weight of a neighbour in the cross on the past, at first
-SEEN = {**COLORS, **NUMBERS}
-"""Channels of what the network may see of a pixel, by name; `Classifier.planes` has what they are."""
 
 
 @dataclass(frozen=True)
@@ -96,7 +92,6 @@ class ClassifierConfig:
         rectified: whether the past cut to the box is one of what is weighed.
         own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
         corrected: whether the warped past is filtered by a learned cross of five pixels.
-        perceptual: whether the network sees square roots of colours; else they are linear, as the blend is.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
         kernel_sigma: Gaussian that the learned kernel begins as, render pixels.
@@ -108,12 +103,11 @@ class ClassifierConfig:
     """
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
-    inputs: tuple[str, ...] = tuple(SEEN)
+    inputs: tuple[str, ...] = SEEN
     recurrent: bool = True
     rectified: bool = True
     own_motion: bool = True
     corrected: bool = True
-    perceptual: bool = True
     sample_sigma: float = 0.47
     moment_sigma: float = 0.45
     kernel_sigma: float = 0.45
@@ -127,7 +121,7 @@ class ClassifierConfig:
     @property
     def planes(self) -> int:
         """Channels of a pixel that the network sees."""
-        return sum(SEEN[name] for name in self.inputs)
+        return len(self.inputs)
 
     @property
     def carried(self) -> int:
@@ -302,30 +296,9 @@ class Classifier(Method):
         )
 
     def planes(self, gathered: Gathered) -> Tensor:
-        """What the network sees of a pixel, (1, planes, H, W), all about 1 at most."""
-        present, past, there = gathered.present, gathered.past, gathered.there
-        across, down = there.x - there.x.floor(), there.y - there.y.floor()
-        speed = squared_length(there.motion).sqrt()
-        colors = {
-            "frame": present.frame,
-            "sample": present.sample,
-            "past": past.color,
-            "range": past.range,
-            "own": luminance(past.own),
-        }
-        numbers = {
-            "confidence": present.confidence,
-            "count": past.samples / (past.samples + 4.0),
-            "difference": past.difference,
-            "surface": past.surface,
-            "speed": speed / (speed + 4.0),
-            "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),  # of this resampling
-            "edge": present.edge,
-        }
-        c = self.config
-        seen = torch.cat([colors[name] for name in c.inputs if name in colors], dim=1)
-        encoded = seen.clamp(min=1e-6).sqrt() if c.perceptual else seen
-        return torch.cat([encoded, *(numbers[name] for name in c.inputs if name in numbers)], dim=1)
+        """What the network sees of a pixel, (1, planes, H, W)."""
+        seen = inputs_of(gathered.present, gathered.past, gathered.there)
+        return torch.cat([seen[name] for name in self.config.inputs], dim=1)
 
     def carried(self, gathered: Gathered) -> Tensor:
         """What the network sees beside that, at half size."""

@@ -29,7 +29,7 @@ class NetworkConfig:
     levels: tuple[int, ...] = (32, 64, 128, 256)
     decoder: int = 32
     decoder_layers: int = 2
-    hidden: int = 34
+    hidden: int = 36
 
 
 class Pointwise(nn.Sequential):

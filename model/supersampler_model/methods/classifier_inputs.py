@@ -1,0 +1,75 @@
+"""What the network of `classifier` sees of a pixel.
+
+Few multiply-adds find differences and contrasts badly, and a gather that has the pixels at hand finds them
+for nothing: the network sees them in place of colours. Colours count as square roots, so that dark ones
+differ as much as bright ones.
+"""
+
+import torch
+from torch import Tensor
+
+from supersampler_model.color import luminance
+from supersampler_model.methods.classifier_buffers import Present, Remembered
+from supersampler_model.motion import Past, squared_length
+from supersampler_model.sampling import extreme
+
+SEEN = (
+    "frame",  # luma of this frame, smoothly upsampled
+    "sample",  # luma of the nearest samples
+    "past",  # luma of the warped past
+    "past_to_sample",  # the channel that differs most
+    "past_to_frame",
+    "contrast",  # of the samples around
+    "past_contrast",  # of the warped past in 3x3 pixels
+    "beyond",  # how far the sample is outside of the past in 3x3 pixels
+    "least",  # luma that the samples of the past had
+    "most",
+    "detail",  # what the cubic has sharpened
+    "confidence",  # how near the samples are
+    "count",  # how many the past is made of
+    "difference",  # of depth, equation 10
+    "surface",  # whether the past shows what is there now
+    "speed",
+    "blur",  # of this resampling
+    "edge",  # in depth
+)
+"""Names of what the network may see, (1, 1, H, W) each."""
+
+
+def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tensor]:
+    """All of SEEN, about 1 at most."""
+    frame, sample, color, range_ = (_root(c) for c in (present.frame, present.sample, past.color, past.range))
+    luma, luma_before = luminance(sample), luminance(color)
+    low, high = extreme(luma_before, torch.minimum), extreme(luma_before, torch.maximum)
+    speed = squared_length(there.motion).sqrt()
+    across, down = there.x - there.x.floor(), there.y - there.y.floor()
+    return {
+        "frame": luminance(frame),
+        "sample": luma,
+        "past": luma_before,
+        "past_to_sample": _largest((color - sample).abs()),
+        "past_to_frame": _largest((color - frame).abs()),
+        "contrast": _root(_root(_largest(present.second - present.first * present.first))),
+        "past_contrast": high - low,
+        "beyond": torch.maximum(low - luma, luma - high).clamp(min=0.0),
+        "least": range_[:, :1],
+        "most": range_[:, 1:2],
+        "detail": _root(_largest(past.detail.abs())),
+        "confidence": present.confidence,
+        "count": past.samples / (past.samples + 4.0),
+        "difference": past.difference,
+        "surface": past.surface,
+        "speed": speed / (speed + 4.0),
+        "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),
+        "edge": present.edge,
+    }
+
+
+def _root(value: Tensor) -> Tensor:
+    """Square root, whose slope is bounded."""
+    return value.clamp(min=1e-6).sqrt()
+
+
+def _largest(image: Tensor) -> Tensor:
+    """(1, 3, H, W) -> (1, 1, H, W)."""
+    return torch.maximum(torch.maximum(image[:, :1], image[:, 1:2]), image[:, 2:3])
