@@ -1,0 +1,61 @@
+"""What the classifier's network is shown."""
+
+import numpy as np
+import pytest
+import torch
+
+from noise import noise
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_buffers import Gathered, History
+from supersampler_model.methods.classifier_inputs import SEEN, inputs_of
+from supersampler_model.sampling import View
+
+DISPLAY = Size(47, 27)
+
+
+def gathered(value: float | None = None) -> Gathered:
+    """A frame of noise on a past of noise, `value` here and there in every image."""
+    frame = noise(1)
+    assert frame.color is not None
+    method, random = Classifier(), np.random.default_rng(3)
+    images = [
+        torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
+        for a in (frame.color.transpose(2, 0, 1), frame.depth[None], frame.motion.transpose(2, 0, 1))
+    ]
+    past, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
+    past = torch.from_numpy(random.gamma(0.5, 2.0, past.shape).astype(np.float32))
+    state = torch.from_numpy(random.uniform(0.0, 1.0, state.shape).astype(np.float32))
+    if value is not None:
+        for image in (*images, past):
+            image[torch.from_numpy(random.random(image.shape) < 0.1)] = value
+    history = History(past, state, classes, depth + 0.02, torch.ones(1))
+    view = View(DISPLAY, Size(32, 18), torch.tensor([frame.jitter]))
+    with torch.no_grad():
+        return method.gather(*images, torch.ones(1), history, view, view)
+
+
+@pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
+def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
+    seen = Classifier().planes(gathered(value))
+    assert tuple(seen.shape) == (1, len(SEEN), DISPLAY.height, DISPLAY.width)
+    assert seen.isfinite().all()
+    assert seen.min() >= -1.0
+    assert seen.max() <= 1.001
+
+
+def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
+    g = gathered()
+    past = g.past._replace(color=g.present.sample, detail=torch.zeros_like(g.past.detail))
+    seen = inputs_of(g.present, past, g.there)
+    for name in ("past_to_sample", "beyond"):
+        assert not seen[name].any(), name
+    assert seen["past_to_frame"].any()
+
+
+def test_a_sample_brighter_than_all_of_the_past_around_is_beyond_it() -> None:
+    g = gathered()
+    dark = g.past._replace(color=torch.full_like(g.past.color, 0.01))
+    seen = inputs_of(g.present, dark, g.there)
+    torch.testing.assert_close(seen["beyond"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
+    assert not seen["past_contrast"].any()
