@@ -8,7 +8,7 @@ differ as much as bright ones.
 import torch
 from torch import Tensor
 
-from supersampler_model.color import luminance
+from supersampler_model.color import largest, luminance
 from supersampler_model.methods.classifier_buffers import Present, Remembered
 from supersampler_model.motion import Past, squared_length
 from supersampler_model.sampling import extreme
@@ -47,14 +47,14 @@ def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tens
         "frame": luminance(frame),
         "sample": luma,
         "past": luma_before,
-        "past_to_sample": _largest((color - sample).abs()),
-        "past_to_frame": _largest((color - frame).abs()),
-        "contrast": _root(_root(_largest(present.second - present.first * present.first))),
+        "past_to_sample": largest((color - sample).abs()),
+        "past_to_frame": largest((color - frame).abs()),
+        "contrast": _root(_root(largest(present.second - present.first * present.first))),
         "past_contrast": high - low,
         "beyond": torch.maximum(low - luma, luma - high).clamp(min=0.0),
         "least": range_[:, :1],
         "most": range_[:, 1:2],
-        "detail": _root(_largest(past.detail.abs())),
+        "detail": _root(largest(past.detail.abs())),
         "confidence": present.confidence,
         "count": past.samples / (past.samples + 4.0),
         "difference": past.difference,
@@ -68,8 +68,3 @@ def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tens
 def _root(value: Tensor) -> Tensor:
     """Square root, whose slope is bounded."""
     return value.clamp(min=1e-6).sqrt()
-
-
-def _largest(image: Tensor) -> Tensor:
-    """(1, 3, H, W) -> (1, 1, H, W)."""
-    return torch.maximum(torch.maximum(image[:, :1], image[:, 1:2]), image[:, 2:3])
