@@ -1,0 +1,60 @@
+"""Colours as three vectors, a channel each; twins of `supersampler_model.color`."""
+
+from typing import Any
+
+from numba import njit
+
+from supersampler.host.vector import maximum, minimum, select, square_root
+
+MAX_HALF = 65504.0
+
+
+@njit
+def usable(r: Any, g: Any, b: Any) -> Any:
+    """Where every channel is a number in [0, 65504]."""
+    low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
+    return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
+
+
+@njit
+def quarantined(c: Any) -> Any:
+    """What is not a number in [0, 65504] becomes 0."""
+    return select((c >= 0.0) & (c <= MAX_HALF), c, 0.0)
+
+
+@njit
+def largest(r: Any, g: Any, b: Any) -> Any:
+    return maximum(maximum(r, g), b)
+
+
+@njit
+def toned(r: Any, g: Any, b: Any) -> Any:
+    """Exposed linear RGB [0, inf) to [0, 1)."""
+    scale = 1.0 / (largest(r, g, b) + 1.0)
+    return r * scale, g * scale, b * scale
+
+
+@njit
+def ycocg(r: Any, g: Any, b: Any) -> Any:
+    both = (r + b) * 0.25
+    return both + g * 0.5, (r - b) * 0.5, g * 0.5 - both
+
+
+@njit
+def rgb(y: Any, co: Any, cg: Any) -> Any:
+    return y + co - cg, y + cg, y - co - cg
+
+
+@njit
+def luminance(r: Any, g: Any, b: Any) -> Any:
+    return r * 0.2126 + g * 0.7152 + b * 0.0722
+
+
+@njit
+def root(c: Any) -> Any:
+    return square_root(maximum(c, 1e-6))
+
+
+@njit
+def clamped(c: Any, low: float, high: float) -> Any:
+    return minimum(maximum(c, low), high)

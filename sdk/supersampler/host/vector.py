@@ -1,0 +1,312 @@
+"""Vectors of several lanes for kernels that numba compiles.
+
+numba has scalars and arrays, and LLVM does not find the vectors of a warp by itself: reading a pixel's eight
+channels at once makes one three times as fast. Here a vector is a value like a float: operators act on all
+lanes, a float beside one is spread over them. LLVM splits what is wider than the machine's registers.
+
+Kernels read and write through pointers (`load`, `store`); nothing is checked there. None of it is called from
+Python: each function exists in compiled code alone.
+"""
+
+import operator
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import njit
+from numba.core import cgutils, types
+from numba.core.typing.templates import AbstractTemplate, infer_global, signature
+from numba.extending import intrinsic, lower_builtin, models, register_model
+
+_FAST = ("contract", "nsz")  # a * b + c may be one operation; nothing else is reordered
+_I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
+_KINDS = {"f32": _F32, "i32": _I32, "mask": _I1}
+
+
+class Vector(types.Type):  # type: ignore[misc]  # numba has no types
+    """`lanes` values of a kind: f32, i32, or mask, which comparisons give."""
+
+    def __init__(self, kind: str, lanes: int) -> None:
+        self.kind, self.lanes = kind, lanes
+        super().__init__(f"{kind}x{lanes}")
+
+    def of(self, kind: str) -> "Vector":
+        """The same lanes of another kind."""
+        return Vector(kind, self.lanes)
+
+    @property
+    def llvm(self) -> ir.VectorType:
+        """The type in LLVM."""
+        return ir.VectorType(_KINDS[self.kind], self.lanes)
+
+
+@register_model(Vector)
+class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+    def __init__(self, manager: Any, vector: Vector) -> None:
+        super().__init__(manager, vector, vector.llvm)
+
+
+def _spread(builder: ir.IRBuilder, scalar: ir.Value, vector: ir.VectorType) -> ir.Value:
+    undefined = ir.Constant(vector, ir.Undefined)
+    first = builder.insert_element(undefined, scalar, ir.Constant(_I32, 0))
+    lanes = ir.Constant(ir.VectorType(_I32, vector.count), [0] * vector.count)
+    return builder.shuffle_vector(first, undefined, lanes)
+
+
+# Operators
+
+
+def _operator(symbol: Callable[..., Any], instructions: dict[str, str], *, compares: bool = False) -> None:
+    """Define `symbol` on vectors: `instructions` names LLVM's for each kind."""
+
+    @infer_global(symbol)
+    class _Typing(AbstractTemplate):  # type: ignore[misc]  # numba finds it by its decorator
+        def generic(self, args: tuple[types.Type, ...], kws: dict[str, Any]) -> Any:
+            vectors = [a for a in args if isinstance(a, Vector)]
+            if kws or not vectors or any(v != vectors[0] for v in vectors):
+                return None
+            vector = vectors[0]
+            if vector.kind not in instructions:
+                return None
+            scalar = types.float32 if vector.kind == "f32" else types.int32
+            found = [a if isinstance(a, Vector) else scalar for a in args]
+            return signature(vector.of("mask") if compares else vector, *found)
+
+    def lower(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        vector = next(a for a in sig.args if isinstance(a, Vector))
+        pairs = zip(args, sig.args, strict=True)
+        values = [a if isinstance(t, Vector) else _spread(builder, a, vector.llvm) for a, t in pairs]
+        instruction = instructions[vector.kind]
+        if compares:
+            ordered = builder.fcmp_ordered if vector.kind == "f32" else builder.icmp_signed
+            return ordered(instruction, *values)
+        make = getattr(builder, instruction)
+        return make(*values, flags=_FAST) if vector.kind == "f32" else make(*values)
+
+    for operands in ((Vector, Vector), (Vector, types.Number), (types.Number, Vector)):
+        lower_builtin(symbol, *operands)(lower)
+
+
+_operator(operator.add, {"f32": "fadd", "i32": "add"})
+_operator(operator.sub, {"f32": "fsub", "i32": "sub"})
+_operator(operator.mul, {"f32": "fmul", "i32": "mul"})
+_operator(operator.truediv, {"f32": "fdiv"})
+_operator(operator.and_, {"i32": "and_", "mask": "and_"})
+_operator(operator.or_, {"i32": "or_", "mask": "or_"})
+_operator(operator.lshift, {"i32": "shl"})
+_operator(operator.rshift, {"i32": "ashr"})
+_COMPARED = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge, "==": operator.eq}
+for _sign, _symbol in _COMPARED.items():
+    _operator(_symbol, {"f32": _sign, "i32": _sign}, compares=True)
+
+
+# Memory
+
+
+def _place(builder: ir.IRBuilder, pointer: ir.Value, index: ir.Value, kind: ir.Type) -> ir.Value:
+    return builder.bitcast(builder.gep(pointer, [index]), kind.as_pointer())
+
+
+def _loader(lanes: int) -> Callable[..., Any]:
+    def load(_: Any, pointer: Any, index: Any) -> Any:
+        """Read `lanes` values from `index` on: float32 as f32, int32 and bytes as i32, uint16 as half floats."""
+        element = pointer.dtype
+        vector = Vector("i32" if element in (types.int32, types.uint8) else "f32", lanes)
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            stored = {types.uint8: ir.IntType(8), types.uint16: ir.HalfType()}.get(element)
+            kind = vector.llvm if stored is None else ir.VectorType(stored, lanes)
+            value = builder.load(_place(builder, *args, kind))
+            value.align = element.bitwidth // 8
+            if element == types.uint8:
+                return builder.zext(value, vector.llvm)
+            return builder.fpext(value, vector.llvm) if element == types.uint16 else value
+
+        return vector(pointer, types.intp), make
+
+    return intrinsic(load)
+
+
+load16, load8, load4 = _loader(16), _loader(8), _loader(4)
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
+    """Write all lanes from `index` on, as what the pointer points to; i32 must fit into bytes."""
+    element = pointer.dtype
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        value = args[2]
+        if element == types.uint8:
+            value = builder.trunc(value, ir.VectorType(ir.IntType(8), vector.lanes))
+        if element == types.uint16:
+            value = builder.fptrunc(value, ir.VectorType(ir.HalfType(), vector.lanes))
+        builder.store(value, _place(builder, args[0], args[1], value.type)).align = element.bitwidth // 8
+        return context.get_dummy_value()
+
+    return types.void(pointer, types.intp, vector), make
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def gather(_: Any, pointer: Any, index: Any) -> Any:
+    """Read one float32 for each lane, where the i32 lanes of `index` say; a load for each."""
+    vector = index.of("f32")
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        value = ir.Constant(vector.llvm, ir.Undefined)
+        for lane in range(vector.lanes):
+            at = ir.Constant(_I32, lane)
+            place = builder.gep(args[0], [builder.sext(builder.extract_element(args[1], at), ir.IntType(64))])
+            value = builder.insert_element(value, builder.load(place), at)
+        return value
+
+    return vector(pointer, index), make
+
+
+# Functions of lanes
+
+
+def _elementwise(name: str) -> Callable[..., Any]:
+    def apply(_: Any, value: Any) -> Any:
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            kind = ir.FunctionType(value.llvm, [value.llvm])
+            name_of_all = f"llvm.{name}.v{value.lanes}f32"
+            function = cgutils.get_or_insert_function(builder.module, kind, name_of_all)
+            return builder.call(function, args)
+
+        return value(value), make
+
+    return intrinsic(apply)
+
+
+square_root, floor, absolute = (_elementwise(name) for name in ("sqrt", "floor", "fabs"))
+
+
+def _chooser(sign: str) -> Callable[..., Any]:
+    def choose(_: Any, first: Any, second: Any) -> Any:
+        """The second where either is NaN."""
+        vector = first if isinstance(first, Vector) else second
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            pairs = zip(args, sig.args, strict=True)
+            a, b = (v if isinstance(t, Vector) else _spread(builder, v, vector.llvm) for v, t in pairs)
+            ordered = builder.fcmp_ordered if vector.kind == "f32" else builder.icmp_signed
+            return builder.select(ordered(sign, a, b), a, b)
+
+        scalar = types.float32 if vector.kind == "f32" else types.int32
+        return vector(*(t if isinstance(t, Vector) else scalar for t in (first, second))), make
+
+    return intrinsic(choose)
+
+
+minimum, maximum = _chooser("<"), _chooser(">")
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def select(_: Any, mask: Any, first: Any, second: Any) -> Any:
+    """`first` where the mask is set, else `second`."""
+    vector = first if isinstance(first, Vector) else second
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        pairs = zip(args[1:], sig.args[1:], strict=True)
+        a, b = (v if isinstance(t, Vector) else _spread(builder, v, vector.llvm) for v, t in pairs)
+        return builder.select(args[0], a, b)
+
+    scalar = types.float32 if vector.kind == "f32" else types.int32
+    found = [t if isinstance(t, Vector) else scalar for t in (first, second)]
+    return vector(mask, *found), make
+
+
+def _converter(kind: str, instruction: str) -> Callable[..., Any]:
+    def convert(_: Any, value: Any) -> Any:
+        vector = value.of(kind)
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            return getattr(builder, instruction)(args[0], vector.llvm)
+
+        return vector(value), make
+
+    return intrinsic(convert)
+
+
+to_int = _converter("i32", "fptosi")  # towards zero; of what fits
+to_float = _converter("f32", "sitofp")
+bits_of = _converter("i32", "bitcast")
+float_of = _converter("f32", "bitcast")
+
+
+# Lanes
+
+
+@intrinsic  # type: ignore[untyped-decorator]
+def ramp16(_: Any) -> Any:
+    """0, 1, ... 15 as i32."""
+    vector = Vector("i32", 16)
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        return ir.Constant(vector.llvm, list(range(16)))
+
+    return vector(), make
+
+
+def _spreader(lanes: int) -> Callable[..., Any]:
+    def spread(_: Any, value: Any) -> Any:
+        vector = Vector("f32" if isinstance(value, types.Float) else "i32", lanes)
+        scalar = types.float32 if vector.kind == "f32" else types.int32
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            return _spread(builder, args[0], vector.llvm)
+
+        return vector(scalar), make
+
+    return intrinsic(spread)
+
+
+spread16, spread8, spread4 = _spreader(16), _spreader(8), _spreader(4)
+
+
+def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
+    def shuffle(_: Any, first: Any, second: Any) -> Any:
+        lanes = order(first.lanes)
+        vector = Vector(first.kind, len(lanes))
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            return builder.shuffle_vector(*args, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+        return vector(first, second), make
+
+    return intrinsic(shuffle)
+
+
+joined = _shuffler(lambda n: list(range(2 * n)))  # the lanes of both, one after the other
+zipped = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)])  # in turns
+evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
+odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
+low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
+high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
+
+
+@njit
+def transposed(rows: Any) -> Any:
+    """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
+    for _ in range(4):
+        a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p = rows
+        rows = (
+            low_zip(a, i), high_zip(a, i), low_zip(b, j), high_zip(b, j),
+            low_zip(c, k), high_zip(c, k), low_zip(d, l), high_zip(d, l),
+            low_zip(e, m), high_zip(e, m), low_zip(f, n), high_zip(f, n),
+            low_zip(g, o), high_zip(g, o), low_zip(h, p), high_zip(h, p),
+        )  # fmt: skip
+    return rows
+
+
+@njit
+def load_columns(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
+    p = pointer
+    return transposed((
+        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
+        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
+        load16(p, index + 128), load16(p, index + 144), load16(p, index + 160), load16(p, index + 176),
+        load16(p, index + 192), load16(p, index + 208), load16(p, index + 224), load16(p, index + 240),
+    ))  # fmt: skip
