@@ -1,0 +1,170 @@
+"""Finish of `classifier` on a processor: what `Classifier.finish` does, in one pass."""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels.colors import (
+    MAX_HALF,
+    clamped,
+    exponential,
+    largest,
+    luminance,
+    rgb,
+    ycocg,
+)
+from supersampler.host.vector import (
+    absolute,
+    load4,
+    load8,
+    load16,
+    load_columns,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    spread16,
+    store,
+    to_float,
+    transposed,
+    zipped,
+)
+
+TONED = 1.0 - 1e-4
+SIDE, SHARPEST, DARKNESS = 0.01, 2.0, 1e-12
+PLANES = 26
+
+
+@njit
+def said(mixing, channel, y, x, half_plane, half_width):
+    """What the compositor says of sixteen pixels."""
+    at = (4 * channel + 2 * (y % 2)) * half_plane + (y // 2) * half_width + x // 2
+    both = zipped(load8(mixing, at), load8(mixing, at + half_plane))
+    return clamped(both, -16.0, 16.0)
+
+
+@njit
+def kernel_of(samples, stride, w, h, row, near, down, across, factors, out):
+    """Sums of sixteen pixels' 3x3 samples by learned weights: red, green, blue and of the weights."""
+    for i in range(16):
+        column = near[i]
+        total = load4(samples, 0) * np.float32(0.0)
+        for dy in range(3):
+            y = min(max(row + dy - 1, 0), h - 1) * stride
+            for dx in range(3):
+                x = min(max(column + dx - 1, 0), w - 1)
+                total = total + load4(samples, 16 * (y + x)) * factors[16 * (3 * dy + dx) + i]
+        store(out, 16 * i, total)
+
+
+def finish_rows(
+    gathered, mixing, samples, stride, columns_near, rows_near, down, across,
+    numbers, sizes, y0, y1, near, factors, out, history, image, weight, tells,
+):  # fmt: skip
+    """Compose rows y0 to y1, count, and go back to linear RGB."""
+    w, h, big_w, big_h, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
+    half_width, half_plane = sizes[5], sizes[5] * sizes[6]
+    exposure, samples_most, contraction = numbers[0], numbers[1], numbers[2]
+    per_exposure = np.float32(1.0) / exposure
+    zero = spread16(np.float32(0.0))
+    for y in range(y0, y1):
+        here = y * PLANES * width
+        above, below = max(y - 1, 0) * PLANES * width, min(y + 1, big_h - 1) * PLANES * width
+        for x in range(0, width, 16):
+            at = here + x
+            lane = ramp16() + np.int32(x)
+            first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
+            up = exponential(said(mixing, 7, y, x, half_plane, half_width)) * SIDE
+            left = exponential(said(mixing, 8, y, x, half_plane, half_width)) * SIDE
+            right = exponential(said(mixing, 9, y, x, half_plane, half_width)) * SIDE
+            low = exponential(said(mixing, 10, y, x, half_plane, half_width)) * SIDE
+            scale = 1.0 / (up + left + right + low + 1.0)
+            sharp = clamped(said(mixing, 6, y, x, half_plane, half_width), 0.0, SHARPEST)
+            r = g = b = zero
+            for c in range(3):
+                p = (13 + c) * width
+                v = load16(gathered, at + p)
+                beside = select(first, v, load16(gathered, at + p - 1)) * left
+                beside = beside + select(last, v, load16(gathered, at + p + 1)) * right
+                moved = v + load16(gathered, above + x + p) * up + beside + load16(gathered, below + x + p) * low
+                v = moved * scale + sharp * load16(gathered, at + (16 + c) * width)
+                r, g, b = g, b, clamped(v, 0.0, TONED)
+            count, surface = load16(gathered, at + 22 * width), load16(gathered, at + 23 * width)
+            known = count > 0.0
+            other = select(known, count * 0.1 + 1e-3, 0.0)
+            w0 = select(known, count * surface + 1e-3, 0.0) * exponential(
+                said(mixing, 0, y, x, half_plane, half_width)
+            )
+            w1 = other * exponential(said(mixing, 1, y, x, half_plane, half_width))
+            w2 = other * exponential(said(mixing, 2, y, x, half_plane, half_width))
+            luma, orange, green = ycocg(r, g, b)
+            my, mo, mg = (
+                load16(gathered, at + 7 * width), load16(gathered, at + 8 * width), load16(gathered, at + 9 * width),
+            )  # fmt: skip
+            luma, orange, green = luma - my, orange - mo, green - mg
+            over = largest(
+                absolute(luma) / maximum(load16(gathered, at + 10 * width), 1e-5),
+                absolute(orange) / maximum(load16(gathered, at + 11 * width), 1e-5),
+                absolute(green) / maximum(load16(gathered, at + 12 * width), 1e-5),
+            )
+            cut = 1.0 / maximum(over, 1.0)
+            cr, cg, cb = rgb(my + luma * cut, mo + orange * cut, mg + green * cut)
+            red = r * w0 + clamped(cr, 0.0, TONED) * w1 + load16(gathered, at + 19 * width) * w2
+            grn = g * w0 + clamped(cg, 0.0, TONED) * w1 + load16(gathered, at + 20 * width) * w2
+            blu = b * w0 + clamped(cb, 0.0, TONED) * w1 + load16(gathered, at + 21 * width) * w2
+            kept = w0 + w1 + w2
+            # this frame
+            store(near, 0, load16(columns_near, x))
+            for dy in range(3):
+                for dx in range(3):
+                    k = 3 * dy + dx
+                    begun = load16(across, dx * width + x) * down[3 * y + dy] + 1e-4
+                    store(factors, 16 * k, begun * exponential(said(mixing, 11 + k, y, x, half_plane, half_width)))
+            kernel_of(samples, stride, w, h, rows_near[y], near, down, across, factors, out)
+            q = load_columns(out, 0)
+            fr, fg, fb = load16(gathered, at), load16(gathered, at + width), load16(gathered, at + 2 * width)
+            scale = 1.0 / maximum(q[3], 1e-12)
+            some = q[3] > 1e-9
+            kr, kg, kb = select(some, q[0] * scale, fr), select(some, q[1] * scale, fg), select(some, q[2] * scale, fb)
+            confidence = load16(gathered, at + 6 * width)
+            there = select(q[3] > 0.0, spread16(np.float32(1.0)), zero)
+            b3, b4 = there * (confidence + 1e-3), there * 0.05
+            w3 = b3 * exponential(said(mixing, 3, y, x, half_plane, half_width))
+            w4 = b4 * exponential(said(mixing, 4, y, x, half_plane, half_width))
+            w5 = b4 * exponential(said(mixing, 5, y, x, half_plane, half_width))
+            sr, sg, sb = (
+                load16(gathered, at + 3 * width), load16(gathered, at + 4 * width), load16(gathered, at + 5 * width),
+            )  # fmt: skip
+            red = red + sr * w3 + fr * w4 + kr * w5
+            grn = grn + sg * w3 + fg * w4 + kg * w5
+            blu = blu + sb * w3 + fb * w4 + kb * w5
+            new = w3 + w4 + w5
+            scale = 1.0 / maximum(kept + new, 1e-12)
+            red, grn, blu = red * scale, grn * scale, blu * scale
+            back = per_exposure / maximum(1.0 - largest(red, grn, blu), 1.0 / MAX_HALF)
+            red, grn, blu = minimum(red * back, MAX_HALF), minimum(grn * back, MAX_HALF), minimum(blu * back, MAX_HALF)
+            red = select(red >= DARKNESS, red, 0.0)
+            grn = select(grn >= DARKNESS, grn, 0.0)
+            blu = select(blu >= DARKNESS, blu, 0.0)
+            if tells:
+                store(weight, y * width + x, kept * scale)
+            # what the next frame looks back on
+            odds = kept / maximum(new, 1e-12) * (b3 + b4 + b4)
+            worth = minimum(minimum(odds, count), samples_most) + confidence
+            luma = luminance(sr, sg, sb)
+            held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
+            rate = confidence * contraction
+            least, most = load16(gathered, at + 24 * width), load16(gathered, at + 25 * width)
+            least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
+            most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
+            least, most = luma + held * (least - luma), luma + held * (most - luma)
+            rows = transposed((
+                red, grn, blu, worth, least, most, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
+            ))  # fmt: skip
+            for i in range(16):
+                store(out, 16 * i, rows[i])
+            for i in range(min(16, big_w - x)):
+                pixel = y * big_w + x + i
+                store(history, 8 * pixel, load8(out, 16 * i))
+                image[3 * pixel] = out[16 * i]
+                image[3 * pixel + 1] = out[16 * i + 1]
+                image[3 * pixel + 2] = out[16 * i + 2]
