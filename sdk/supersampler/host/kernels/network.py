@@ -9,6 +9,8 @@ from numba import njit
 
 from supersampler.host.vector import (
     dot4,
+    load4,
+    load8,
     load16,
     maximum,
     minimum,
@@ -63,6 +65,8 @@ def pointwise(x, pitch, words, weights, blocks, scales, biases, out, out_pitch, 
                     to = y * out_row + (p + i) * out_pitch + 32 * block
                     store(out, to, to_bytes(sums[2 * i], scales, biases, 32 * block))
                     store(out, to + 16, to_bytes(sums[2 * i + 1], scales, biases, 32 * block + 16))
+        for c in range(0, 32 * blocks, 16):  # the border of what comes next
+            store(out, y * out_row + width * out_pitch + c, spread16(np.int32(0)))
 
 
 @njit
@@ -102,3 +106,22 @@ def pool(x, first, channels, pitch, out, sizes, y0, y1):
                 upper = maximum(load16(x, at + c), load16(x, at + pitch + c))
                 lower = maximum(load16(x, at + row + c), load16(x, at + row + pitch + c))
                 store(out, y * out_row + p * channels + c, maximum(upper, lower))
+
+
+def concatenate(kept0, kept1, kept2, kept3, out, sizes, y0, y1):
+    """What the levels hand to the decoder, 16 + 8 + 4 + 4 channels, pixels shuffled into place.
+
+    Channels of a level lie as its pixels unpack: sub-pixel by sub-pixel. sizes: pixels in a row, pixels from
+    row to row of each level, of out.
+    """
+    width = sizes[0]
+    for y in range(y0, y1):
+        for p in range(width):
+            to = 32 * (y * sizes[5] + p)
+            store(out, to, load16(kept0, 32 * (y * sizes[1] + p)))
+            at = 64 * ((y >> 1) * sizes[2] + (p >> 1)) + 8 * (2 * (y & 1) + (p & 1))
+            store(out, to + 16, load8(kept1, at))
+            at = 128 * ((y >> 2) * sizes[3] + (p >> 2)) + 4 * (4 * (y & 3) + (p & 3))
+            store(out, to + 24, load4(kept2, at))
+            at = 256 * ((y >> 3) * sizes[4] + (p >> 3)) + 4 * (8 * (y & 7) + (p & 7))
+            store(out, to + 28, load4(kept3, at))
