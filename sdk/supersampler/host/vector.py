@@ -148,6 +148,22 @@ def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
+def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> Any:
+    """Write the lanes of a vector two by two, `pitch` apart."""
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        pointer, index, pitch, value = args
+        undefined = ir.Constant(vector.llvm, ir.Undefined)
+        for i in range(0, vector.lanes, 2):
+            pair = builder.shuffle_vector(value, undefined, ir.Constant(ir.VectorType(_I32, 2), [i, i + 1]))
+            builder.store(pair, _place(builder, pointer, index, pair.type)).align = 4
+            index = builder.add(index, pitch)
+        return context.get_dummy_value()
+
+    return types.void(pointer, types.intp, types.intp, vector), make
+
+
+@intrinsic  # type: ignore[untyped-decorator]
 def gather(_: Any, pointer: Any, index: Any) -> Any:
     """Read one float32 for each lane, where the i32 lanes of `index` say; a load for each."""
     vector = index.of("f32")

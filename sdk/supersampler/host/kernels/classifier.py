@@ -38,9 +38,11 @@ from supersampler.host.vector import (
     spread16,
     square_root,
     store,
+    store_pairs,
     to_float,
     to_int,
     transposed,
+    zipped,
 )
 
 TONED = 1.0 - 1e-4
@@ -234,7 +236,13 @@ def hidden(depth, left, top, tx, ty, history_depth, stride, w, h, margin, ramp):
 
 
 @njit
-def contrast_row(ring, above, here, below, wide, seen, plane, row, width):
+def put(seen, at, value):
+    """What the network sees, as a byte."""
+    store(seen, at, to_int(clamped(value, 0.0, 1.0) * 255.0 + 0.5))
+
+
+@njit
+def contrast_row(ring, above, here, below, wide, seen, seen_row, width):
     """How much the past differs around each pixel, and how far this frame's sample is outside of that."""
     for x in range(0, width, 16):
         low = high = load16(ring, here * wide + PAD + x)
@@ -242,30 +250,75 @@ def contrast_row(ring, above, here, below, wide, seen, plane, row, width):
             for column in range(-1, 2):
                 other = load16(ring, line * wide + PAD + x + column)
                 low, high = minimum(other, low), maximum(other, high)
-        luma = load16(seen, SAMPLE * plane + row * width + x)
-        store(seen, PAST_CONTRAST * plane + row * width + x, high - low)
-        store(seen, BEYOND * plane + row * width + x, maximum(maximum(low - luma, luma - high), 0.0))
+        luma = to_float(load16(seen, SAMPLE * width + seen_row + x)) * (1.0 / 255.0)
+        put(seen, PAST_CONTRAST * width + seen_row + x, high - low)
+        put(seen, BEYOND * width + seen_row + x, maximum(maximum(low - luma, luma - high), 0.0))
+
+
+@njit
+def words_of(seen, upper, lower):
+    """Sixteen packed pixels: two of each row in the bytes of a word."""
+    a, b = load16(seen, upper), load16(seen, upper + 16)
+    c, d = load16(seen, lower), load16(seen, lower + 16)
+    return evens(a, b) | odds(a, b) << np.int32(8) | evens(c, d) << np.int32(16) | odds(c, d) << np.int32(24)
+
+
+@njit
+def pack_rows(seen, upper, lower, width, half_width, records, to):
+    """Pack two rows of bytes into records of 28 words, of which these are the first 18."""
+    for x in range(0, half_width, 16):
+        u, v = upper + 2 * x, lower + 2 * x
+        rows = transposed((
+            words_of(seen, u, v), words_of(seen, u + width, v + width),
+            words_of(seen, u + 2 * width, v + 2 * width), words_of(seen, u + 3 * width, v + 3 * width),
+            words_of(seen, u + 4 * width, v + 4 * width), words_of(seen, u + 5 * width, v + 5 * width),
+            words_of(seen, u + 6 * width, v + 6 * width), words_of(seen, u + 7 * width, v + 7 * width),
+            words_of(seen, u + 8 * width, v + 8 * width), words_of(seen, u + 9 * width, v + 9 * width),
+            words_of(seen, u + 10 * width, v + 10 * width), words_of(seen, u + 11 * width, v + 11 * width),
+            words_of(seen, u + 12 * width, v + 12 * width), words_of(seen, u + 13 * width, v + 13 * width),
+            words_of(seen, u + 14 * width, v + 14 * width), words_of(seen, u + 15 * width, v + 15 * width),
+        ))  # fmt: skip
+        pairs = zipped(
+            words_of(seen, u + 16 * width, v + 16 * width), words_of(seen, u + 17 * width, v + 17 * width)
+        )
+        for i in range(16):
+            store(records, to + 28 * (x + i), rows[i])
+        store_pairs(records, to + 28 * x + 16, 28, pairs)
+
+
+@njit
+def complete(ring, seen, records, y, below, wide, width, big_w, big_h, half_row):
+    """Finish row y, whose rows around are known now; pack it with the one above where it is the second."""
+    row = (y % 4) * 18 * width
+    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, seen, row, width)
+    if big_w % 2:
+        for c in range(18):
+            seen[row + c * width + big_w] = seen[row + c * width + big_w - 1]
+    if y % 2 or y == big_h - 1:
+        upper = ((y - y % 2) % 4) * 18 * width
+        pack_rows(seen, upper, row, width, (big_w + 1) // 2, records, (y // 2) * half_row * 28)
 
 
 def gather_rows(
     samples, nearest, edges, across, down, stride, history, history_depth, old_stride,
     rows, row_weights, columns, column_weights, lefts, columns_near, tops, rows_near,
-    opened, numbers, sizes, y0, y1, line, filtered, ring, slots, weights, warped, gathered, seen,
+    opened, numbers, sizes, y0, y1, line, filtered, ring, slots, weights, warped, seen, gathered, records,
 ):  # fmt: skip
     """All that is known of rows y0 to y1 before the network speaks.
 
     gathered (H, PLANES, width): frame 3, sample 3, confidence, mean and reach of the box 6, past 3, detail 3,
-    own 3, count, surface, range 2. seen (18, H, width): what the network sees.
+    own 3, count, surface, range 2. records (H / 2, half_row, 28) words: what the network sees, four pixels a word.
     """
     w, old_w, old_h, big_w, big_h, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4], sizes[5]
+    half_row = sizes[6]
     exposure, extent_x, extent_y, w_big, h_big = numbers[0], numbers[1], numbers[2], numbers[3], numbers[4]
     old_x, old_y, jitter_x, jitter_y = numbers[5], numbers[6], numbers[7], numbers[8]
     sharpness, gamma, margin, ramp = numbers[9], numbers[10], numbers[11], numbers[12]
     padded, wide = stride + 2 * PAD, width + 2 * PAD
-    plane = big_h * width
     zero = spread16(np.float32(0.0))
     for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
         inside = y0 <= y < y1
+        ring_row = (y % 4) * 18 * width
         if inside:
             filter_row(
                 samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered
@@ -294,7 +347,7 @@ def gather_rows(
             store(ring, (y % 3) * wide + PAD + x, luma)
             if not inside:
                 continue
-            store(seen, PAST * plane + y * width + x, luma)
+            put(seen, PAST * width + ring_row + x, luma)
             to = y * PLANES * width + x
             lr, lg, lb = toned(
                 quarantined(q[4]) * exposure, quarantined(q[5]) * exposure, quarantined(q[6]) * exposure
@@ -348,32 +401,30 @@ def gather_rows(
             for c, v in enumerate((fr, fg, fb, sr, sg, sb, confidence, luma0, orange0, green0, reach_y, reach_o, reach_g)):
                 store(gathered, to + c * width, v)
             # what the network sees
-            to = y * width + x
             ar, ag, ab = root(sr), root(sg), root(sb)
-            store(seen, SAMPLE * plane + to, luminance(ar, ag, ab))
-            store(seen, TO_SAMPLE * plane + to, largest(absolute(rr - ar), absolute(rg - ag), absolute(rb - ab)))
+            put(seen, SAMPLE * width + ring_row + x, luminance(ar, ag, ab))
+            put(seen, TO_SAMPLE * width + ring_row + x, largest(absolute(rr - ar), absolute(rg - ag), absolute(rb - ab)))
             ar, ag, ab = root(fr), root(fg), root(fb)
-            store(seen, FRAME * plane + to, luminance(ar, ag, ab))
-            store(seen, TO_FRAME * plane + to, largest(absolute(rr - ar), absolute(rg - ag), absolute(rb - ab)))
-            store(seen, CONTRAST * plane + to, root(root(largest(var_y, var_o, var_g))))
-            store(seen, LEAST * plane + to, root(q[8]))
-            store(seen, MOST * plane + to, root(q[9]))
-            store(seen, DETAIL * plane + to, root(largest(absolute(dr), absolute(dg), absolute(db))))
-            store(seen, CONFIDENCE * plane + to, confidence)
-            store(seen, COUNT * plane + to, count / (count + 4.0))
-            store(seen, DIFFERENCE * plane + to, apart)
-            store(seen, SURFACE * plane + to, surface)
+            put(seen, FRAME * width + ring_row + x, luminance(ar, ag, ab))
+            put(seen, TO_FRAME * width + ring_row + x, largest(absolute(rr - ar), absolute(rg - ag), absolute(rb - ab)))
+            put(seen, CONTRAST * width + ring_row + x, root(root(largest(var_y, var_o, var_g))))
+            put(seen, LEAST * width + ring_row + x, root(q[8]))
+            put(seen, MOST * width + ring_row + x, root(q[9]))
+            put(seen, DETAIL * width + ring_row + x, root(largest(absolute(dr), absolute(dg), absolute(db))))
+            put(seen, CONFIDENCE * width + ring_row + x, confidence)
+            put(seen, COUNT * width + ring_row + x, count / (count + 4.0))
+            put(seen, DIFFERENCE * width + ring_row + x, apart * 0.5 + 0.5)
+            put(seen, SURFACE * width + ring_row + x, surface)
             speed = square_root(mx * mx + my * my)
-            store(seen, SPEED * plane + to, speed / (speed + 4.0))
+            put(seen, SPEED * width + ring_row + x, speed / (speed + 4.0))
             tx, ty = px - floor(px), py - floor(py)
-            store(seen, BLUR * plane + to, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
-            store(seen, EDGE * plane + to, gather(edges, near + np.int32(rows_near[y] * stride)))
+            put(seen, BLUR * width + ring_row + x, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
+            put(seen, EDGE * width + ring_row + x, gather(edges, near + np.int32(rows_near[y] * stride)))
         first, last = (y % 3) * wide + PAD, (y % 3) * wide + PAD + big_w - 1
         for x in range(PAD):
             ring[first - 1 - x] = ring[first]
             ring[last + 1 + x] = ring[last]
         if y - 1 >= y0:
-            contrast_row(ring, max(y - 2, 0) % 3, (y - 1) % 3, y % 3, wide, seen, plane, y - 1, width)
+            complete(ring, seen, records, y - 1, y, wide, width, big_w, big_h, half_row)
     if y1 == big_h:
-        y = big_h - 1
-        contrast_row(ring, max(y - 1, 0) % 3, y % 3, y % 3, wide, seen, plane, y, width)
+        complete(ring, seen, records, big_h - 1, big_h - 1, wide, width, big_w, big_h, half_row)
