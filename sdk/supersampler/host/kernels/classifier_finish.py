@@ -12,6 +12,7 @@ from supersampler.host.kernels.colors import (
     rgb,
     ycocg,
 )
+from supersampler.host.kernels.network import two_by_six
 from supersampler.host.vector import (
     absolute,
     load4,
@@ -26,7 +27,6 @@ from supersampler.host.vector import (
     store,
     to_float,
     transposed,
-    zipped,
 )
 
 TONED = 1.0 - 1e-4
@@ -35,11 +35,34 @@ PLANES = 26
 
 
 @njit
-def said(mixing, channel, y, x, half_plane, half_width):
-    """What the compositor says of sixteen pixels."""
-    at = (4 * channel + 2 * (y % 2)) * half_plane + (y // 2) * half_width + x // 2
-    both = zipped(load8(mixing, at), load8(mixing, at + half_plane))
-    return clamped(both, -16.0, 16.0)
+def mix_row(hidden, pitch, words, weights, scales, biases, row, half_width, out):
+    """The last layer of a row of packed pixels: (half_width, 96) float32."""
+    for p in range(0, half_width, 6):
+        for block in range(3):
+            sums = two_by_six(hidden, pitch, words, weights, 32 * words * block, row + p * pitch)
+            c = 32 * block
+            u, v = load16(scales, c), load16(scales, c + 16)
+            s, t = load16(biases, c), load16(biases, c + 16)
+            for i in range(6):
+                store(out, (p + i) * 96 + c, to_float(sums[2 * i]) * u + s)
+                store(out, (p + i) * 96 + c + 16, to_float(sums[2 * i + 1]) * v + t)
+
+
+@njit
+def said(mixing, at):
+    """What the compositor says of sixteen pixels: sixteen of its channels from `at` on."""
+    m = mixing
+    return transposed((
+        load16(m, at), load16(m, at + 20), load16(m, at + 96), load16(m, at + 116),
+        load16(m, at + 192), load16(m, at + 212), load16(m, at + 288), load16(m, at + 308),
+        load16(m, at + 384), load16(m, at + 404), load16(m, at + 480), load16(m, at + 500),
+        load16(m, at + 576), load16(m, at + 596), load16(m, at + 672), load16(m, at + 692),
+    ))  # fmt: skip
+
+
+@njit
+def factor(value):
+    return exponential(clamped(value, -16.0, 16.0))
 
 
 @njit
@@ -57,28 +80,31 @@ def kernel_of(samples, stride, w, h, row, near, down, across, factors, out):
 
 
 def finish_rows(
-    gathered, mixing, samples, stride, columns_near, rows_near, down, across,
+    gathered, hidden, pitch, words, mix_weights, mix_scales, mix_biases, mixing, samples, stride, columns_near, rows_near, down, across,
     numbers, sizes, y0, y1, near, factors, out, history, image, weight, tells,
 ):  # fmt: skip
     """Compose rows y0 to y1, count, and go back to linear RGB."""
     w, h, big_w, big_h, width = sizes[0], sizes[1], sizes[2], sizes[3], sizes[4]
-    half_width, half_plane = sizes[5], sizes[5] * sizes[6]
+    half_width, hidden_row = sizes[5], sizes[6]
     exposure, samples_most, contraction = numbers[0], numbers[1], numbers[2]
     per_exposure = np.float32(1.0) / exposure
     zero = spread16(np.float32(0.0))
     for y in range(y0, y1):
+        if y % 2 == 0:
+            row = y // 2 * hidden_row
+            mix_row(hidden, pitch, words, mix_weights, mix_scales, mix_biases, row, half_width, mixing)
         here = y * PLANES * width
         above, below = max(y - 1, 0) * PLANES * width, min(y + 1, big_h - 1) * PLANES * width
         for x in range(0, width, 16):
             at = here + x
             lane = ramp16() + np.int32(x)
             first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-            up = exponential(said(mixing, 7, y, x, half_plane, half_width)) * SIDE
-            left = exponential(said(mixing, 8, y, x, half_plane, half_width)) * SIDE
-            right = exponential(said(mixing, 9, y, x, half_plane, half_width)) * SIDE
-            low = exponential(said(mixing, 10, y, x, half_plane, half_width)) * SIDE
+            m = said(mixing, 48 * x + 40 * (y % 2))
+            n = said(mixing, 48 * x + 40 * (y % 2) + 4)
+            up, left = factor(m[7]) * SIDE, factor(m[8]) * SIDE
+            right, low = factor(m[9]) * SIDE, factor(m[10]) * SIDE
             scale = 1.0 / (up + left + right + low + 1.0)
-            sharp = clamped(said(mixing, 6, y, x, half_plane, half_width), 0.0, SHARPEST)
+            sharp = clamped(m[6], 0.0, SHARPEST)
             r = g = b = zero
             for c in range(3):
                 p = (13 + c) * width
@@ -91,11 +117,9 @@ def finish_rows(
             count, surface = load16(gathered, at + 22 * width), load16(gathered, at + 23 * width)
             known = count > 0.0
             other = select(known, count * 0.1 + 1e-3, 0.0)
-            w0 = select(known, count * surface + 1e-3, 0.0) * exponential(
-                said(mixing, 0, y, x, half_plane, half_width)
-            )
-            w1 = other * exponential(said(mixing, 1, y, x, half_plane, half_width))
-            w2 = other * exponential(said(mixing, 2, y, x, half_plane, half_width))
+            w0 = select(known, count * surface + 1e-3, 0.0) * factor(m[0])
+            w1 = other * factor(m[1])
+            w2 = other * factor(m[2])
             luma, orange, green = ycocg(r, g, b)
             my, mo, mg = (
                 load16(gathered, at + 7 * width), load16(gathered, at + 8 * width), load16(gathered, at + 9 * width),
@@ -118,7 +142,7 @@ def finish_rows(
                 for dx in range(3):
                     k = 3 * dy + dx
                     begun = load16(across, dx * width + x) * down[3 * y + dy] + 1e-4
-                    store(factors, 16 * k, begun * exponential(said(mixing, 11 + k, y, x, half_plane, half_width)))
+                    store(factors, 16 * k, begun * factor(n[7 + k]))
             kernel_of(samples, stride, w, h, rows_near[y], near, down, across, factors, out)
             q = load_columns(out, 0)
             fr, fg, fb = load16(gathered, at), load16(gathered, at + width), load16(gathered, at + 2 * width)
@@ -128,9 +152,9 @@ def finish_rows(
             confidence = load16(gathered, at + 6 * width)
             there = select(q[3] > 0.0, spread16(np.float32(1.0)), zero)
             b3, b4 = there * (confidence + 1e-3), there * 0.05
-            w3 = b3 * exponential(said(mixing, 3, y, x, half_plane, half_width))
-            w4 = b4 * exponential(said(mixing, 4, y, x, half_plane, half_width))
-            w5 = b4 * exponential(said(mixing, 5, y, x, half_plane, half_width))
+            w3 = b3 * factor(m[3])
+            w4 = b4 * factor(m[4])
+            w5 = b4 * factor(m[5])
             sr, sg, sb = (
                 load16(gathered, at + 3 * width), load16(gathered, at + 4 * width), load16(gathered, at + 5 * width),
             )  # fmt: skip
