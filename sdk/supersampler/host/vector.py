@@ -15,6 +15,7 @@ from typing import Any
 from llvmlite import ir
 from numba import njit
 from numba.core import cgutils, types
+from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
@@ -261,6 +262,21 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
         return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
 
     return total(total, bytes_, signed), make
+
+
+@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+def packed(_: Any, value: Any, first: Any) -> Any:
+    """The bytes of four i32 lanes, from the constant `first` on, as one word."""
+    if not isinstance(first, types.IntegerLiteral):
+        raise RequireLiteralValue("first")
+    lanes = [first.literal_value + i for i in range(4)]
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        order = ir.Constant(ir.VectorType(_I32, 4), lanes)
+        four = builder.shuffle_vector(args[0], ir.Constant(value.llvm, ir.Undefined), order)
+        return builder.bitcast(builder.trunc(four, ir.VectorType(ir.IntType(8), 4)), _I32)
+
+    return types.int32(value, first), make
 
 
 # Lanes

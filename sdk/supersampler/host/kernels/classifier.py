@@ -33,6 +33,7 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     odds,
+    packed,
     ramp16,
     select,
     spread16,
@@ -287,6 +288,24 @@ def pack_rows(seen, upper, lower, width, half_width, records, to):
 
 
 @njit
+def recall(classes, followed, width, half_w, half_h, records, to):
+    """What a row of packed pixels was held for, (half_h, half_w, 8) bytes, as two words of each record."""
+    half = np.float32(0.5)
+    for x in range(half_w):
+        px, py = half * followed[2 * x], half * followed[width + 2 * x]
+        left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
+        t, u = px - np.float32(left), py - np.float32(top)
+        x0, x1 = min(max(left, 0), half_w - 1), min(max(left + 1, 0), half_w - 1)
+        y0, y1 = min(max(top, 0), half_h - 1) * half_w, min(max(top + 1, 0), half_h - 1) * half_w
+        a, b = to_float(load8(classes, 8 * (y0 + x0))), to_float(load8(classes, 8 * (y0 + x1)))
+        c, d = to_float(load8(classes, 8 * (y1 + x0))), to_float(load8(classes, 8 * (y1 + x1)))
+        upper, lower = a + (b - a) * t, c + (d - c) * t
+        value = to_int(upper + (lower - upper) * u + 0.5)
+        records[to + 28 * x + 18] = packed(value, 0)
+        records[to + 28 * x + 19] = packed(value, 4)
+
+
+@njit
 def complete(ring, seen, records, y, below, wide, width, big_w, big_h, half_row):
     """Finish row y, whose rows around are known now; pack it with the one above where it is the second."""
     row = (y % 4) * 18 * width
@@ -302,7 +321,7 @@ def complete(ring, seen, records, y, below, wide, width, big_w, big_h, half_row)
 def gather_rows(
     samples, nearest, edges, across, down, stride, history, history_depth, old_stride,
     rows, row_weights, columns, column_weights, lefts, columns_near, tops, rows_near,
-    opened, numbers, sizes, y0, y1, line, filtered, ring, slots, weights, warped, seen, gathered, records,
+    opened, numbers, sizes, y0, y1, line, filtered, ring, slots, weights, warped, followed, seen, gathered, classes, records,
 ):  # fmt: skip
     """All that is known of rows y0 to y1 before the network speaks.
 
@@ -336,6 +355,8 @@ def gather_rows(
             at = near + np.int32(rows_near[y] * padded + PAD)
             ox = clamped(ramp_x + gather(across, at) * w_big / extent_x, -2.0, w_big + 1.0)
             oy = clamped(gather(down, at) * h_big / extent_y + np.float32(y), -2.0, h_big + 1.0)
+            store(followed, x, px)
+            store(followed, width + x, py)
             aim(px, py, ox, oy, big_w, big_h, sharpness, slots, weights)
             warp(history, slots, weights, warped)
             q = load_columns(warped, 0)
@@ -420,6 +441,8 @@ def gather_rows(
             tx, ty = px - floor(px), py - floor(py)
             put(seen, BLUR * width + ring_row + x, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
             put(seen, EDGE * width + ring_row + x, gather(edges, near + np.int32(rows_near[y] * stride)))
+        if inside and y % 2 == 0:
+            recall(classes, followed, width, (big_w + 1) // 2, (big_h + 1) // 2, records, y // 2 * half_row * 28)
         first, last = (y % 3) * wide + PAD, (y % 3) * wide + PAD + big_w - 1
         for x in range(PAD):
             ring[first - 1 - x] = ring[first]
