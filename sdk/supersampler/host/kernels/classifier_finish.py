@@ -26,6 +26,7 @@ from supersampler.host.vector import (
     spread16,
     store,
     to_float,
+    to_int,
     transposed,
 )
 
@@ -192,3 +193,25 @@ def finish_rows(
                 image[3 * pixel] = out[16 * i]
                 image[3 * pixel + 1] = out[16 * i + 1]
                 image[3 * pixel + 2] = out[16 * i + 2]
+
+
+def hold_rows(hidden, pitch, scale, half_width, row, y0, y1, rows, classes):
+    """Shares of the classes of packed pixels, (half_height, half_width, 8) bytes, from their logits."""
+    for y in range(y0, y1):
+        for x in range(0, half_width, 16):
+            for i in range(16):
+                at = y * row + (min(x + i, half_width - 1)) * pitch + 36
+                store(rows, 16 * i, (to_float(load16(hidden, at)) - 128.0) * scale)
+            q = load_columns(rows, 0)
+            a, b, c = factor(q[0]), factor(q[1]), factor(q[2])
+            d, e, f = factor(q[3]), factor(q[4]), factor(q[5])
+            one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
+            zero = spread16(np.float32(0.0))
+            back = transposed((
+                a * one, b * one, c * one, d * two, e * two, f * two, zero, zero,
+                zero, zero, zero, zero, zero, zero, zero, zero,
+            ))  # fmt: skip
+            for i in range(16):
+                store(rows, 16 * i, back[i])
+            for i in range(min(16, half_width - x)):
+                store(classes, 8 * (y * half_width + x + i), to_int(load8(rows, 16 * i) + 0.5))
