@@ -17,15 +17,13 @@ class LossWeights:
         rms: of each crop's root mean square error beside the absolute one, which thin edges hardly move.
         ghost: of the absolute error where the past is of no use, beside that everywhere.
         change: of the error's change from frame to frame.
-        detail: of its change from pixel to pixel, which shows as dashes along edges.
         classes: of the cross entropies.
         rarest: the largest weight of a rare class in them.
     """
 
     rms: float = 1.0
     ghost: float = 0.5
-    change: float = 1.0
-    detail: float = 0.5
+    change: float = 0.5
     classes: float = 0.05
     rarest: float = 8.0
 
@@ -48,9 +46,6 @@ def picture_loss(off: Tensor, before: Tensor | None, ghost: Tensor, weights: Los
     """
     weighted = 1.0 + weights.ghost * ghost
     loss = _mean_error(off, weights.rms, weighted)
-    across, down = off[..., 1:] - off[..., :-1], off[:, :, 1:] - off[:, :, :-1]
-    for difference in (across, down):
-        loss = loss + 0.5 * weights.detail * _mean_error(difference, weights.rms)
     if before is not None:
         loss = loss + weights.change * _mean_error(off - before, weights.rms)
     return loss
