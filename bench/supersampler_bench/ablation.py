@@ -45,6 +45,7 @@ VARIANTS: Mapping[str, Callable[[], Classifier]] = {
     "differences of past and present not seen": lambda: Classifier(
         without("past_to_sample", "past_to_frame", "beyond")
     ),
+    "means of differences around not seen": lambda: Classifier(replace(_DEFAULT, around=())),
     "contrasts not seen": lambda: Classifier(without("contrast", "past_contrast")),
     "range of the past not seen": lambda: Classifier(without("least", "most")),
     "range only grows": lambda: Classifier(replace(_DEFAULT, contraction=0.0)),

@@ -8,7 +8,8 @@ from noise import noise
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_buffers import Gathered, History
-from supersampler_model.methods.classifier_inputs import SEEN, inputs_of
+from supersampler_model.methods.classifier_inputs import AROUND, SEEN, around_of, inputs_of
+from supersampler_model.networks.classifier import CLASSES
 from supersampler_model.sampling import View
 
 DISPLAY = Size(47, 27)
@@ -37,11 +38,13 @@ def gathered(value: float | None = None) -> Gathered:
 
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
 def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
-    seen = Classifier().planes(gathered(value))
-    assert tuple(seen.shape) == (1, len(SEEN), DISPLAY.height, DISPLAY.width)
-    assert seen.isfinite().all()
-    assert seen.min() >= -1.0
-    assert seen.max() <= 1.001
+    packed, half = Classifier().seen(gathered(value))
+    assert tuple(packed.shape) == (1, 4 * len(SEEN), 14, 24)
+    assert tuple(half.shape) == (1, CLASSES + len(AROUND), 14, 24)
+    for seen in (packed, half):
+        assert seen.isfinite().all()
+        assert seen.min() >= -1.0
+        assert seen.max() <= 1.001
 
 
 def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
@@ -59,3 +62,15 @@ def test_a_sample_brighter_than_all_of_the_past_around_is_beyond_it() -> None:
     seen = inputs_of(g.present, dark, g.there)
     torch.testing.assert_close(seen["beyond"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
     assert not seen["past_contrast"].any()
+
+
+def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
+    g = gathered()
+    seen = inputs_of(g.present, g.past, g.there)
+    even = torch.full_like(seen["past"], 0.3)
+    checks = (torch.arange(DISPLAY.width) + torch.arange(DISPLAY.height)[:, None]) % 2 * 0.2 - 0.1
+    light = around_of({"past": even + 0.1, "frame": even})
+    aliased = around_of({"past": even + checks, "frame": even})
+    torch.testing.assert_close(light["grain"], aliased["grain"])
+    inner = (..., slice(-3), slice(-3))  # the last pixels of an odd row are repeated
+    assert (light["drift"][inner] > 10.0 * aliased["drift"][inner]).all()

@@ -36,7 +36,7 @@ from supersampler_model.method import (
     render_size_of,
 )
 from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Present, Remembered
-from supersampler_model.methods.classifier_inputs import SEEN, inputs_of
+from supersampler_model.methods.classifier_inputs import AROUND, SEEN, around_of, inputs_of
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -88,6 +88,7 @@ class ClassifierConfig:
     Attributes:
         network: its widths.
         inputs: names of SEEN that the network sees.
+        around: names of AROUND that it sees.
         recurrent: whether it also sees the classes of the frame before.
         rectified: whether the past cut to the box is one of what is weighed.
         own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
@@ -104,6 +105,7 @@ class ClassifierConfig:
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     inputs: tuple[str, ...] = SEEN
+    around: tuple[str, ...] = AROUND
     recurrent: bool = True
     rectified: bool = True
     own_motion: bool = True
@@ -126,7 +128,7 @@ class ClassifierConfig:
     @property
     def carried(self) -> int:
         """Channels at half size that it sees."""
-        return CLASSES * self.recurrent
+        return CLASSES * self.recurrent + len(self.around)
 
     @property
     def candidates(self) -> int:
@@ -193,7 +195,7 @@ class Classifier(Method):
         settings = dict(trained.config)
         network = dict(settings.pop("network"))
         network["levels"] = tuple(network["levels"])
-        settings["inputs"] = tuple(settings["inputs"])
+        settings |= {name: tuple(settings[name]) for name in ("inputs", "around")}
         method = cls(cls.settings(network=NetworkConfig(**network), **settings))
         method.load_state_dict(trained.tensors)
         method.learned = trained.facts
@@ -220,7 +222,7 @@ class Classifier(Method):
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        logits, mixing = self.net(pack(self.planes(gathered)), self.carried(gathered))
+        logits, mixing = self.net(*self.seen(gathered))
         done = self.finish(gathered, logits, mixing)
         surfaces, exposure = gathered.surfaces, gathered.exposure
         left = (done.image, done.state, done.classes, surfaces, jitter * 1.0, exposure)
@@ -295,14 +297,14 @@ class Classifier(Method):
             classes=read(history.classes, 0.5 * past.x[:, :, ::2, ::2], 0.5 * past.y[:, :, ::2, ::2]),
         )
 
-    def planes(self, gathered: Gathered) -> Tensor:
-        """What the network sees of a pixel, (1, planes, H, W)."""
-        seen = inputs_of(gathered.present, gathered.past, gathered.there)
-        return torch.cat([seen[name] for name in self.config.inputs], dim=1)
-
-    def carried(self, gathered: Gathered) -> Tensor:
-        """What the network sees beside that, at half size."""
-        return gathered.past.classes[:, : self.config.carried]
+    def seen(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """What the network sees: of pixels, packed, and at half size."""
+        c = self.config
+        pixels = inputs_of(gathered.present, gathered.past, gathered.there)
+        around = around_of(pixels)
+        classes = gathered.past.classes[:, : CLASSES * c.recurrent]
+        packed = pack(torch.cat([pixels[name] for name in c.inputs], dim=1))
+        return packed, torch.cat([classes, *(around[name] for name in c.around)], dim=1)
 
     def pasts(self, gathered: Gathered, sharpness: Tensor, cross: Tensor) -> list[tuple[Tensor, Tensor]]:
         """Colours of the past, and the weights of a running mean, which the network multiplies."""

@@ -11,7 +11,8 @@ from torch import Tensor
 from supersampler_model.color import largest, luminance
 from supersampler_model.methods.classifier_buffers import Present, Remembered
 from supersampler_model.motion import Past, squared_length
-from supersampler_model.sampling import extreme
+from supersampler_model.networks.classifier import pack
+from supersampler_model.sampling import blurred, extreme, sum_of
 
 SEEN = (
     "frame",  # luma of this frame, smoothly upsampled
@@ -33,7 +34,13 @@ SEEN = (
     "blur",  # of this resampling
     "edge",  # in depth
 )
-"""Names of what the network may see, (1, 1, H, W) each."""
+"""Names of what the network may see of a pixel, (1, 1, H, W) each."""
+
+AROUND = (
+    "drift",  # how far past and frame are apart on the mean: their light differs
+    "grain",  # the mean of how far they are apart: so they are in detail alone, too
+)
+"""Names of what it may see of a neighbourhood of about ten pixels, (1, 1, H / 2, W / 2) each."""
 
 
 def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tensor]:
@@ -63,6 +70,19 @@ def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tens
         "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),
         "edge": present.edge,
     }
+
+
+def around_of(seen: dict[str, Tensor]) -> dict[str, Tensor]:
+    """All of AROUND. Aliasing differs from pixel to pixel and a change of light does not: means tell."""
+    apart = seen["past"] - seen["frame"]
+    return {"drift": _root(_mean(apart).abs()), "grain": _root(_mean(apart.abs()))}
+
+
+def _mean(image: Tensor) -> Tensor:
+    """(1, 1, H, W) to half size, a tent of 5x5 there."""
+    four = pack(image)
+    half = 0.25 * sum_of([four[:, i : i + 1] for i in range(4)])
+    return blurred(blurred(half))
 
 
 def _root(value: Tensor) -> Tensor:

@@ -21,6 +21,7 @@ from supersampler_model.networks.classifier import (
     NetworkConfig,
     Pointwise,
     cut_to,
+    pack,
     padded,
     shares,
 )
@@ -29,7 +30,7 @@ from supersampler_model.sampling import View, linear, positions, resample, taps
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, counter 1, range 6, difference 1, classes 6
 PIXEL = 14  # what the compositor sees: colour 3, past 3, classes 6, counter 1, difference 1
 
-NETWORK = NetworkConfig(decoder_layers=3, hidden=64)
+NETWORK = NetworkConfig(levels=(32, 64, 128, 256), decoder_layers=3, hidden=64)
 
 
 @dataclass(frozen=True)
@@ -107,25 +108,19 @@ class PaperClassifier(Classifier):
             classes=read(history.classes, past.x, past.y),
         )
 
-    def planes(self, gathered: Gathered) -> Tensor:
-        """The twenty buffers of section 3."""
+    def seen(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """The twenty buffers of section 3, packed; the classes of the frame before are among them."""
         past = gathered.past
-        return torch.cat(
-            [
-                gathered.present.frame,
-                gathered.depth.clamp(min=0.0),
-                gathered.there.motion * 0.1,
-                1.0 / (past.samples + 1.0),  # the count itself has no bound
-                past.range,
-                past.difference,
-                past.classes,
-            ],
-            dim=1,
-        )
-
-    def carried(self, gathered: Gathered) -> Tensor:
-        """Nothing: the classes of the frame before are among the planes."""
-        return gathered.past.classes[:, :0, ::2, ::2]
+        planes = [
+            gathered.present.frame,
+            gathered.depth.clamp(min=0.0),
+            gathered.there.motion * 0.1,
+            1.0 / (past.samples + 1.0),  # the count itself has no bound
+            past.range,
+            past.difference,
+            past.classes,
+        ]
+        return pack(torch.cat(planes, dim=1)), past.classes[:, :0, ::2, ::2]
 
     def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> Finished:
         """Upsample the logits, weigh, blend; update counter and range."""

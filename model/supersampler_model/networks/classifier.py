@@ -26,10 +26,10 @@ class NetworkConfig:
         hidden: channels of the compositor.
     """
 
-    levels: tuple[int, ...] = (32, 64, 128, 256)
+    levels: tuple[int, ...] = (32, 48, 96, 192)
     decoder: int = 32
-    decoder_layers: int = 2
-    hidden: int = 36
+    decoder_layers: int = 1
+    hidden: int = 51
 
 
 class Pointwise(nn.Sequential):

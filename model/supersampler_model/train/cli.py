@@ -37,7 +37,7 @@ def train(
     steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
     size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
     batch: Annotated[int, typer.Option(help="Crops, of all processes together.")] = 8,
-    frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 2,
+    frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 4,
     rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 6e-3,
     every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
     seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,

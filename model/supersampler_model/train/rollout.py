@@ -8,7 +8,6 @@ from torch import Tensor
 from supersampler_model.method import render_size_of
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_buffers import History
-from supersampler_model.networks.classifier import pack
 from supersampler_model.sampling import View
 from supersampler_model.train.windows import Sample
 
@@ -41,9 +40,9 @@ def step(method: Classifier, samples: list[Sample], states: list[State]) -> tupl
         method.gather(s.color, s.depth, s.motion, s.exposure, state.history, s.view, state.view)
         for s, state in zip(samples, states, strict=True)
     ]
-    packed = torch.cat([pack(method.planes(g)) for g in gathered])
+    packed, carried = (torch.cat(parts) for parts in zip(*(method.seen(g) for g in gathered), strict=True))
     with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
-        logits, mixing = method.net(packed, torch.cat([method.carried(g) for g in gathered]))
+        logits, mixing = method.net(packed, carried)
     logits, mixing = logits.float(), mixing.float()
     images, after = [], []
     for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):

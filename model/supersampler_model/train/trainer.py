@@ -57,7 +57,7 @@ class Plan:
 
     steps: int = 12000
     batch: int = 8
-    frames: int = 2
+    frames: int = 4
     size: int = 128
     rate: float = 6e-3
     decay: float = 1e-4

@@ -1,0 +1,49 @@
+"""What the loss asks of a picture."""
+
+import pytest
+import torch
+
+from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shares_of
+
+WEIGHTS = LossWeights()
+NOWHERE = torch.zeros(1, 1, 8, 8)
+
+
+def loss(off: torch.Tensor, before: torch.Tensor | None = None, ghost: torch.Tensor = NOWHERE) -> float:
+    return picture_loss(off, before, ghost, WEIGHTS).item()
+
+
+def test_an_error_that_comes_and_goes_costs_more_than_one_that_stays() -> None:
+    off = torch.full((1, 3, 8, 8), 0.1)
+    assert loss(off, -off) > 1.5 * loss(off, off)
+
+
+def test_an_error_where_the_past_is_of_no_use_costs_more() -> None:
+    off = torch.full((1, 3, 8, 8), 0.1)
+    assert loss(off, ghost=torch.ones_like(NOWHERE)) > loss(off)
+
+
+def test_what_has_no_truth_costs_nothing_and_pulls_nowhere() -> None:
+    off = torch.full((1, 3, 8, 8), 0.1, requires_grad=True)
+    holes = torch.zeros(1, 1, 8, 8, dtype=torch.bool)
+    holes[:, :, 2:5] = True
+    known = torch.where(holes, torch.nan, off)
+    picture_loss(known, known.detach(), NOWHERE, WEIGHTS).backward()  # type: ignore[no-untyped-call]
+    assert off.grad is not None
+    assert off.grad.isfinite().all()
+    assert not off.grad[:, :, 2:5].any()
+
+
+@pytest.mark.parametrize("unknown", [3, 255])
+def test_pixels_of_no_known_class_are_left_out(unknown: int) -> None:
+    ghost = torch.zeros(1, 8, 8, dtype=torch.int64)
+    logits = torch.randn(1, 6, 4, 4)
+    known = class_loss(logits, ghost, ghost, WEIGHTS)
+    ghost[:, :4] = unknown
+    assert not shares_of(ghost)[:, :, :2].any()
+    upper = logits.clone()
+    upper[:, :, :2] = 100.0 * torch.randn(1, 6, 2, 4)
+    torch.testing.assert_close(
+        class_loss(upper, ghost, ghost, WEIGHTS), class_loss(logits, ghost, ghost, WEIGHTS)
+    )
+    assert known.isfinite()
