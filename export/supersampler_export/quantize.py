@@ -56,9 +56,11 @@ class Layer:
 
     def and_then(self, other: "Layer") -> "Layer":
         """Outputs of both, of the same inputs."""
-        pairs = [(self.weights, other.weights), (self.scale, other.scale), (self.bias, other.bias)]
-        weights, scale, bias = (np.concatenate(pair) for pair in pairs)
-        return Layer(weights, scale, bias)
+        return Layer(
+            np.concatenate([self.weights, other.weights]),
+            np.concatenate([self.scale, other.scale]),
+            np.concatenate([self.bias, other.bias]),
+        )
 
 
 def pixelwise(weights: Floats, bias: Floats, given: Scales, made: Scales) -> Layer:
