@@ -9,6 +9,7 @@ import torch
 from torch import Tensor
 
 from supersampler.frame import Float32, Size
+from supersampler.graph_session import frame_inputs, planes_of
 from supersampler.shot import ShotFrame
 from supersampler_model import method
 from supersampler_model.color import bounded, inverse_tone, tone
@@ -36,7 +37,8 @@ class Oracle:
         if frame.reset or self._before is None:
             image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)
             self._before = History(image, state, classes, surface, exposure), now
-        color, depth, motion = (_planes(a) for a in (frame.color, frame.depth[..., None], frame.motion))
+        inputs = frame_inputs(frame, self._display, ("color", "depth", "motion"))
+        color, depth, motion = (torch.from_numpy(planes) for planes in inputs.values())
         given = torch.tensor([frame.exposure or 0.0], dtype=torch.float32)
         history, view = self._before
         with torch.no_grad():
@@ -45,7 +47,7 @@ class Oracle:
             known = gathered.there.on_screen * (history.exposure > 0.0)
             toned = past
             if item.reference is not None:
-                toned = tone(_planes(item.reference) * gathered.exposure)
+                toned = tone(torch.from_numpy(planes_of(item.reference)) * gathered.exposure)
             blend = present + known * best_weight(present, past, toned) * (past - present)
             image = bounded(inverse_tone(blend) / gathered.exposure)
         self._before = history._replace(color=image, depth=gathered.surfaces, exposure=gathered.exposure), now
@@ -57,8 +59,3 @@ def best_weight(present: Tensor, past: Tensor, truth: Tensor) -> Tensor:
     change = past - present
     along = ((truth - present) * change).sum(dim=1, keepdim=True)
     return (along / (change * change).sum(dim=1, keepdim=True).clamp(min=1e-8)).clamp(0.0, 1.0)
-
-
-def _planes(array: object) -> Tensor:
-    image = np.asarray(array, np.float32).transpose(2, 0, 1)[None]
-    return torch.from_numpy(np.ascontiguousarray(image))

@@ -25,17 +25,12 @@ def open_session(path: Path, options: ort.SessionOptions, providers: Sequence[st
 
 def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:
     """What a graph takes of a frame, by name: images as contiguous NCHW, the rest as small vectors."""
-    inputs: dict[str, np.ndarray[Any, Any]] = {}
-    for name in names:
-        if name == "jitter":
-            inputs[name] = np.array([frame.jitter], np.float32)
-        elif name == "exposure":
-            inputs[name] = np.array([frame.exposure or 0.0], np.float32)
-        elif name == "display_size":
-            inputs[name] = np.array(display_size, np.int64)
-        else:
-            inputs[name] = planes_of(getattr(frame, name))
-    return inputs
+    vectors: dict[str, np.ndarray[Any, Any]] = {
+        "jitter": np.array([frame.jitter], np.float32),
+        "exposure": np.array([frame.exposure or 0.0], np.float32),
+        "display_size": np.array(display_size, np.int64),
+    }
+    return {name: vectors[name] if name in vectors else planes_of(getattr(frame, name)) for name in names}
 
 
 def planes_of(image: np.ndarray[Any, Any]) -> Float32:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import onnxruntime as ort
 
-from supersampler.carry import Carrier, checked_carry
+from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session, pixels_of
@@ -136,14 +136,14 @@ class Model:
             FrameError: the frame lacks an input, or its size does not fit.
             ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
         """
-        result, left = self.run_wanted((), frame, history, out=out, history_out=history_out)
+        result, left = self.run_wanted(frame, history, (), out=out, history_out=history_out)
         return result.image, left
 
     def run_wanted(
         self,
-        want: Collection[str],
         frame: Frame,
         history: History,
+        want: Collection[str],
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
@@ -157,12 +157,10 @@ class Model:
                 "carry" is wanted.
             ArgumentError: as `run`; or the model does not know what `want` names.
         """
-        self.check_fits(frame, history.display_size)
-        self._check_wanted(want)
+        self.check(frame, history.display_size, want, history.carry)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
         width, height = display_size = history.display_size
-        carried = checked_carry(frame, display_size, history.carry) if "carry" in want else None
         image = _checked_out(out, (height, width, 3))
         planes = np.empty((1, 3, height, width), np.float32)
         history_out = self._prepared(history_out, display_size, frame.size)
@@ -180,7 +178,9 @@ class Model:
         self._session.run_with_iobinding(binding)
 
         np.copyto(image, planes[0].transpose(1, 2, 0))
-        history_out.carry = None if carried is None else self._carrier.blend(carried, told.get("weight"))
+        if "carry" in want:
+            past = history.carry
+            history_out.carry = self._carrier.blend(frame, told.get("weight"), past, display_size)
         return self._result(image, want, told, history_out), history_out
 
     def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
@@ -192,13 +192,42 @@ class Model:
                     "state", got=f"without a fitting {name!r}", want=f"one saved by {self.info.method!r}"
                 )
             tensor.update_inplace(np.ascontiguousarray(arrays[name], np.float32))
-        history.carry = arrays[_CARRY].copy() if _CARRY in arrays else None
+        if _CARRY in arrays:
+            carry = arrays[_CARRY]
+            if carry.ndim != 4 or carry.shape[2:] != display_size[::-1]:
+                want = f"(1, k, {display_size[1]}, {display_size[0]})"
+                raise ArgumentError("state", got=f"with {_CARRY!r} {carry.shape}", want=want)
+            history.carry = carry.copy()
         return history
 
-    def check_fits(self, frame: Frame, display_size: Size) -> None:
-        """Raise FrameError where the frame lacks an input, or the ratio of sizes is out of range."""
+    def check(
+        self,
+        frame: Frame,
+        display_size: Size,
+        want: Collection[str] = (),
+        carried: Float32 | None = None,
+    ) -> None:
+        """Raise what `run_wanted` would for this frame, before anything is done with it.
+
+        Args:
+            frame: the frame.
+            display_size: (width, height) of the image.
+            want: what else than the image.
+            carried: what the frame before carried, `History.carry`.
+
+        Raises:
+            FrameError, ArgumentError: see `run_wanted`.
+        """
         if frame.color is None:
             raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
+        self._check_ratio(frame, display_size)
+        known = ["carry", *self.info.maps]
+        if isinstance(want, str) or not set(want) <= set(known):
+            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
+        if "carry" in want:
+            check_carry(frame, carried)
+
+    def _check_ratio(self, frame: Frame, display_size: Size) -> None:
         low, high = self.info.ratios
         for axis, name in enumerate(("width", "height")):
             ratio = display_size[axis] / frame.size[axis]
@@ -210,11 +239,6 @@ class Model:
                     want=f"a ratio from {low} to {high}",
                     hint="Sizes are (width, height).",
                 )
-
-    def _check_wanted(self, want: Collection[str]) -> None:
-        known = ["carry", *self.info.maps]
-        if isinstance(want, str) or not set(want) <= set(known):
-            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
 
     def _told(self, want: Collection[str], display: Size) -> dict[str, Float32]:
         """Buffers for what the graph tells beside image and history, as far as it is wanted."""

@@ -133,12 +133,13 @@ class Upscaler:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
         display_size = self._display_size or self._scaled(frame.size)
-        self.model.check_fits(frame, display_size)  # first, so that no frame is remembered and then refused
+        history = None if frame.reset else self._history
+        carried = None if history is None else history.carry
+        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
         self._checker.check(frame, display_size)
-        history, fresh = self._history, False
-        if history is None or frame.reset:
-            history, fresh = self.model.first_history(display_size, frame.size), True
-        result, left = self.model.run_wanted(want, frame, history, out=out, history_out=self._spare)
+        fresh = history is None
+        history = history or self.model.first_history(display_size, frame.size)
+        result, left = self.model.run_wanted(frame, history, want, out=out, history_out=self._spare)
         self._display_size = display_size
         self._history, self._spare = left, history
         self.stats = Stats(

@@ -1,5 +1,6 @@
 """What an Upscaler tells beside the image: maps that explain it, and channels that go along with it."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ from typer.testing import CliRunner
 
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, Result, ShotWriter, Upscaler
+from supersampler.checks import FrameChecker
 from supersampler.cli import app
 from supersampler.image_io import read_exr
 from supersampler.maps import CLASS_COLORS, class_colors, map_layers
@@ -157,3 +159,27 @@ def test_classes_have_the_colours_of_the_legend() -> None:
     image = np.zeros((2, 10, 3), np.float32)
     layers = map_layers(Result(image, class_map=shares, weight=image[..., 0], count=image[..., 0]))
     assert list(layers) == ["classes", "weight", "count"]
+
+
+def test_a_saved_state_with_a_misshapen_carry_is_refused() -> None:
+    upscaler = make("taau")
+    told(upscaler, carrying(0), "carry")
+    state = upscaler.save_state()
+    assert state.history is not None
+    cut = {**state.history, "history.carry": state.history["history.carry"][..., 1:]}
+    with pytest.raises(ArgumentError, match=r"history\.carry"):
+        upscaler.load_state(replace(state, history=cut))
+
+
+@pytest.mark.parametrize("want", [("carry",), ("colour",)])
+def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
+    want: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    seen: list[Frame] = []
+    monkeypatch.setattr(FrameChecker, "check", lambda _, frame, __: seen.append(frame))
+    upscaler = make("taau")
+    with pytest.raises((FrameError, ArgumentError)):
+        upscaler.step(noise(0), want=want)
+    assert not seen
+    upscaler.step(noise(0))
+    assert len(seen) == 1
