@@ -1,16 +1,20 @@
 """The network of the classifier in bytes, for the host executor: `network.npz` of a model folder.
 
-Values are q * scale + zero. Products of bytes are summed as they are, and a scale and a bias for each output
-channel lead from the sum to the next layer's bytes:
+Values are (byte - zero) * scale. Products of bytes are summed as they are, and a scale and a bias for each
+output lead from the sum to the next layer's bytes:
 
-    sum of w x  =  sigma * sum of w' q + ...,  w' = round(w s / sigma),  sigma = max |w s| / 127
+    sum of w x  =  sigma * sum of w' (byte - zero),  w' = round(w scale / sigma),  sigma = max |w scale| / 127
 
-with the input's scale s of each channel within the weights, so that inputs of several sources need no common
+with the input's scale of each channel within the weights, so that inputs of several sources need no common
 one. What a depthwise convolution gives has a sign and is stored around 128.
+
+Where channels lie is part of a layer: outputs come in the order in which the next layer reads them, with room
+between them, so that nothing is moved in between.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,68 +24,83 @@ from supersampler_model.methods.classifier_inputs import SEEN
 from supersampler_model.networks.classifier import CLASSES, ClassifierNetwork
 
 Floats = NDArray[np.float64]
+Arrays = dict[str, NDArray[Any]]
 BYTE, SIGNED, MIDDLE = 255.0, 127.0, 128.0
 EPSILON = 1e-5  # of batch normalisation
-SPARE = 8  # bytes of a record between packed pixels and decoder: what is at half size
+BLOCK, WORD = 32, 4  # outputs that a kernel makes at once; bytes that it multiplies at once
+KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
+CARRIED = 8  # bytes of a record between packed pixels and decoder: what is at half size
 
 
 @dataclass(frozen=True)
-class Scales:
-    """How the bytes of some channels are values: (byte - zero) * scale, an entry a channel."""
+class Bytes:
+    """Channels as bytes side by side, an entry a byte.
 
+    Attributes:
+        channel: which; -1 where there is room alone.
+        scale: of its value.
+        zero: byte that means zero.
+    """
+
+    channel: NDArray[np.int64]
     scale: Floats
     zero: Floats
 
     @classmethod
-    def of(cls, channels: int, scale: float, zero: float = 0.0) -> "Scales":
-        """All channels alike."""
-        return cls(np.full(channels, scale), np.full(channels, zero))
+    def of(cls, channels: Sequence[int] | int, scale: float, zero: float = 0.0) -> "Bytes":
+        """All channels alike; a number counts them."""
+        order = np.arange(channels) if isinstance(channels, int) else np.array(channels, np.int64)
+        return cls(order, np.full(len(order), scale), np.full(len(order), zero))
 
-    def beside(self, other: "Scales") -> "Scales":
+    def beside(self, other: "Bytes") -> "Bytes":
         """Channels of both, one after the other."""
-        return Scales(np.concatenate([self.scale, other.scale]), np.concatenate([self.zero, other.zero]))
-
-
-@dataclass(frozen=True)
-class Layer:
-    """Whole weights (out, in) or (out, 3, 3), and what leads from sums to bytes or values, (out,)."""
-
-    weights: NDArray[np.int8]
-    scale: NDArray[np.float32]
-    bias: NDArray[np.float32]
-
-    def ordered(self, order: NDArray[np.int64]) -> "Layer":
-        """The same with its outputs in another order."""
-        return Layer(self.weights[order], self.scale[order], self.bias[order])
-
-    def and_then(self, other: "Layer") -> "Layer":
-        """Outputs of both, of the same inputs."""
-        return Layer(
-            np.concatenate([self.weights, other.weights]),
+        shifted = np.where(other.channel < 0, -1, other.channel + self.channel.max() + 1)
+        return Bytes(
+            np.concatenate([self.channel, shifted]),
             np.concatenate([self.scale, other.scale]),
-            np.concatenate([self.bias, other.bias]),
+            np.concatenate([self.zero, other.zero]),
         )
 
+    def followed_by(self, room: int) -> "Bytes":
+        """The same with bytes of no channel after them."""
+        return Bytes(
+            np.pad(self.channel, (0, room), constant_values=-1),
+            np.pad(self.scale, (0, room), constant_values=1.0),
+            np.pad(self.zero, (0, room)),
+        )
 
-def pixelwise(weights: Floats, bias: Floats, given: Scales, made: Scales) -> Layer:
-    """Quantise a 1x1 convolution, weights (out, in)."""
-    scaled = weights * given.scale
+    def up_to(self, multiple: int) -> "Bytes":
+        """The same with room up to a multiple."""
+        return self.followed_by(-len(self.channel) % multiple)
+
+
+def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Arrays:
+    """Quantise a 1x1 convolution, weights (out, in); as `kernels.network.pointwise` reads it."""
+    given, made = given.up_to(WORD), made.up_to(BLOCK)
+    scaled = np.where(given.channel >= 0, weights[:, given.channel] * given.scale, 0.0)
     sigma = np.maximum(np.abs(scaled).max(axis=1), 1e-12) / SIGNED
     whole = np.round(scaled / sigma[:, None])
     offset = bias - sigma * (whole @ given.zero)
-    return Layer(
-        whole.astype(np.int8),
-        (sigma / made.scale).astype(np.float32),
-        (offset / made.scale + made.zero).astype(np.float32),
-    )
+    there, order = made.channel >= 0, made.channel
+    blocks = np.where(there[:, None], whole[order], 0.0).astype(np.int8)
+    return {
+        "weights": blocks.reshape(-1, BLOCK, len(given.channel) // WORD, WORD).transpose(0, 2, 1, 3),
+        "scale": np.where(there, sigma[order] / made.scale, 0.0).astype(np.float32),
+        "bias": np.where(there, offset[order] / made.scale + made.zero, 0.0).astype(np.float32),
+    }
 
 
-def depthwise(weights: Floats, given: float, made: float) -> Layer:
+def depthwise(weights: Floats, given: float, made: float) -> Arrays:
     """Quantise a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
     sigma = np.maximum(np.abs(weights).max(axis=(1, 2)), 1e-12) / SIGNED
     whole = np.round(weights / sigma[:, None, None]).astype(np.int8)
-    bias = np.full(len(weights), MIDDLE, np.float32)
-    return Layer(whole, (sigma * given / made).astype(np.float32), bias)
+    columns = np.zeros((len(weights) // 16, 3, 16, WORD), np.int8)  # three bytes above one another, a word
+    columns[..., :3] = whole.reshape(-1, 16, 3, 3).transpose(0, 3, 1, 2)
+    return {
+        "weights": columns,
+        "scale": (sigma * given / made).astype(np.float32),
+        "bias": np.full(len(weights), MIDDLE, np.float32),
+    }
 
 
 def folded(layer: nn.Module) -> tuple[Floats, Floats]:
@@ -94,73 +113,76 @@ def folded(layer: nn.Module) -> tuple[Floats, Floats]:
     return values["0.weight"][:, :, 0, 0] * scale[:, None], bias
 
 
-def unpacking(channels: int, factor: int) -> NDArray[np.int64]:
-    """Order of channels in which each of factor x factor sub-pixels has its own side by side."""
-    kept = channels // (factor * factor)
-    return np.arange(channels).reshape(kept, factor * factor).T.ravel()
-
-
-def packed_scales() -> Scales:
-    """How bytes of packed pixels are values: all in [0, 1] but the difference of depth, in [-1, 1]."""
+def packed_bytes() -> Bytes:
+    """How packed pixels are values: all in [0, 1] but the difference of depth, in [-1, 1]."""
     scale, zero = np.full(len(SEEN), 1.0 / BYTE), np.zeros(len(SEEN))
     at = SEEN.index("difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
-    return Scales(scale.repeat(4), zero.repeat(4))
+    return Bytes(np.arange(4 * len(SEEN)), scale.repeat(4), zero.repeat(4))
 
 
-def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> dict[str, Layer]:
+def unpacked(channels: int, level: int) -> list[int]:
+    """Channels of a level in the order in which its sub-pixels are read, each in its KEPT bytes."""
+    parts = 4**level
+    return [
+        channel * parts + part if channel * parts < channels else -1
+        for part in range(parts)
+        for channel in range(KEPT[level])
+    ]
+
+
+def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays:
     """Quantise all layers.
 
     Args:
         network: trained.
         ranges: the largest value that counts of what each layer gives, by its name in the network.
+
+    Returns:
+        "<layer>.weights", ".scale" and ".bias" of each.
     """
-    layers: dict[str, Layer] = {}
-    packed = packed_scales()
-    given, handed = packed.beside(Scales.of(SPARE, 1.0 / BYTE)), []
-    blocks = [list(block.children()) for block in network.encoder.blocks]
-    for level, (first, spatial, last_one) in enumerate(blocks):
+    layers: dict[str, Arrays] = {}
+    packed = packed_bytes()
+    given = packed.beside(Bytes.of(CARRIED, 1.0 / BYTE))
+    read: Bytes | None = None
+    for level, block in enumerate(network.encoder.blocks):
+        first, spatial, last = block.children()
         name, kernel = f"encoder.blocks.{level}", _weights(spatial)[:, 0]
         channels = len(kernel)
         inner, signed = ranges[f"{name}.0"] / BYTE, ranges[f"{name}.1"] / SIGNED
         made = ranges[f"{name}.2"] / BYTE
-        layers[f"{level}.first"] = pixelwise(*folded(first), given, Scales.of(channels, inner))
+        layers[f"{level}.first"] = pixelwise(*folded(first), given, Bytes.of(channels, inner))
         layers[f"{level}.spatial"] = depthwise(kernel, inner, signed)
-        last = pixelwise(*folded(last_one), Scales.of(channels, signed, MIDDLE), Scales.of(channels, made))
-        kept = channels if level + 1 == len(blocks) else channels // 2
-        order = np.concatenate([unpacking(kept, 2**level), np.arange(kept, channels)])
-        layers[f"{level}.last"] = last.ordered(order)
-        handed.append(Scales.of(kept // 4**level, made))
-        given = Scales.of(channels // 2, made)
-    given = handed[0]
-    for more in handed[1:]:
-        given = given.beside(more)
-    for i, layer in enumerate(network.decoder):
-        weights, bias = folded(layer)
-        made_here = Scales.of(len(bias), ranges[f"decoder.{i}"] / BYTE)
-        layers[f"decoder.{i}"] = pixelwise(weights, bias, given, made_here)
-        given = made_here
-    layers["hidden"], seen = _hidden(network, packed, given, ranges)
-    order = unpacking(network.mixing.out_channels, 2)
-    weights, bias = _weights(network.mixing)[:, :, 0, 0], _weights(network.mixing, "bias")
-    layers["mixing"] = pixelwise(weights, bias, seen, Scales.of(len(bias), 1.0)).ordered(order)
-    return layers
-
-
-def _hidden(
-    network: ClassifierNetwork, packed: Scales, features: Scales, ranges: Mapping[str, float]
-) -> tuple[Layer, Scales]:
-    """The compositor's first layer with the classes beside it: both see the same record."""
+        kept = channels if level + 1 == len(KEPT) else channels // 2
+        order = unpacked(kept, level) + list(range(kept, channels))
+        middle = Bytes.of(channels, signed, MIDDLE)
+        layers[f"{level}.last"] = pixelwise(*folded(last), middle, Bytes.of(order, made))
+        here = Bytes.of(kept // 4**level, made)
+        here = here.followed_by(KEPT[level] - len(here.channel))
+        read = here if read is None else read.beside(here)
+        given = Bytes.of(channels - kept, made)
+    assert read is not None
+    (decoder,) = network.decoder
+    weights, bias = folded(decoder)
+    features = Bytes.of(len(bias), ranges["decoder.0"] / BYTE)
+    layers["decoder"] = pixelwise(weights, bias, read, features)
+    record = packed.followed_by(CARRIED).beside(features)
     weights, bias = folded(network.hidden)
-    pixels, spare = len(packed.scale), np.zeros((len(bias), SPARE))
-    wide = np.concatenate([weights[:, :pixels], spare, weights[:, pixels:]], axis=1)
-    given = packed.beside(Scales.of(SPARE, 0.0)).beside(features)
-    made = Scales.of(len(bias), ranges["hidden"] / BYTE)
-    classes = np.zeros((CLASSES, len(given.scale)))
-    classes[:, pixels + SPARE :] = _weights(network.classes)[:, :, 0, 0]
-    logits = Scales.of(CLASSES, ranges["classes"] / SIGNED, MIDDLE)
-    said = pixelwise(classes, _weights(network.classes, "bias"), given, logits)
-    return pixelwise(wide, bias, given, made).and_then(said), made
+    classes = np.zeros((CLASSES, weights.shape[1]))
+    classes[:, len(packed.channel) :] = _weights(network.classes)[:, :, 0, 0]
+    made_hidden = Bytes.of(len(bias), ranges["hidden"] / BYTE)
+    layers["hidden"] = pixelwise(
+        np.concatenate([weights, classes]),
+        np.concatenate([bias, _weights(network.classes, "bias")]),
+        record,
+        made_hidden.beside(Bytes.of(CLASSES, ranges["classes"] / SIGNED, MIDDLE)),
+    )
+    mixing = network.mixing.out_channels
+    order = np.arange(mixing).reshape(-1, 4).T.ravel().tolist()  # pixel by pixel
+    weights, bias = _weights(network.mixing)[:, :, 0, 0], _weights(network.mixing, "bias")
+    layers["mixing"] = pixelwise(weights, bias, made_hidden, Bytes.of(order, 1.0))
+    found = {f"{name}.{part}": array for name, layer in layers.items() for part, array in layer.items()}
+    return {name: np.ascontiguousarray(array) for name, array in found.items()}
 
 
 def _weights(layer: nn.Module, name: str = "weight") -> Floats:

@@ -1,0 +1,65 @@
+"""Ranges of what the layers of a network give on real frames, for `quantize`."""
+
+import itertools
+from collections.abc import Callable
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from supersampler.graph_session import frame_inputs
+from supersampler.shot import shipped_shot
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier import Classifier
+
+SCALES, FRAMES = (1.5, 2.5), 10
+SHARE = 0.9999
+"""At this share of the values a range ends; the few beyond it would cost all others their steps."""
+MARGIN = 1.15
+"""Room for scenes whose values are larger than those of the shot at hand."""
+
+
+def calibrated(method: Classifier) -> dict[str, float]:
+    """Step the shipped shot at several ratios; return the largest value that counts of each layer, by name.
+
+    Two digits each, upwards: arithmetic that differs in its last bits gives the same bytes.
+    """
+    ranges: dict[str, float] = {}
+    layers = {name: layer for name, layer in method.net.named_modules() if _counts(name)}
+    hooks = [layer.register_forward_hook(_watch(name, ranges)) for name, layer in layers.items()]
+    try:
+        for scale in SCALES:
+            _step_shot(method, scale)
+    finally:
+        for hook in hooks:
+            hook.remove()
+    return {name: float(f"{MARGIN * value:.1e}") for name, value in ranges.items()}
+
+
+def _counts(name: str) -> bool:
+    """Whether bytes come after this: the parts of blocks, decoder, compositor, classes."""
+    path = name.split(".")
+    return name in ("hidden", "classes") or (path[0], len(path)) in (("encoder", 4), ("decoder", 2))
+
+
+def _watch(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, object, Tensor], None]:
+    def note(_: nn.Module, __: object, given: Tensor) -> None:
+        values = given.abs().flatten()
+        rank = max(round((1.0 - SHARE) * len(values)), 1)
+        ranges[name] = max(ranges.get(name, 0.0), float(torch.topk(values, rank).values[-1]))
+
+    return note
+
+
+def _step_shot(method: Classifier, scale: float) -> None:
+    shot = shipped_shot()
+    render = Size(*shot.info.render_size)
+    display = Size(round(render.width * scale), round(render.height * scale))
+    history = method.first_history(display, render)
+    for item in itertools.islice(shot, FRAMES):
+        inputs = {
+            name: torch.from_numpy(np.ascontiguousarray(value))
+            for name, value in frame_inputs(item.frame, display, method.inputs()).items()
+        }
+        with torch.no_grad():
+            history = method.step(*(inputs[name] for name in method.inputs()), *history).history
