@@ -139,7 +139,8 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
         ranges: the largest value that counts of what each layer gives, by its name in the network.
 
     Returns:
-        "<layer>.weights", ".scale" and ".bias" of each.
+        "<layer>.weights", ".scale" and ".bias" of each; "logits.first", where the classes are among what the
+        hidden layer gives, and "logits.scale".
     """
     layers: dict[str, Arrays] = {}
     packed = packed_bytes()
@@ -171,6 +172,7 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
     classes = np.zeros((CLASSES, weights.shape[1]))
     classes[:, len(packed.channel) :] = _weights(network.classes)[:, :, 0, 0]
     made_hidden = Bytes.of(len(bias), ranges["hidden"] / BYTE)
+    layers["logits"] = {"first": np.array(len(bias)), "scale": np.array(ranges["classes"] / SIGNED)}
     layers["hidden"] = pixelwise(
         np.concatenate([weights, classes]),
         np.concatenate([bias, _weights(network.classes, "bias")]),

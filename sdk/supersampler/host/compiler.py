@@ -8,49 +8,52 @@ only to be compiled. Objects are kept by what they are made of (the sources, num
 import ctypes
 import hashlib
 import importlib
+import inspect
 import os
 import platform
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding as llvm
+from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.image_io import replacing
 
 Call = Callable[..., None]
-Signature = str
-"""Kinds of a kernel's arguments, a letter each: p pointer to float32, b to bytes, h to half floats, i int, f float."""
 
-_C_TYPES: Mapping[str, type] = {
-    **dict.fromkeys("pbh", ctypes.c_void_p),
-    "i": ctypes.c_int64,
-    "f": ctypes.c_float,
+_POINTER, _INTEGER, _FLOAT = "p", "i", "f"
+_C_TYPES: dict[str, type] = {
+    _POINTER: ctypes.c_void_p,
+    _INTEGER: ctypes.c_int64,
+    _FLOAT: ctypes.c_float,
 }
 _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kernels may run until the end
 
 
-def load_kernels(module: str, signatures: Mapping[str, Signature]) -> dict[str, Call]:
-    """Return the kernels of `supersampler.host.kernels.<module>`, compiled.
+def load_kernel(module: str, name: str) -> Call:
+    """Return the function `name` of `supersampler.host.kernels.<module>`, compiled.
 
-    Args:
-        module: name.
-        signatures: of each function that is wanted.
+    It takes addresses for pointers (see `address`), in the order of its parameters.
     """
-    folder = cache_folder()
-    kernels = {}
-    for name, kinds in signatures.items():
-        path = folder / f"{module}.{name}.{kinds}.o"
-        content = _kept(path)
-        if content is None:
-            content = _compiled(module, name, kinds)
-            with suppress(ShotError), replacing(path) as partial:  # a read-only home: compile anew next time
-                partial.write_bytes(content)
-        kernels[name] = _linked(content, kinds)
-    return kernels
+    path = cache_folder() / f"{module}.{name}.o"
+    content = _kept(path)
+    if content is None:
+        content = _compiled(module, name)
+        with suppress(ShotError), replacing(path) as partial:  # a read-only home: compile anew next time
+            partial.write_bytes(content)
+    return _linked(content)
+
+
+def address(array: NDArray[Any]) -> int:
+    """Where an array's values are, for kernels; whoever calls keeps the array."""
+    if not array.flags.c_contiguous:
+        raise ValueError("not C-contiguous")
+    return int(array.ctypes.data)
 
 
 def cache_folder() -> Path:
@@ -77,20 +80,33 @@ def _kept(path: Path) -> bytes | None:
         return None
 
 
-def _compiled(module: str, name: str, kinds: Signature) -> bytes:
+def _compiled(module: str, name: str) -> bytes:
+    """Machine code, after a line with its symbol and the kinds of its parameters."""
     from numba import cfunc, types  # late: most processes never compile
 
+    from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
+
+    pointers = {Floats: types.float32, Bytes: types.uint8, Halves: types.uint16, Words: types.int32}
+    scalars = {int: types.int64, float: types.float32}
     function = getattr(importlib.import_module(f"supersampler.host.kernels.{module}"), name)
-    pointers = {"p": types.float32, "b": types.uint8, "h": types.uint16}
-    scalars = {"i": types.int64, "f": types.float32}
-    arguments = [types.CPointer(pointers[k]) if k in pointers else scalars[k] for k in kinds]
+    kinds, arguments = "", []
+    for parameter in inspect.signature(function).parameters.values():
+        annotation = parameter.annotation
+        if annotation in pointers:
+            kinds += _POINTER
+            arguments.append(types.CPointer(pointers[annotation]))
+        else:
+            kinds += _FLOAT if annotation is float else _INTEGER
+            arguments.append(scalars[annotation])
     made = cfunc(types.void(*arguments), error_model="numpy")(function)
-    return made.native_name.encode() + b"\n" + made._library._get_compiled_object()  # no public way to it
+    code: bytes = made._library._get_compiled_object()  # no public way to it
+    return f"{made.native_name} {kinds}\n".encode() + code
 
 
-def _linked(content: bytes, kinds: Signature) -> Call:
+def _linked(content: bytes) -> Call:
     """Put an object into memory, ready to run."""
-    symbol, _, code = content.partition(b"\n")
+    header, _, code = content.partition(b"\n")
+    symbol, kinds = header.decode().split()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     machine = llvm.Target.from_default_triple().create_target_machine()
@@ -98,5 +114,5 @@ def _linked(content: bytes, kinds: Signature) -> Call:
     engine.add_object_file(llvm.ObjectFileRef.from_data(code))
     engine.finalize_object()
     _ENGINES.append(engine)
-    prototype = ctypes.CFUNCTYPE(None, *(_C_TYPES[k] for k in kinds))
-    return prototype(engine.get_function_address(symbol.decode()))
+    prototype = ctypes.CFUNCTYPE(None, *(_C_TYPES[kind] for kind in kinds))
+    return prototype(engine.get_function_address(symbol))

@@ -283,6 +283,25 @@ def packed(_: Any, value: Any, first: Any) -> Any:
 
 
 @intrinsic  # type: ignore[untyped-decorator]
+def sum_of_lanes(_: Any, value: Any) -> Any:
+    """The lanes of f32 added up, halves by halves."""
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        total, lanes = args[0], value.lanes
+        while lanes > 1:
+            lanes //= 2
+            undefined = ir.Constant(total.type, ir.Undefined)
+            low, high = (
+                builder.shuffle_vector(total, undefined, ir.Constant(ir.VectorType(_I32, lanes), list(order)))
+                for order in (range(lanes), range(lanes, 2 * lanes))
+            )
+            total = builder.fadd(low, high)
+        return builder.extract_element(total, ir.Constant(_I32, 0))
+
+    return types.float32(value), make
+
+
+@intrinsic  # type: ignore[untyped-decorator]
 def ramp16(_: Any) -> Any:
     """0, 1, ... 15 as i32."""
     vector = Vector("i32", 16)

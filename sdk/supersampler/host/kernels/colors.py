@@ -5,7 +5,17 @@ from typing import Any
 import numpy as np
 from numba import njit
 
-from supersampler.host.vector import float_of, floor, maximum, minimum, select, square_root, to_int
+from supersampler.host.vector import (
+    bits_of,
+    float_of,
+    floor,
+    maximum,
+    minimum,
+    select,
+    square_root,
+    to_float,
+    to_int,
+)
 
 MAX_HALF = 65504.0
 
@@ -69,3 +79,15 @@ def exponential(x: Any) -> Any:
     p = ((((f * 1.9875691500e-4 + 1.3981999507e-3) * f + 8.3334519073e-3) * f + 4.1665795894e-2) * f)
     p = ((p + 1.6666665459e-1) * f + 5.0000001201e-1) * f * f + f + 1.0
     return p * float_of((to_int(whole) + np.int32(127)) << np.int32(23))
+
+
+@njit
+def logarithm(x: Any) -> Any:
+    """Natural logarithm of normal numbers above 0, to 2e-7 of it or of one."""
+    bits = bits_of(x) - np.int32(0x3F3504F3)  # the mantissa from the square root of a half to that of two
+    whole = to_float(bits >> np.int32(23))
+    m = float_of((bits & np.int32(0x7FFFFF)) + np.int32(0x3F3504F3)) - 1.0
+    p = ((m * 7.0376836292e-2 - 1.1514610310e-1) * m + 1.1676998740e-1) * m - 1.2420140846e-1
+    p = (((p * m + 1.4249322787e-1) * m - 1.6668057665e-1) * m + 2.0000714765e-1) * m - 2.4999993993e-1
+    p = (p * m + 3.3333331174e-1) * m * m * m
+    return whole * 0.693359375 + (m + (p - m * m * 0.5 - whole * 2.12194440e-4))

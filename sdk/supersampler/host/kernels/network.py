@@ -1,12 +1,14 @@
-"""The network of `classifier` in bytes, for processors that multiply four bytes at once (VNNI).
+"""The network of `classifier` in bytes; see `supersampler_export.quantize` for what the bytes mean.
 
 Images are rows of pixels of channels, bytes, within a border of one pixel where 3x3 convolutions reach. A
-layer's sums of products become bytes again by a scale and a bias for each channel.
+layer's sums of products become bytes again by a scale and a bias for each channel. Four bytes are multiplied
+and added at once: a word is what a processor takes in, 32 sums of six pixels what its registers hold.
 """
 
 import numpy as np
 from numba import njit
 
+from supersampler.host.kernels.types import Bytes, Floats, Words
 from supersampler.host.vector import (
     dot4,
     load4,
@@ -19,6 +21,8 @@ from supersampler.host.vector import (
     to_float,
     to_int,
 )
+
+SIX = 6  # pixels at once; rows have room for as many more
 
 
 @njit
@@ -50,23 +54,26 @@ def two_by_six(x, pitch, words, weights, w, a):
     return a0, a1, b0, b1, c0, c1, d0, d1, e0, e1, f0, f1
 
 
-def pointwise(x, pitch, words, weights, blocks, scales, biases, out, out_pitch, sizes, y0, y1):
-    """A 1x1 convolution of rows y0 to y1; `blocks` of 32 output channels.
+@njit
+def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width):
+    """A 1x1 convolution of a row: words of four bytes in, `blocks` of 32 bytes out.
 
-    x: words of four bytes, `pitch` words a pixel, of which `words` count; out: `out_pitch` bytes a pixel.
-    sizes: pixels in a row, words from row to row, bytes from row to row. Rows have room for six more pixels.
+    x: `pitch` words a pixel from `at` on, of which `words` count; out: `out_pitch` bytes a pixel from `to` on.
     """
-    width, row, out_row = sizes[0], sizes[1], sizes[2]
-    for y in range(y0, y1):
-        for p in range(0, width, 6):
-            for block in range(blocks):
-                sums = two_by_six(x, pitch, words, weights, 32 * words * block, y * row + p * pitch)
-                for i in range(6):
-                    to = y * out_row + (p + i) * out_pitch + 32 * block
-                    store(out, to, to_bytes(sums[2 * i], scales, biases, 32 * block))
-                    store(out, to + 16, to_bytes(sums[2 * i + 1], scales, biases, 32 * block + 16))
-        for c in range(0, 32 * blocks, 16):  # the border of what comes next
-            store(out, y * out_row + width * out_pitch + c, spread16(np.int32(0)))
+    for p in range(0, width, SIX):
+        for block in range(blocks):
+            sums = two_by_six(x, pitch, words, weights, 32 * words * block, at + p * pitch)
+            for i in range(SIX):
+                here = to + (p + i) * out_pitch + 32 * block
+                store(out, here, to_bytes(sums[2 * i], scales, biases, 32 * block))
+                store(out, here + 16, to_bytes(sums[2 * i + 1], scales, biases, 32 * block + 16))
+
+
+@njit
+def clear(out, at, count):
+    """The border after a row."""
+    for c in range(0, count, 16):
+        store(out, at + c, spread16(np.int32(0)))
 
 
 @njit
@@ -76,52 +83,97 @@ def column(x, at, row):
     return load16(x, at) | upper | lower
 
 
-def depthwise(x, weights, channels, scales, biases, out, sizes, y0, y1):
-    """A 3x3 convolution of each channel by itself, rows y0 to y1.
+@njit
+def depthwise_row(x, at, pitch, row, weights, channels, scales, biases, out, width):
+    """A 3x3 convolution of each channel by itself; x with its border, from the upper left neighbour on.
 
-    x: with its border; out: without. weights (channels / 16, 3, 16) words: a column of three for each channel.
-    sizes: pixels in a row, bytes from row to row of x, of out.
+    weights (channels / 16, 3, 16) words: a column of three for each channel.
     """
-    width, row, out_row = sizes[0], sizes[1], sizes[2]
-    for y in range(y0, y1):
+    for c in range(0, channels, 16):
+        left, middle = load16(weights, 3 * c), load16(weights, 3 * c + 16)
+        right = load16(weights, 3 * c + 32)
+        a, b = column(x, at + c, row), column(x, at + c + pitch, row)
+        for p in range(width):
+            d = column(x, at + c + (p + 2) * pitch, row)
+            total = dot4(dot4(dot4(spread16(np.int32(0)), a, left), b, middle), d, right)
+            store(out, p * channels + c, to_bytes(total, scales, biases, c))
+            a, b = b, d
+
+
+@njit
+def pool_row(x, at, pitch, row, channels, out, width):
+    """The largest of each 2x2 pixels; whole sixteens of channels."""
+    for p in range(width):
         for c in range(0, channels, 16):
-            left, middle = load16(weights, 3 * c), load16(weights, 3 * c + 16)
-            right = load16(weights, 3 * c + 32)
-            at = y * row + c
-            a, b = column(x, at, row), column(x, at + channels, row)
-            for p in range(width):
-                d = column(x, at + (p + 2) * channels, row)
-                total = dot4(dot4(dot4(spread16(np.int32(0)), a, left), b, middle), d, right)
-                store(out, y * out_row + p * channels + c, to_bytes(total, scales, biases, c))
-                a, b = b, d
+            here = at + 2 * p * pitch + c
+            upper = maximum(load16(x, here), load16(x, here + pitch))
+            lower = maximum(load16(x, here + row), load16(x, here + row + pitch))
+            store(out, p * channels + c, maximum(upper, lower))
 
 
-def pool(x, first, channels, pitch, out, sizes, y0, y1):
-    """The largest of each 2x2 pixels, of `channels` from `first` on; sizes: see `depthwise`, of the output."""
-    width, row, out_row = sizes[0], sizes[1], sizes[2]
+def enter(
+    records: Words, pitch: int, row: int, words: int, weights: Words, blocks: int, scales: Floats,
+    biases: Floats, out: Bytes, out_pitch: int, out_row: int, width: int, half_width: int,
+    half_height: int, y0: int, y1: int,
+):  # fmt: skip
+    """The first layer of all, of records; beyond the picture its last row and column are repeated."""
     for y in range(y0, y1):
-        for p in range(width):
-            at = 2 * y * row + 2 * p * pitch + first
-            for c in range(0, channels, 16):
-                upper = maximum(load16(x, at + c), load16(x, at + pitch + c))
-                lower = maximum(load16(x, at + row + c), load16(x, at + row + pitch + c))
-                store(out, y * out_row + p * channels + c, maximum(upper, lower))
+        at = min(y, half_height - 1) * row
+        for p in range(half_width, width + SIX):
+            for k in range(pitch):
+                records[at + p * pitch + k] = records[at + (half_width - 1) * pitch + k]
+        to = (y + 1) * out_row + out_pitch
+        pointwise_row(records, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width)
+        clear(out, to + width * out_pitch, out_pitch)
 
 
-def concatenate(kept0, kept1, kept2, kept3, out, sizes, y0, y1):
-    """What the levels hand to the decoder, 16 + 8 + 4 + 4 channels, pixels shuffled into place.
+def descend(
+    above: Bytes, above_pitch: int, above_row: int, first: int, channels: int, pooled: Bytes,
+    pooled_words: Words, words: int, weights: Words, blocks: int, scales: Floats, biases: Floats,
+    out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int,
+):  # fmt: skip
+    """The first layer of a deeper level: channels from `first` on of the level above, pooled.
 
-    Channels of a level lie as its pixels unpack: sub-pixel by sub-pixel. sizes: pixels in a row, pixels from
-    row to row of each level, of out.
+    pooled and pooled_words: the same scratch row.
     """
-    width = sizes[0]
     for y in range(y0, y1):
-        for p in range(width):
-            to = 32 * (y * sizes[5] + p)
-            store(out, to, load16(kept0, 32 * (y * sizes[1] + p)))
-            at = 64 * ((y >> 1) * sizes[2] + (p >> 1)) + 8 * (2 * (y & 1) + (p & 1))
-            store(out, to + 16, load8(kept1, at))
-            at = 128 * ((y >> 2) * sizes[3] + (p >> 2)) + 4 * (4 * (y & 3) + (p & 3))
-            store(out, to + 24, load4(kept2, at))
-            at = 256 * ((y >> 3) * sizes[4] + (p >> 3)) + 4 * (8 * (y & 7) + (p & 7))
-            store(out, to + 28, load4(kept3, at))
+        at = 2 * y * above_row + first
+        pool_row(above, at, above_pitch, above_row, channels, pooled, width)
+        to = (y + 1) * out_row + out_pitch
+        pitch = channels // 4
+        pointwise_row(
+            pooled_words, 0, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width
+        )
+        clear(out, to + width * out_pitch, out_pitch)
+
+
+def level(
+    x: Bytes, pitch: int, row: int, channels: int, spatial_weights: Words, spatial_scales: Floats,
+    spatial_biases: Floats, line: Bytes, line_words: Words, weights: Words, blocks: int, scales: Floats,
+    biases: Floats, out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int,
+):  # fmt: skip
+    """The second and third layer of a level; line and line_words: the same scratch row."""
+    words = channels // 4
+    for y in range(y0, y1):
+        depthwise_row(
+            x, y * row, pitch, row, spatial_weights, channels, spatial_scales, spatial_biases, line, width
+        )
+        pointwise_row(
+            line_words, 0, words, words, weights, blocks, scales, biases, out, y * out_row, out_pitch, width
+        )
+
+
+@njit
+def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, width, out):
+    """What the levels hand to the decoder, 16 + 8 + 4 + 4 bytes, pixels shuffled into place.
+
+    Bytes of a level lie as its pixels unpack: sub-pixel by sub-pixel. pitches: bytes a pixel and a row of
+    each level.
+    """
+    row0, row1 = y * pitches[4], (y >> 1) * pitches[5] + 16 * (y & 1)
+    row2, row3 = (y >> 2) * pitches[6] + 16 * (y & 3), (y >> 3) * pitches[7] + 32 * (y & 7)
+    for p in range(width):
+        store(out, 32 * p, load16(kept0, row0 + p * pitches[0]))
+        store(out, 32 * p + 16, load8(kept1, row1 + (p >> 1) * pitches[1] + 8 * (p & 1)))
+        store(out, 32 * p + 24, load4(kept2, row2 + (p >> 2) * pitches[2] + 4 * (p & 3)))
+        store(out, 32 * p + 28, load4(kept3, row3 + (p >> 3) * pitches[3] + 4 * (p & 7)))

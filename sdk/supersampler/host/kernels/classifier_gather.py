@@ -1,0 +1,219 @@
+"""Gather of `classifier` on a processor: what `Classifier.gather` and `Classifier.seen` do, in one pass.
+
+Rows of vectors of sixteen pixels; where a pixel's channels are read at places of their own (filters, warps), a
+vector holds one pixel's channels instead. Rows end in padding up to a multiple of sixteen.
+"""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels import classifier_seen as see
+from supersampler.host.kernels.classifier_seen import SEEN, complete, put, recall
+from supersampler.host.kernels.colors import (
+    clamped,
+    largest,
+    luminance,
+    quarantined,
+    rgb,
+    root,
+    toned,
+)
+from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.warp import aim, filter_row, hidden, warp
+from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
+from supersampler.host.vector import (
+    absolute,
+    floor,
+    gather,
+    load16,
+    load_columns,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    square_root,
+    store,
+    to_float,
+    to_int,
+)
+
+TONED = 1.0 - 1e-4
+WHOLE = 9
+PAST, OWN, COUNT, LEAST, MOST = 0, 3, 6, 7, 8
+"""Planes of `whole`: what goes around from frame to frame, where rounding would add up."""
+HALVES = 17
+FRAME, SAMPLE, CONFIDENCE, MEAN, REACH, DETAIL, SURFACE = 0, 3, 6, 7, 10, 13, 16
+"""Planes of `halves`, half floats."""
+(
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
+) = range(13)  # fmt: skip
+"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants."""
+
+
+@njit
+def toned_at(numbers, r, g, b):
+    """Linear colours of the past, exposed and toned."""
+    e = numbers[EXPOSURE]
+    return toned(quarantined(r) * e, quarantined(g) * e, quarantined(b) * e)
+
+
+@njit
+def put_all(planes, at, pitch, values):
+    """Store vectors a plane apart."""
+    for c, value in enumerate(values):
+        store(planes, at + c * pitch, value)
+
+
+@njit
+def look_back(depth, px, py, on, history_depth, opened, old_stride, numbers):
+    """Whether the past shows what is there now, and how depth differs (equation 10)."""
+    old_w, old_h = np.int32(numbers[OLD_W]), np.int32(numbers[OLD_H])
+    x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
+    y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
+    cover = hidden(depth, x, y, opened, old_stride, old_w, old_h, numbers[MARGIN], numbers[RAMP])
+    surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
+    column = minimum(maximum(to_int(floor(x + 0.5)), np.int32(0)), old_w - np.int32(1))
+    row = minimum(maximum(to_int(floor(y + 0.5)), np.int32(0)), old_h - np.int32(1))
+    there = gather(history_depth, row * np.int32(old_stride) + column)
+    apart = (there - depth) / maximum(maximum(there, depth), 1e-12)
+    return surface, select(depth >= 0.0, clamped(apart, -1.0, 1.0), 0.0)
+
+
+@njit
+def present_of(filtered, at, gamma):
+    """This frame at sixteen pixels, from sums of samples: see `Present`."""
+    p = load_columns(filtered, at)
+    scale = 1.0 / maximum(p[3], 1e-6)
+    sample = (
+        clamped(p[0] * scale, 0.0, TONED), clamped(p[1] * scale, 0.0, TONED), clamped(p[2] * scale, 0.0, TONED),
+    )  # fmt: skip
+    scale, known = 1.0 / maximum(p[14], 1e-6), p[14] > 1e-3
+    mean = p[8] * scale, p[9] * scale, p[10] * scale
+    varies = (
+        select(known, p[11] * scale, 1.0) - mean[0] * mean[0],
+        select(known, p[12] * scale, 1.0) - mean[1] * mean[1],
+        select(known, p[13] * scale, 1.0) - mean[2] * mean[2],
+    )
+    r, g, b = rgb(mean[0], mean[1], mean[2])
+    whole, scale = p[7] > 0.9, 1.0 / maximum(p[7], 1e-6)
+    frame = (
+        clamped(select(whole, p[4] * scale, r), 0.0, TONED),
+        clamped(select(whole, p[5] * scale, g), 0.0, TONED),
+        clamped(select(whole, p[6] * scale, b), 0.0, TONED),
+    )
+    reach = (
+        square_root(maximum(varies[0], 0.0)) * gamma,
+        square_root(maximum(varies[1], 0.0)) * gamma,
+        square_root(maximum(varies[2], 0.0)) * gamma,
+    )
+    return frame, sample, minimum(p[3], 1.0), mean, reach, largest(varies[0], varies[1], varies[2])
+
+
+@njit
+def roots(color):
+    return root(color[0]), root(color[1]), root(color[2])
+
+
+@njit
+def luma_of(color):
+    return luminance(color[0], color[1], color[2])
+
+
+@njit
+def apart_of(a, b):
+    """The channel that differs most."""
+    return largest(absolute(a[0] - b[0]), absolute(a[1] - b[1]), absolute(a[2] - b[2]))
+
+
+def gather_rows(
+    samples: Floats, nearest: Floats, edges: Floats, across: Floats, down: Floats, stride: int,
+    history: Floats, depths: Floats, opened: Floats, old_stride: int, rows: Words, row_weights: Floats,
+    columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
+    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, line: Floats,
+    filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, followed: Floats,
+    seen: Bytes, apart: Floats, whole: Floats, halves: Halves, classes: Bytes, half_row: int,
+    records: Words, half_stride: int, means: Floats,
+):  # fmt: skip
+    """All that is known of rows y0 to y1 before the network speaks.
+
+    samples to down: of `frame`; history (H, W, 8), depths and opened (h', old_stride): what is past; rows to
+    rows_near: where display pixels look; line to apart: scratch; whole (H, WHOLE, width), halves (H, HALVES,
+    width), records, means (H / 2, 2, half_stride): what is found. y0 is even.
+    """
+    w_big, h_big = numbers[BIG_W], numbers[BIG_H]
+    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
+    padded, wide = stride + 2 * PAD, width + 2 * PAD
+    for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
+        inside = y0 <= y < y1
+        ring_row = (y % 4) * SEEN * width
+        if inside:
+            filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
+        for x in range(0, width, 16):
+            lane = to_float(ramp16() + np.int32(x))
+            at = load16(lefts, x) + np.int32(tops[y] * 3 * stride)
+            depth = gather(nearest, at)
+            mx = gather(nearest, at + np.int32(stride)) * scale_x
+            my = gather(nearest, at + np.int32(2 * stride)) * scale_y
+            px, py = lane + mx, my + np.float32(y)
+            on = (px > -0.5) & (px < w_big - 0.5) & (py > -0.5) & (py < h_big - 0.5)
+            px, py = clamped(px, -2.0, w_big + 1.0), clamped(py, -2.0, h_big + 1.0)
+            near = load16(columns_near, x)
+            at = near + np.int32(rows_near[y] * padded + PAD)
+            ox = clamped(lane + gather(across, at) * scale_x, -2.0, w_big + 1.0)
+            oy = clamped(gather(down, at) * scale_y + np.float32(y), -2.0, h_big + 1.0)
+            store(followed, x, px)
+            store(followed, width + x, py)
+            aim(px, py, ox, oy, big_w, big_h, numbers[SHARPNESS], slots, weights)
+            warp(history, slots, weights, warped)
+            q = load_columns(warped, 0)
+            past = toned_at(numbers, q[0], q[1], q[2])
+            past_root = roots(past)
+            luma = luma_of(past_root)
+            store(ring, (y % 3) * wide + PAD + x, luma)
+            if not inside:
+                continue
+            soft = toned_at(numbers, q[4], q[5], q[6])
+            own = toned_at(numbers, q[12], q[13], q[14])
+            detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
+            count = select(on, q[7], 0.0)
+            put_all(whole, y * WHOLE * width + x, width, (*past, *own, count, q[8], q[9]))
+            surface, difference = look_back(depth, px, py, on, depths, opened, old_stride, numbers)
+            frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
+            found = (*frame, *sample, confidence, *mean, *reach, *detail, surface)
+            put_all(halves, y * HALVES * width + x, width, found)
+
+            frame_root, sample_root = roots(frame), roots(sample)
+            frame_luma = luma_of(frame_root)
+            store(apart, (y % 4) * width + x, luma - frame_luma)
+            speed = square_root(mx * mx + my * my)
+            tx, ty = px - floor(px), py - floor(py)
+            to = ring_row + x
+            put(seen, see.FRAME * width + to, frame_luma)
+            put(seen, see.SAMPLE * width + to, luma_of(sample_root))
+            put(seen, see.PAST * width + to, luma)
+            put(seen, see.TO_SAMPLE * width + to, apart_of(past_root, sample_root))
+            put(seen, see.TO_FRAME * width + to, apart_of(past_root, frame_root))
+            put(seen, see.CONTRAST * width + to, root(root(varies)))
+            put(seen, see.LEAST * width + to, root(q[8]))
+            put(seen, see.MOST * width + to, root(q[9]))
+            put(seen, see.DETAIL * width + to, root(apart_of(past, soft)))
+            put(seen, see.CONFIDENCE * width + to, confidence)
+            put(seen, see.COUNT * width + to, count / (count + 4.0))
+            put(seen, see.DIFFERENCE * width + to, difference * 0.5 + 0.5)
+            put(seen, see.SURFACE * width + to, surface)
+            put(seen, see.SPEED * width + to, speed / (speed + 4.0))
+            put(seen, see.BLUR * width + to, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
+            put(seen, see.EDGE * width + to, gather(edges, near + np.int32(rows_near[y] * stride)))
+        if inside and y % 2 == 0:
+            half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
+            recall(classes, followed, width, half_w, half_h, records, y // 2 * half_row * see.RECORD)
+        repeat_ends(ring, (y % 3) * wide + PAD, big_w)
+        if y - 1 >= y0:
+            complete(
+                ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row, half_stride
+            )
+    if y1 == big_h:
+        last = big_h - 1
+        complete(
+            ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row, half_stride
+        )

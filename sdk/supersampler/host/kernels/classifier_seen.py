@@ -1,0 +1,166 @@
+"""What the network of `classifier` sees, in bytes: twins of `classifier_inputs`.
+
+A record is what is known of four pixels: 28 words of four bytes. Words 0 to 17 are SEEN, a word a name, a byte
+a pixel; 18 and 19 are at half size: six classes, drift, grain; the rest is for the decoder to write.
+"""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels.colors import clamped, root
+from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.vector import (
+    absolute,
+    evens,
+    load8,
+    load16,
+    maximum,
+    minimum,
+    odds,
+    packed,
+    store,
+    store_pairs,
+    to_float,
+    to_int,
+    transposed,
+    zipped,
+)
+
+(
+    FRAME, SAMPLE, PAST, TO_SAMPLE, TO_FRAME, CONTRAST, PAST_CONTRAST, BEYOND, LEAST, MOST, DETAIL, CONFIDENCE,
+    COUNT, DIFFERENCE, SURFACE, SPEED, BLUR, EDGE,
+) = range(18)  # fmt: skip
+SEEN = 18
+RECORD = 28
+CLASSES = 18  # word of a record
+
+
+@njit
+def put(seen, at, value):
+    """What the network sees, as a byte."""
+    store(seen, at, to_int(clamped(value, 0.0, 1.0) * 255.0 + 0.5))
+
+
+@njit
+def contrast_row(ring, above, here, below, wide, seen, seen_row, width):
+    """How much the past differs around each pixel, and how far this frame's sample is outside of that."""
+    for x in range(0, width, 16):
+        low = high = load16(ring, here * wide + PAD + x)
+        for line in (above, here, below):
+            for column in range(-1, 2):
+                other = load16(ring, line * wide + PAD + x + column)
+                low, high = minimum(other, low), maximum(other, high)
+        luma = to_float(load16(seen, SAMPLE * width + seen_row + x)) * (1.0 / 255.0)
+        put(seen, PAST_CONTRAST * width + seen_row + x, high - low)
+        put(seen, BEYOND * width + seen_row + x, maximum(maximum(low - luma, luma - high), 0.0))
+
+
+@njit
+def words_of(seen, upper, lower):
+    """Sixteen packed pixels: two of each row in the bytes of a word."""
+    a, b = load16(seen, upper), load16(seen, upper + 16)
+    c, d = load16(seen, lower), load16(seen, lower + 16)
+    return evens(a, b) | odds(a, b) << np.int32(8) | evens(c, d) << np.int32(16) | odds(c, d) << np.int32(24)
+
+
+@njit
+def pack_rows(seen, upper, lower, width, half_width, records, to):
+    """Put two rows of bytes into records."""
+    for x in range(0, half_width, 16):
+        u, v, w = upper + 2 * x, lower + 2 * x, width
+        rows = transposed((
+            words_of(seen, u, v), words_of(seen, u + w, v + w),
+            words_of(seen, u + 2 * w, v + 2 * w), words_of(seen, u + 3 * w, v + 3 * w),
+            words_of(seen, u + 4 * w, v + 4 * w), words_of(seen, u + 5 * w, v + 5 * w),
+            words_of(seen, u + 6 * w, v + 6 * w), words_of(seen, u + 7 * w, v + 7 * w),
+            words_of(seen, u + 8 * w, v + 8 * w), words_of(seen, u + 9 * w, v + 9 * w),
+            words_of(seen, u + 10 * w, v + 10 * w), words_of(seen, u + 11 * w, v + 11 * w),
+            words_of(seen, u + 12 * w, v + 12 * w), words_of(seen, u + 13 * w, v + 13 * w),
+            words_of(seen, u + 14 * w, v + 14 * w), words_of(seen, u + 15 * w, v + 15 * w),
+        ))  # fmt: skip
+        pairs = zipped(words_of(seen, u + 16 * w, v + 16 * w), words_of(seen, u + 17 * w, v + 17 * w))
+        for i in range(16):
+            store(records, to + RECORD * (x + i), rows[i])
+        store_pairs(records, to + RECORD * x + 16, RECORD, pairs)
+
+
+@njit
+def recall(classes, followed, width, half_w, half_h, records, to):
+    """What a row of packed pixels was held for, (half_h, half_w, 8) bytes, as two words of each record."""
+    half = np.float32(0.5)
+    for x in range(half_w):
+        px, py = half * followed[2 * x], half * followed[width + 2 * x]
+        left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
+        t, u = px - np.float32(left), py - np.float32(top)
+        x0, x1 = min(max(left, 0), half_w - 1), min(max(left + 1, 0), half_w - 1)
+        y0, y1 = min(max(top, 0), half_h - 1) * half_w, min(max(top + 1, 0), half_h - 1) * half_w
+        a, b = to_float(load8(classes, 8 * (y0 + x0))), to_float(load8(classes, 8 * (y0 + x1)))
+        c, d = to_float(load8(classes, 8 * (y1 + x0))), to_float(load8(classes, 8 * (y1 + x1)))
+        upper, lower = a + (b - a) * t, c + (d - c) * t
+        value = to_int(upper + (lower - upper) * u + 0.5)
+        records[to + RECORD * x + CLASSES] = packed(value, 0)
+        records[to + RECORD * x + CLASSES + 1] = packed(value, 4)
+
+
+@njit
+def halve(apart, upper, lower, half_w, means, row, half_stride):
+    """Means of four pixels of how far past and frame are apart: signed, and not."""
+    for x in range(0, half_w, 16):
+        a, b = load16(apart, upper + 2 * x), load16(apart, upper + 2 * x + 16)
+        c, d = load16(apart, lower + 2 * x), load16(apart, lower + 2 * x + 16)
+        i, j, k, m = evens(a, b), odds(a, b), evens(c, d), odds(c, d)
+        at = row * 2 * half_stride + PAD + x
+        store(means, at, (i + j + k + m) * 0.25)
+        i, j, k, m = absolute(i), absolute(j), absolute(k), absolute(m)
+        store(means, at + half_stride, (i + j + k + m) * 0.25)
+    repeat_ends(means, row * 2 * half_stride + PAD, half_w)
+    repeat_ends(means, (row * 2 + 1) * half_stride + PAD, half_w)
+
+
+def around(
+    means: Floats, half_w: int, half_h: int, half_stride: int, half_row: int, y0: int, y1: int,
+    tall: Floats, line: Floats, records: Words,
+):  # fmt: skip
+    """Drift and grain of packed rows y0 to y1: bytes 6 and 7 of the half-size words.
+
+    means (half_h, 2, half_stride), with PAD on either side; tall and line (half_stride,) are scratch. A tent
+    of 5 x 5 is two means of 3 x 3; what is beyond the border repeats it both times.
+    """
+    for y in range(y0, y1):
+        for plane in range(2):
+            for x in range(0, half_stride, 16):
+                total = load16(means, plane * half_stride + x) * 0.0
+                for first in range(-1, 2):
+                    middle = min(max(y + first, 0), half_h - 1)
+                    for second in range(-1, 2):
+                        other = min(max(middle + second, 0), half_h - 1)
+                        total = total + load16(means, (other * 2 + plane) * half_stride + x)
+                store(tall, x, total)
+            for x in range(0, half_w, 16):
+                at = PAD + x
+                store(line, at, load16(tall, at - 1) + load16(tall, at) + load16(tall, at + 1))
+            repeat_ends(line, PAD, half_w)
+            for x in range(0, half_w, 16):
+                at = PAD + x
+                mean = (load16(line, at - 1) + load16(line, at) + load16(line, at + 1)) * (1.0 / 81.0)
+                store(tall, at, root(absolute(mean)) * 255.0 + 0.5)
+            for x in range(half_w):
+                value = np.int32(min(tall[PAD + x], np.float32(255.0))) << np.int32(16 + 8 * plane)
+                at = (y * half_row + x) * RECORD + CLASSES + 1
+                records[at] = np.int32(records[at]) | np.int32(value)
+
+
+@njit
+def complete(ring, seen, apart, records, means, y, below, wide, width, big_w, big_h, half_row, half_stride):
+    """Finish row y, whose rows around are known now; pack it with the one above where it is the second."""
+    row = (y % 4) * SEEN * width
+    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, seen, row, width)
+    if big_w % 2:
+        for c in range(SEEN):
+            seen[row + c * width + big_w] = seen[row + c * width + big_w - 1]
+        apart[(y % 4) * width + big_w] = apart[(y % 4) * width + big_w - 1]
+    if y % 2 or y == big_h - 1:
+        first, half_w = y - y % 2, (big_w + 1) // 2
+        pack_rows(seen, (first % 4) * SEEN * width, row, width, half_w, records, (y // 2) * half_row * RECORD)
+        halve(apart, (first % 4) * width, (y % 4) * width, half_w, means, y // 2, half_stride)

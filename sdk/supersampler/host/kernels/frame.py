@@ -1,0 +1,138 @@
+"""What a frame brings, as kernels want it: toned samples, usable depth and motion, what is in front."""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels.colors import (
+    clamped,
+    logarithm,
+    luminance,
+    quarantined,
+    toned,
+    usable,
+    ycocg,
+)
+from supersampler.host.kernels.types import Floats
+from supersampler.host.vector import (
+    absolute,
+    gather,
+    load16,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    spread16,
+    store,
+    sum_of_lanes,
+    transposed,
+)
+
+PAD = 16  # columns before and after a plane that 3x3 neighbourhoods reach into
+DARKEST = 1e-4
+
+
+def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
+    """Sums of rows y0 to y1: of the logarithms of luminance of usable samples, and of how many there are."""
+    zero = spread16(np.float32(0.0))
+    for y in range(y0, y1):
+        logs = count = zero
+        for x in range(0, w, 16):
+            lane = ramp16() + np.int32(x)
+            at = minimum(lane, np.int32(w - 1)) + np.int32(y * w)
+            r, g, b = gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
+            good = usable(r, g, b) & (lane < np.int32(w))
+            luma = luminance(quarantined(r), quarantined(g), quarantined(b))
+            logs = logs + select(good, logarithm(maximum(luma, DARKEST)), zero)
+            count = count + select(good, spread16(np.float32(1.0)), zero)
+        rows[2 * y] = sum_of_lanes(logs)
+        rows[2 * y + 1] = sum_of_lanes(count)
+
+
+def prepare(
+    color: Floats, depth: Floats, motion: Floats, exposure: float, w: int, stride: int, y0: int, y1: int,
+    samples: Floats, depths: Floats, across: Floats, down: Floats,
+):  # fmt: skip
+    """Tone the samples; depth and motion as usable planes.
+
+    samples (h, stride, 16): red, green, blue, usable; the same; YCoCg, its squares; usable; 0.
+    depths, across, down (h, PAD + stride + PAD): ends repeat the border.
+    """
+    zero = spread16(np.float32(0.0))
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        for x in range(0, w, 16):
+            at = minimum(ramp16() + np.int32(x), np.int32(w - 1)) + np.int32(y * w)
+            r, g, b = gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
+            good = select(usable(r, g, b), 1.0, zero)
+            r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
+            r, g, b = r * good, g * good, b * good
+            luma, orange, green = ycocg(r, g, b)
+            rows = transposed((
+                r, g, b, good, r, g, b, good, luma, orange, green,
+                luma * luma, orange * orange, green * green, good, zero,
+            ))  # fmt: skip
+            to = (y * stride + x) * 16
+            for i in range(16):
+                store(samples, to + 16 * i, rows[i])
+            d, mx, my = gather(depth, at), gather(motion, at * 2), gather(motion, at * 2 + 1)
+            to = y * wide + PAD + x
+            store(depths, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
+            store(across, to, select(absolute(mx) <= 1e6, mx, 0.0))
+            store(down, to, select(absolute(my) <= 1e6, my, 0.0))
+        for plane in (depths, across, down):
+            repeat_ends(plane, y * wide + PAD, w)
+
+
+@njit
+def repeat_ends(plane, first, count):
+    """Fill the padding before and after `count` values from `first` on."""
+    for x in range(PAD):
+        plane[first - 1 - x] = plane[first]
+        plane[first + count + x] = plane[first + count - 1]
+
+
+def closest(
+    depths: Floats, across: Floats, down: Floats, w: int, h: int, stride: int, y0: int, y1: int,
+    nearest: Floats, edges: Floats, eroded: Floats,
+):  # fmt: skip
+    """The closest of four samples and its motion, the range of depth in 3x3, and the farthest.
+
+    nearest (h, 3, stride): depth, motion; edges (h, stride); eroded: as `depths`.
+    """
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        above, here, below = max(y - 1, 0) * wide + PAD, y * wide + PAD, min(y + 1, h - 1) * wide + PAD
+        for x in range(0, w, 16):
+            near = far = load16(depths, here + x)
+            for row in (above, here, below):
+                for column in range(-1, 2):
+                    d = load16(depths, row + x + column)
+                    near, far = maximum(d, near), minimum(d, far)
+            edge = (near - maximum(far, 0.0)) / maximum(near, 1e-12)
+            store(edges, y * stride + x, clamped(edge, 0.0, 1.0))
+            store(eroded, here + x, far)
+            d, mx, my = load16(depths, here + x), load16(across, here + x), load16(down, here + x)
+            for at in (here + x + 1, below + x, below + x + 1):
+                other = load16(depths, at)
+                closer = other > d
+                d = select(closer, other, d)
+                mx, my = select(closer, load16(across, at), mx), select(closer, load16(down, at), my)
+            to = (y * 3) * stride + x
+            store(nearest, to, d)
+            store(nearest, to + stride, mx)
+            store(nearest, to + 2 * stride, my)
+        repeat_ends(eroded, here, w)
+
+
+def surfaces(depths: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, left: Floats):
+    """Depth as it is, and without thin things, (2, h, stride): what the next frame looks back on."""
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        above, here, below = max(y - 1, 0) * wide + PAD, y * wide + PAD, min(y + 1, h - 1) * wide + PAD
+        for x in range(0, w, 16):
+            opened = load16(eroded, here + x)
+            for row in (above, here, below):
+                for column in range(-1, 2):
+                    opened = maximum(load16(eroded, row + x + column), opened)
+            store(left, y * stride + x, load16(depths, here + x))
+            store(left, (h + y) * stride + x, opened)

@@ -1,0 +1,127 @@
+"""Reading images: separable filters around samples, and the past where motion leads."""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels.colors import clamped
+from supersampler.host.vector import (
+    floor,
+    gather,
+    load4,
+    load8,
+    load16,
+    maximum,
+    minimum,
+    select,
+    store,
+    to_int,
+)
+
+
+@njit
+def filter_row(samples, rows, down, columns, across, line, stride, width, y, out):
+    """Separable filters of the samples around each display pixel of a row, a vector of channels at a time.
+
+    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 16) and across (W, 4, 16) with what weight
+    for each channel; line (stride, 16) is scratch; out (width, 16).
+    """
+    a, b, c, d = rows[4 * y], rows[4 * y + 1], rows[4 * y + 2], rows[4 * y + 3]
+    pitch = stride * 16
+    wa, wb = load16(down, y * 64), load16(down, y * 64 + 16)
+    wc, wd = load16(down, y * 64 + 32), load16(down, y * 64 + 48)
+    for x in range(0, pitch, 16):
+        upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
+        lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
+        store(line, x, upper + lower)
+    for x in range(width):
+        i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
+        w = 64 * x
+        near = load16(line, 16 * i) * load16(across, w) + load16(line, 16 * j) * load16(across, w + 16)
+        far = load16(line, 16 * k) * load16(across, w + 32) + load16(line, 16 * m) * load16(across, w + 48)
+        store(out, 16 * x, near + far)
+
+
+@njit
+def cubic(t, sharpness):
+    """Weights of the four samples around a place between the middle two."""
+    s = 1.0 - t
+    before, after = t * s * s * -sharpness, s * t * t * -sharpness
+    second = ((t * (sharpness - 2.0) + (3.0 - 2.0 * sharpness)) * t + sharpness) * t
+    return before, 1.0 - before - after - second, second, after
+
+
+@njit
+def place(position, first, last, count, pitch, at, slot):
+    """Put the offsets of the samples `first` to `last` beside floor(position) into slots; return the rest."""
+    whole = floor(position)
+    i = to_int(whole)
+    for k in range(first, last + 1):
+        inside = minimum(maximum(i + np.int32(k), np.int32(0)), np.int32(count - 1))
+        store(at, 16 * (slot + k - first), inside * np.int32(pitch))
+    return position - whole
+
+
+@njit
+def aim(px, py, ox, oy, width, height, sharpness, at, weights):
+    """Offsets and weights of sixteen warps: slots of sixteen, read back pixel by pixel by `warp`."""
+    tx = place(px, -1, 2, width, 8, at, 0)
+    ty = place(py, -1, 2, height, 8 * width, at, 4)
+    sx = place(ox, 0, 1, width, 8, at, 8)
+    sy = place(oy, 0, 1, height, 8 * width, at, 10)
+    x0, x1, x2, x3 = cubic(tx, sharpness)
+    y0, y1, y2, y3 = cubic(ty, sharpness)
+    middle, sides = x1 + x2, y1 + y2
+    scale = 1.0 / (middle * sides + (x0 + x3) * sides + middle * (y0 + y3))  # without the corners
+    rows = (x0, x1, x2, x3, y0 * scale, y1 * scale, y2 * scale, y3 * scale, tx, ty, sx, sy)
+    for slot, weight in enumerate(rows):
+        store(weights, 16 * slot, weight)
+
+
+@njit
+def warp(history, at, weights, out):
+    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; colour by own motion.
+
+    history (H, W, 8).
+    """
+    h = history
+    for i in range(16):
+        a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
+        j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
+        x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
+        top = load4(h, j + b) * x1 + load4(h, j + c) * x2
+        upper = load4(h, k + a) * x0 + load4(h, k + b) * x1 + load4(h, k + c) * x2 + load4(h, k + d) * x3
+        lower = load4(h, m + a) * x0 + load4(h, m + b) * x1 + load4(h, m + c) * x2 + load4(h, m + d) * x3
+        bottom = load4(h, n + b) * x1 + load4(h, n + c) * x2
+        sharp = top * weights[64 + i] + upper * weights[80 + i] + lower * weights[96 + i]
+        store(out, 16 * i, sharp + bottom * weights[112 + i])
+        t, u = weights[128 + i], weights[144 + i]
+        upper8 = load8(h, k + b) * (np.float32(1.0) - t) + load8(h, k + c) * t
+        lower8 = load8(h, m + b) * (np.float32(1.0) - t) + load8(h, m + c) * t
+        store(out, 16 * i + 4, upper8 * (np.float32(1.0) - u) + lower8 * u)
+        a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
+        t, u = weights[160 + i], weights[176 + i]
+        upper = load4(h, j + a) * (np.float32(1.0) - t) + load4(h, j + b) * t
+        lower = load4(h, k + a) * (np.float32(1.0) - t) + load4(h, k + b) * t
+        store(out, 16 * i + 12, upper * (np.float32(1.0) - u) + lower * u)
+
+
+@njit
+def hidden(depth, x, y, history_depth, stride, w, h, margin, ramp):
+    """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
+    fx, fy = floor(x), floor(y)
+    left, top, tx, ty = to_int(fx), to_int(fy), x - fx, y - fy
+    x0 = minimum(maximum(left, np.int32(0)), np.int32(w - 1))
+    x1 = minimum(maximum(left + np.int32(1), np.int32(0)), np.int32(w - 1))
+    y0 = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(stride)
+    y1 = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(stride)
+    share = depth * 0.0
+    for at, weight in (
+        (y0 + x0, (1.0 - tx) * (1.0 - ty)),
+        (y0 + x1, tx * (1.0 - ty)),
+        (y1 + x0, (1.0 - tx) * ty),
+        (y1 + x1, tx * ty),
+    ):
+        before = gather(history_depth, at)
+        closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
+        share = share + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
+    return select(depth >= 0.0, share, 0.0)

@@ -1,0 +1,137 @@
+"""The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Size
+from supersampler.host.bands import Bands
+from supersampler.host.compiler import address, load_kernel
+
+Bytes = NDArray[np.uint8]
+KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
+ALIGNED = 8  # the deepest level is at 1/8 of the packed size
+ROOM = 16  # pixels after a row: kernels do several at once
+RECORD = 28  # words of a record; see kernels.classifier_seen
+
+
+class Layer:
+    """Weights of a layer, and how its sums become bytes or values: addresses."""
+
+    def __init__(self, arrays: dict[str, NDArray[Any]], name: str) -> None:
+        self._arrays = [arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias")]
+        self.weights, self.scale, self.bias = (address(array) for array in self._arrays)
+        self.blocks, self.words = self._arrays[0].shape[:2]
+        self.outputs = len(self._arrays[1])
+
+
+class ByteNetwork:
+    """Weights of all layers.
+
+    Args:
+        path: network.npz of a model folder.
+    """
+
+    def __init__(self, path: Path) -> None:
+        with np.load(path) as file:
+            arrays = {name: np.ascontiguousarray(file[name]) for name in file.files}
+        self.levels = [
+            tuple(Layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
+            for level in range(len(KEPT))
+        ]
+        self.decoder, self.hidden, self.mixing = (Layer(arrays, n) for n in ("decoder", "hidden", "mixing"))
+        self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
+        self.enter, self.descend, self.level = (
+            load_kernel("network", name) for name in ("enter", "descend", "level")
+        )
+
+
+class _Level:
+    """Buffers of a level: x within a border of one pixel, and what it gives."""
+
+    def __init__(self, layers: tuple[Layer, ...], width: int, height: int) -> None:
+        self.first, self.spatial, self.last = layers
+        self.width, self.height = width, height
+        self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
+        self.x: Bytes = np.zeros((height + 2, width + ROOM, self.first.outputs), np.uint8)
+        self.out: Bytes = np.zeros((height, width + ROOM, self.last.outputs), np.uint8)
+
+    def row_of(self, image: Bytes) -> int:
+        """Bytes from row to row."""
+        return image.shape[1] * image.shape[2]
+
+
+class Encoder:
+    """The encoder at one size.
+
+    Attributes:
+        records: (half height, row, RECORD) words, what is known of packed pixels; see kernels.classifier_seen.
+        rows: rows that the encoder has, those beyond the picture included.
+        kept: addresses of what each level gives.
+        pitches: bytes a pixel of each, then bytes a row.
+    """
+
+    def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
+        self._network, self._bands, self._half = network, bands, half
+        width, self.rows = (-(-extent // ALIGNED) * ALIGNED for extent in half)
+        self.records = np.zeros((half[1], width + ROOM, RECORD), np.int32)
+        self._levels = [
+            _Level(layers, width >> level, self.rows >> level) for level, layers in enumerate(network.levels)
+        ]
+        most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
+        self._lines = np.zeros((bands.threads, most), np.uint8)
+        self.kept = [address(level.out) for level in self._levels]
+        pitches = [level.last.outputs for level in self._levels]
+        rows = [level.row_of(level.out) for level in self._levels]
+        self.pitches = np.array([*pitches, *rows], np.int32)
+
+    def enter(self, y0: int, y1: int) -> None:
+        """The first layer, of packed rows y0 to y1; bands of whole ALIGNED."""
+        level, layer, records = self._levels[0], self._levels[0].first, self.records
+        self._network.enter(
+            address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
+            layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width,
+            *self._half, y0, y1,
+        )  # fmt: skip
+
+    def run(self) -> None:
+        """All layers after the first."""
+        for depth, level in enumerate(self._levels):
+            if depth:
+                self._descend(self._levels[depth - 1], level, KEPT[depth - 1] * 4 ** (depth - 1))
+            self._run_level(level)
+
+    def _descend(self, above: _Level, level: _Level, first: int) -> None:
+        layer = level.first
+        arguments = (
+            address(above.out), above.last.outputs, above.row_of(above.out), first, level.given,
+        )  # fmt: skip
+        more = (
+            layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x), layer.outputs,
+            level.row_of(level.x), level.width,
+        )  # fmt: skip
+
+        def rows(y0: int, y1: int, worker: int) -> None:
+            line = address(self._lines[worker])
+            self._network.descend(*arguments, line, line, *more, y0, y1)
+
+        self._bands.run(level.height, rows)
+
+    def _run_level(self, level: _Level) -> None:
+        spatial, last = level.spatial, level.last
+        arguments = (
+            address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
+            spatial.scale, spatial.bias,
+        )  # fmt: skip
+        more = (
+            last.weights, last.blocks, last.scale, last.bias, address(level.out), last.outputs,
+            level.row_of(level.out), level.width,
+        )  # fmt: skip
+
+        def rows(y0: int, y1: int, worker: int) -> None:
+            line = address(self._lines[worker])
+            self._network.level(*arguments, line, line, *more, y0, y1)
+
+        self._bands.run(level.height, rows)
