@@ -32,7 +32,8 @@ from supersampler.model_info import ModelInfo, model_names
 
 if TYPE_CHECKING:
     from supersampler.detect import Detection, detect_conventions
-    from supersampler.model import History, Model, Result
+    from supersampler.history import History, Result
+    from supersampler.model import Model
     from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.upscaler import State, Stats, Upscaler
 
@@ -78,7 +79,8 @@ __all__ = [
 # These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
 _LAZY = {
     **dict.fromkeys(("Detection", "detect_conventions"), "detect"),
-    **dict.fromkeys(("History", "Model", "Result"), "model"),
+    **dict.fromkeys(("History", "Result"), "history"),
+    "Model": "model",
     **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
     **dict.fromkeys(("State", "Stats", "Upscaler"), "upscaler"),
 }

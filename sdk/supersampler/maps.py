@@ -7,7 +7,7 @@ import numpy as np
 from supersampler.compare import Legend, false_color, false_color_legend
 from supersampler.frame import Float32
 from supersampler.image_io import Bytes
-from supersampler.model import Result
+from supersampler.history import Result
 
 NO_CLASS = (24, 24, 24)
 """sRGB of a pixel without a class."""

@@ -1,67 +1,25 @@
-"""`Model`: one exported method in one ONNX Runtime session. Pure: it remembers nothing between calls."""
+"""`Model`: one exported method, ready to run. Pure: it remembers nothing between calls."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import Literal
 
 import numpy as np
 import onnxruntime as ort
 
 from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
+from supersampler.executor import Executor
 from supersampler.frame import Float32, Frame, Size
-from supersampler.graph_session import frame_inputs, open_session, pixels_of
-from supersampler.model_info import ModelInfo, TensorInfo, find_model, read_model_info
-from supersampler.providers import check_provider_in_use, resolve_providers
+from supersampler.graph_executor import GraphExecutor
+from supersampler.graph_session import pixels_of
+from supersampler.history import CARRY, History, Result
+from supersampler.host.executors import host_executor
+from supersampler.model_info import ModelInfo, find_model, read_model_info
+from supersampler.providers import CPU, resolve_providers
 
-_CARRY = "history.carry"
-_DEVICES = {
-    "CUDAExecutionProvider": "cuda",
-    "TensorrtExecutionProvider": "cuda",
-    "DmlExecutionProvider": "dml",
-}
-
-
-@dataclass(eq=False)
-class History:
-    """What one frame leaves for the next: tensors on the device of the model, all zeros for no past.
-
-    Attributes:
-        display_size: (width, height) of the images that it belongs to.
-        render_size: (width, height) of the frame that left it.
-        tensors: by graph input name.
-        carry: (1, k, H, W) what the frame carried along; None where it was not asked for.
-    """
-
-    display_size: Size
-    render_size: Size
-    tensors: dict[str, ort.OrtValue]
-    carry: Float32 | None = None
-
-    def to_numpy(self) -> dict[str, Float32]:
-        """Copies of all tensors on the host."""
-        copies = {name: np.array(tensor.numpy()) for name, tensor in self.tensors.items()}
-        return copies if self.carry is None else {**copies, _CARRY: self.carry.copy()}
-
-
-@dataclass(frozen=True, eq=False)
-class Result:
-    """An image, and what else was asked for; what was not is None.
-
-    Attributes:
-        image: (H, W, 3) float32 linear RGB.
-        carry: (H, W, k) float32 what the frame carries along, blended as the image is.
-        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: shares of each 2x2 pixels' classes. None of a
-            past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
-        weight: (H, W) float32 share of the past in the image, [0, 1].
-        count: (H, W) float32 how many samples the image is worth.
-    """
-
-    image: Float32
-    carry: Float32 | None = None
-    class_map: Float32 | None = None
-    weight: Float32 | None = None
-    count: Float32 | None = None
+ExecutorName = Literal["auto", "graph", "host"]
+Precision = Literal["auto", "fp32", "int8"]
 
 
 class Model:
@@ -69,19 +27,25 @@ class Model:
 
     Attributes:
         info: what its model.json says.
-        providers: execution providers of ONNX Runtime in use, in order.
+        providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
+            step, and counts as the CPU's.
     """
 
-    def __init__(self, info: ModelInfo, session: ort.InferenceSession, carrier: Carrier) -> None:
+    def __init__(self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str]) -> None:
         self.info = info
+        self.providers = providers
         self._carrier = carrier
-        self.providers: list[str] = session.get_providers()
-        self._session = session
-        self._device = _DEVICES.get(self.providers[0], "cpu")
+        self._executor = executor
 
     @classmethod
     def load(
-        cls, name_or_path: str | Path, *, providers: str | Sequence[str] = "auto", threads: int = 0
+        cls,
+        name_or_path: str | Path,
+        *,
+        providers: str | Sequence[str] = "auto",
+        threads: int = 0,
+        executor: ExecutorName = "auto",
+        precision: Precision = "auto",
     ) -> "Model":
         """Load a shipped model by name, or a model folder by path.
 
@@ -89,11 +53,17 @@ class Model:
             name_or_path: one of `supersampler.model_names()`, or a folder with a model.json.
             providers: "auto" (CUDA, DirectML, else CPU), a provider's name ("cpu", "cuda", "directml", ... or
                 ONNX Runtime's own), or several in order of preference.
-            threads: threads of the CPU provider; 0 takes every core.
+            threads: threads on the CPU; 0 takes every core.
+            executor: "graph" runs the model's graph in ONNX Runtime, "host" kernels compiled for this
+                processor, which is several times as fast; "auto" takes those where the provider is the CPU
+                and the model has them.
+            precision: "int8" runs the learned part in bytes, which the host executor always does, "fp32" in
+                single precision, which the graph always does; what is not learned is fp32 everywhere.
 
         Raises:
             ModelError: no such model, a damaged folder, or another contract.
             ProviderError: a provider was asked for and cannot be had.
+            ArgumentError: the model cannot run so.
         """
         info = read_model_info(find_model(name_or_path))
         names = resolve_providers(providers)
@@ -101,17 +71,31 @@ class Model:
         options.log_severity_level = 3  # errors only; the rest would print over a progress bar
         options.intra_op_num_threads = threads
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        session = open_session(info.step_path, options, names)
-        check_provider_in_use(names[0], session.get_providers())
-        return cls(info, session, Carrier(info, options))
+        carrier = Carrier(info, options)
+        if executor != "graph" and list(names) == [CPU]:
+            host = host_executor(info, threads)
+            if host is not None and precision in ("auto", host.precision):
+                return cls(info, host, carrier, [CPU])
+        graph = GraphExecutor(info, options, names)
+        if executor == "host" or precision not in ("auto", graph.precision):
+            got = f"executor={executor!r}, precision={precision!r}, providers {', '.join(names)}"
+            want = f"what {info.method!r} has: the graph in fp32, or, on the CPU, what `executors` lists"
+            raise ArgumentError("executor", got=got, want=want)
+        return cls(info, graph, carrier, graph.providers)
+
+    @property
+    def executor(self) -> str:
+        """How it runs: "graph" or "host"."""
+        return self._executor.name
+
+    @property
+    def precision(self) -> str:
+        """Of what is learned: "fp32" or "int8"."""
+        return self._executor.precision
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
         """No past: all zeros."""
-        tensors = {
-            h.input.name: self._zeros(h.input, render_size, display_size, render_size)
-            for h in self.info.history
-        }
-        return History(display_size, render_size, tensors)
+        return History(display_size, render_size, self._executor.zeros(display_size, render_size))
 
     def run(
         self,
@@ -160,43 +144,40 @@ class Model:
         self.check(frame, history.display_size, want, history.carry)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
-        width, height = display_size = history.display_size
-        image = _checked_out(out, (height, width, 3))
-        planes = np.empty((1, 3, height, width), np.float32)
-        history_out = self._prepared(history_out, display_size, frame.size)
-        told = self._told(want, display_size)
-
-        binding = self._session.io_binding()
-        names = [t.name for t in self.info.inputs]
-        for name, array in frame_inputs(frame, display_size, names).items():
-            binding.bind_cpu_input(name, array)
-        for h in self.info.history:
-            binding.bind_ortvalue_input(h.input.name, history.tensors[h.input.name])
-            binding.bind_ortvalue_output(h.output, history_out.tensors[h.input.name])
-        for name, array in ((self.info.image.name, planes), *told.items()):
-            binding.bind_ortvalue_output(name, ort.OrtValue.ortvalue_from_numpy(array))
-        self._session.run_with_iobinding(binding)
-
-        np.copyto(image, planes[0].transpose(1, 2, 0))
+        display_size = history.display_size
+        image = _checked_out(out, (*display_size[::-1], 3))
+        left = self._prepared(history_out, display_size, frame.size)
+        needed = {self.info.maps[name].output for name in want if name != "carry"}
+        needed |= {"weight"} if "carry" in want else set()
+        told = self._executor.step(frame, display_size, history.buffers, left.buffers, image, needed)
         if "carry" in want:
-            past = history.carry
-            history_out.carry = self._carrier.blend(frame, told.get("weight"), past, display_size)
-        return self._result(image, want, told, history_out), history_out
+            left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
+        return self._result(image, want, told, left), left
+
+    def save_history(self, history: History) -> dict[str, Float32]:
+        """Copies of all history tensors of the contract; any executor of the model can load them."""
+        names = [h.input.name for h in self.info.history]
+        copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
+        return copies if history.carry is None else {**copies, CARRY: history.carry.copy()}
 
     def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
-        """Put copies made by `History.to_numpy` back on the device."""
+        """Make a history of copies by `save_history`.
+
+        Raises:
+            ArgumentError: they are of another method or of other sizes.
+        """
         history = self.first_history(display_size, render_size)
-        for name, tensor in history.tensors.items():
-            if name not in arrays or list(arrays[name].shape) != list(tensor.shape()):
-                raise ArgumentError(
-                    "state", got=f"without a fitting {name!r}", want=f"one saved by {self.info.method!r}"
-                )
-            tensor.update_inplace(np.ascontiguousarray(arrays[name], np.float32))
-        if _CARRY in arrays:
-            carry = arrays[_CARRY]
+        for h in self.info.history:
+            shape = h.input.shape_for(render=render_size, display=display_size, previous=render_size)
+            if h.input.name not in arrays or arrays[h.input.name].shape != shape:
+                got, want = f"without a fitting {h.input.name!r}", f"one saved by {self.info.method!r}"
+                raise ArgumentError("state", got=got, want=want)
+        self._executor.load(history.buffers, arrays)
+        if CARRY in arrays:
+            carry = arrays[CARRY]
             if carry.ndim != 4 or carry.shape[2:] != display_size[::-1]:
                 want = f"(1, k, {display_size[1]}, {display_size[0]})"
-                raise ArgumentError("state", got=f"with {_CARRY!r} {carry.shape}", want=want)
+                raise ArgumentError("state", got=f"with {CARRY!r} {carry.shape}", want=want)
             history.carry = carry.copy()
         return history
 
@@ -240,16 +221,6 @@ class Model:
                     hint="Sizes are (width, height).",
                 )
 
-    def _told(self, want: Collection[str], display: Size) -> dict[str, Float32]:
-        """Buffers for what the graph tells beside image and history, as far as it is wanted."""
-        needed = {self.info.maps[name].output for name in want if name != "carry"}
-        needed |= {"weight"} if "carry" in want else set()
-        return {
-            t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
-            for t in self.info.told
-            if t.name in needed
-        }
-
     def _result(
         self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
     ) -> Result:
@@ -257,25 +228,18 @@ class Model:
         maps: dict[str, Float32] = {}
         for name in set(want) - {"carry"}:
             where = self.info.maps[name]
-            tensor = told.get(where.output)
-            planes = left.tensors[inputs[where.output]].numpy() if tensor is None else tensor
+            planes = told.get(where.output)
+            if planes is None:
+                planes = self._executor.tensor(left.buffers, inputs[where.output])
             maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
         carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
         return Result(image, carry=carry, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
-        """Buffers that this frame's history fits in, those of `history` where they do."""
-        tensors = {}
-        for h in self.info.history:
-            old = None if history is None else history.tensors[h.input.name]
-            shape = h.input.shape_for(render=render, display=display, previous=render)
-            fits = old is not None and list(old.shape()) == list(shape)
-            tensors[h.input.name] = old if fits else self._zeros(h.input, render, display, render)
-        return History(display, render, tensors)
-
-    def _zeros(self, tensor: TensorInfo, render: Size, display: Size, previous: Size) -> ort.OrtValue:
-        shape = tensor.shape_for(render=render, display=display, previous=previous)
-        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self._device, 0)
+        """Room for what this frame leaves, that of `history` where it fits."""
+        if history is not None and self._executor.fits(history.buffers, display, render):
+            return History(display, render, history.buffers)
+        return self.first_history(display, render)
 
 
 def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:

@@ -18,6 +18,8 @@ NAMES = {
 }
 """Short names; ONNX Runtime's own are taken too."""
 
+CPU = NAMES["cpu"]
+
 AUTOMATIC = ("cuda", "directml", "cpu")
 """What "auto" looks for, in this order: the providers that run every operator of our graphs at once."""
 

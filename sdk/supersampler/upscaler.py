@@ -12,7 +12,8 @@ import numpy as np
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.model import History, Model, Result
+from supersampler.history import History, Result
+from supersampler.model import ExecutorName, Model, Precision
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ class Upscaler:
         render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
-        threads: see `Model.load`; not with a `Model`.
+        threads, executor, precision: see `Model.load`; not with a `Model`.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
 
@@ -74,6 +75,8 @@ class Upscaler:
         render_size: Size | None = None,
         providers: str | Sequence[str] = "auto",
         threads: int = 0,
+        executor: ExecutorName = "auto",
+        precision: Precision = "auto",
         validate: Literal["off", "warn", "strict"] = "warn",
     ) -> None:
         if (display_size is None) == (scale is None):
@@ -84,13 +87,14 @@ class Upscaler:
         self._render_size = None if render_size is None else _checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
         if isinstance(model, Model):
-            if providers != "auto" or threads:
-                raise ArgumentError(
-                    "providers or threads", got="set beside a Model", want="set in Model.load"
-                )
+            if threads or (providers, executor, precision) != ("auto",) * 3:
+                name = "providers, threads, executor or precision"
+                raise ArgumentError(name, got="set beside a Model", want="set in Model.load")
             self.model = model
         else:
-            self.model = Model.load(model, providers=providers, threads=threads)
+            self.model = Model.load(
+                model, providers=providers, threads=threads, executor=executor, precision=precision
+            )
         if self._render_size is not None and self._display_size is None:
             self._display_size = self._scaled(self._render_size)
         self._history: History | None = None
@@ -174,7 +178,7 @@ class Upscaler:
         if self._history is None:
             return State(self.model.info.method, self._display_size, None, None)
         history = self._history
-        return State(self.model.info.method, history.display_size, history.render_size, history.to_numpy())
+        return State(self.model.info.method, history.display_size, history.render_size, self.model.save_history(history))
 
     def load_state(self, state: State) -> None:
         """Continue from `state`.

@@ -1,0 +1,1 @@
+"""The host executor: steps as compiled kernels on this processor, for methods that have them."""

@@ -11,6 +11,7 @@ import importlib
 import inspect
 import os
 import platform
+import sys
 from collections.abc import Callable
 from contextlib import suppress
 from functools import cache
@@ -32,6 +33,13 @@ _C_TYPES: dict[str, type] = {
     _INTEGER: ctypes.c_int64,
     _FLOAT: ctypes.c_float,
 }
+_CALLED = ("memset", "memcpy", "memmove")  # by loops that only set or copy bytes
+_NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise none
+    "NRT_Free", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_SetNone", "PyErr_SetString",
+    "PyErr_WriteUnraisable", "PyExc_RuntimeError", "PyExc_StopIteration", "PyExc_SystemError",
+    "PyUnicode_FromString", "Py_DecRef", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
+    "numba_runtime_build_excinfo_struct", "numba_unpickle",
+)  # fmt: skip
 _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kernels may run until the end
 
 
@@ -99,14 +107,24 @@ def _compiled(module: str, name: str) -> bytes:
             kinds += _FLOAT if annotation is float else _INTEGER
             arguments.append(scalars[annotation])
     made = cfunc(types.void(*arguments), error_model="numpy")(function)
+    _check_symbols(made._library._final_module, name)
     code: bytes = made._library._get_compiled_object()  # no public way to it
     return f"{made.native_name} {kinds}\n".encode() + code
+
+
+def _check_symbols(module: llvm.ModuleRef, name: str) -> None:
+    """A symbol that is not offered would be a call to nowhere."""
+    outside = {v.name for v in (*module.functions, *module.global_variables) if v.is_declaration}
+    unknown = {symbol for symbol in outside if not symbol.startswith("llvm.")} - {*_CALLED, *_NEVER_CALLED}
+    if unknown:
+        raise NotImplementedError(f"kernel {name} calls {', '.join(sorted(unknown))}")
 
 
 def _linked(content: bytes) -> Call:
     """Put an object into memory, ready to run."""
     header, _, code = content.partition(b"\n")
     symbol, kinds = header.decode().split()
+    _offer_symbols()
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
     machine = llvm.Target.from_default_triple().create_target_machine()
@@ -116,3 +134,12 @@ def _linked(content: bytes) -> Call:
     _ENGINES.append(engine)
     prototype = ctypes.CFUNCTYPE(None, *(_C_TYPES[kind] for kind in kinds))
     return prototype(engine.get_function_address(symbol))
+
+
+@cache
+def _offer_symbols() -> None:
+    """What kernels refer to: MCJIT leaves all unresolved where it misses one."""
+    library = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
+    for names, functions in ((_CALLED, _CALLED), (_NEVER_CALLED, ["abort"] * len(_NEVER_CALLED))):
+        for name, function in zip(names, functions, strict=True):
+            llvm.add_symbol(name, ctypes.cast(getattr(library, function), ctypes.c_void_p).value)

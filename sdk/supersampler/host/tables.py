@@ -17,13 +17,7 @@ LANES = 16
 
 
 class Filter(NamedTuple):
-    """A separable filter of samples.
-
-    Attributes:
-        kernel: weight at a distance.
-        scaled: whether distances are in display pixels, else in render pixels.
-        channels: how many it filters.
-    """
+    """A separable filter of samples: its kernel, whether distances are in display pixels, its channels."""
 
     kernel: Kernel
     scaled: bool
@@ -31,52 +25,61 @@ class Filter(NamedTuple):
 
 
 class Axis:
-    """How the display pixels of one axis look at the samples of a frame; filled anew for each jitter.
+    """How the display pixels of one axis look at the samples of a frame.
 
     Attributes:
-        near: (n,) nearest sample of each pixel, int32, like all indices; ends in copies of the last, up to a
-            multiple of LANES.
-        first: the same, the one at or before where it looks.
-        samples: (n, 4) the four samples around it.
-        weights: (n, 4, LANES) their weights, channel by channel.
-        window: (3, n) or, along a column, (n, 3) Gaussian weights of the three samples around the nearest.
+        near: nearest sample of each pixel; like `first` in whole LANES.
+        first: the one at or before where it looks.
+        samples: (n, 4) the four around.
     """
 
-    def __init__(
-        self, display: int, render: int, filters: Sequence[Filter], window: Kernel, *, rows: bool
-    ) -> None:
+    def __init__(self, display: int, render: int) -> None:
         self.display, self.render = display, render
-        self._filters, self._window, self._rows = filters, window, rows
-        padded = display + -display % LANES
+        padded = up_to(display, LANES)
         self.near, self.first = np.zeros(padded, np.int32), np.zeros(padded, np.int32)
         self.samples = np.zeros((display, 4), np.int32)
-        self.weights = np.zeros((display, 4, LANES), np.float32)
-        self.window = np.zeros((display, 3) if rows else (3, padded), np.float32)
         self._pixel = np.arange(display, dtype=np.float32)
+        self._position = self._pixel
+        self._distance = np.zeros((display, 4), np.float32)
 
     def look(self, jitter: float) -> None:
-        """Fill for a frame's jitter on this axis."""
+        """Look at a frame with this jitter on this axis, in samples."""
         half = np.float32(0.5)
         position = (self._pixel + half) * np.float32(self.render) / np.float32(self.display) - half
         position -= np.float32(jitter)
-        near, first = np.floor(position + half), np.floor(position)
-        last = self.render - 1
-        self.near[: self.display], self.near[self.display :] = np.clip(near, 0, last), 0
-        self.first[: self.display], self.first[self.display :] = np.clip(first, 0, last), 0
+        first = np.floor(position)
+        self.near[: self.display] = self._inside(np.floor(position + half))
+        self.first[: self.display] = self._inside(first)
         samples = (first - 1)[:, None] + np.arange(4, dtype=np.float32)
-        self.samples[:] = np.clip(samples, 0, last)
-        distance = samples - position[:, None]
-        lane = 0
-        for kernel, scaled, channels in self._filters:
-            scale = np.float32(self.display / self.render if scaled else 1.0)
-            self.weights[:, :, lane : lane + channels] = kernel(distance * scale)[:, :, None]
-            lane += channels
-        near = np.clip(near, 0, last).astype(np.float32)
-        around = near[:, None] + np.arange(-1, 2, dtype=np.float32) - position[:, None]
-        if self._rows:
-            self.window[:] = self._window(around)
-        else:
-            self.window[:, : self.display] = self._window(around).T
+        self.samples[:] = self._inside(samples)
+        self._position, self._distance = position, samples - position[:, None]
+
+    def weights(self, kernel: Kernel, *, scaled: bool = False) -> Float32:
+        """(n, 4) of the samples around; `scaled`: the kernel is one of display pixels."""
+        scale = np.float32(self.display / self.render if scaled else 1.0)
+        return kernel(self._distance * scale)
+
+    def fill(self, lanes: Float32, filters: Sequence[Filter]) -> None:
+        """The same for each of the channels, (n, 4, LANES)."""
+        first = 0
+        for kernel, scaled, channels in filters:
+            lanes[:, :, first : first + channels] = self.weights(kernel, scaled=scaled)[:, :, None]
+            first += channels
+
+    def window(self, kernel: Kernel) -> Float32:
+        """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""
+        near = self.near[: self.display, None] + np.arange(-1, 2, dtype=np.float32)
+        return kernel(near.astype(np.float32) - self._position[:, None])
+
+    def _inside(self, index: Float32) -> Float32:
+        return np.clip(index, 0, self.render - 1)
+
+
+def columns_of(table: Float32) -> Float32:
+    """(n, k) as k rows of whole LANES."""
+    rows = np.zeros((table.shape[1], up_to(len(table), LANES)), np.float32)
+    rows[:, : len(table)] = table.T
+    return rows
 
 
 def gaussian(sigma: float) -> Kernel:
@@ -92,3 +95,13 @@ def catmull_rom(distance: Float32) -> Float32:
     far = ((np.float32(-0.5) * d + np.float32(2.5)) * d - np.float32(4.0)) * d + np.float32(2.0)
     found: Float32 = np.where(d < 1.0, near, np.where(d < 2.0, far, np.float32(0.0)))
     return found
+
+
+def linear(distance: Float32) -> Float32:
+    """Tent."""
+    return np.maximum(np.float32(1.0) - np.abs(distance), np.float32(0.0))
+
+
+def up_to(count: int, multiple: int) -> int:
+    """The next multiple."""
+    return -(-count // multiple) * multiple

@@ -12,9 +12,10 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
+import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import njit
-from numba.core import cgutils, types
+from numba.core import cgutils, config, types
 from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
@@ -254,14 +255,31 @@ float_of = _converter("f32", "bitcast")
 
 @intrinsic  # type: ignore[untyped-decorator]
 def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
-    """Add to each i32 lane four products of unsigned with signed bytes. For processors with AVX-512 VNNI."""
+    """Add to each i32 lane four products of unsigned with signed bytes; one instruction with AVX-512 VNNI."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        kind = ir.FunctionType(total.llvm, [total.llvm] * 3)
-        name = "llvm.x86.avx512.vpdpbusd.512"
-        return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+        if _multiplies_bytes():
+            kind = ir.FunctionType(total.llvm, [total.llvm] * 3)
+            name = "llvm.x86.avx512.vpdpbusd.512"
+            return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+        count = 4 * total.lanes
+        small, large = ir.VectorType(ir.IntType(8), count), ir.VectorType(_I32, count)
+        one = builder.zext(builder.bitcast(args[1], small), large)
+        products = builder.mul(one, builder.sext(builder.bitcast(args[2], small), large))
+        found = args[0]
+        for first in range(4):
+            lanes = ir.Constant(ir.VectorType(_I32, total.lanes), list(range(first, count, 4)))
+            found = builder.add(found, builder.shuffle_vector(products, products, lanes))
+        return found
 
     return total(total, bytes_, signed), make
+
+
+def _multiplies_bytes() -> bool:
+    features = config.CPU_FEATURES
+    if features is None:
+        features = llvm.get_host_cpu_features().flatten()
+    return "+avx512vnni" in features.split(",")
 
 
 @intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
@@ -373,3 +391,31 @@ def load_columns(pointer: Any, index: int) -> Any:
         load16(p, index + 128), load16(p, index + 144), load16(p, index + 160), load16(p, index + 176),
         load16(p, index + 192), load16(p, index + 208), load16(p, index + 224), load16(p, index + 240),
     ))  # fmt: skip
+
+
+@njit
+def load_columns8(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
+    p = pointer
+    rows = (
+        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
+        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
+    )  # fmt: skip
+    for _ in range(4):
+        a, b, c, d, e, f, g, h = rows
+        rows = (
+            low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
+            low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
+        )  # fmt: skip
+    return rows
+
+
+@njit
+def load_columns4(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of four channels each, as four vectors of a channel each."""
+    p = pointer
+    rows = load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)
+    for _ in range(4):
+        a, b, c, d = rows
+        rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
+    return rows

@@ -21,10 +21,10 @@ from supersampler.host.kernels.classifier_gather import (
     WHOLE,
 )
 from supersampler.host.kernels.colors import (
-    MAX_HALF,
     clamped,
     exponential,
     largest,
+    linear_of,
     luminance,
     rgb,
     ycocg,
@@ -48,7 +48,7 @@ from supersampler.host.vector import (
     transposed,
 )
 
-SIDE, SHARPEST, DARKNESS = 0.01, 2.0, 1e-12
+SIDE, SHARPEST = 0.01, 2.0
 SAID, MIXING = 20, 96  # numbers of a pixel; of four, with room
 
 
@@ -167,16 +167,6 @@ def added(sums, weight, color):
 
 
 @njit
-def linear_of(r, g, b, scale, per_exposure):
-    """Toned sums back to linear RGB, bounded: `bounded(inverse_tone(...))`."""
-    r, g, b = r * scale, g * scale, b * scale
-    back = per_exposure / maximum(1.0 - largest(r, g, b), 1.0 / MAX_HALF)
-    r, g, b = minimum(r * back, MAX_HALF), minimum(g * back, MAX_HALF), minimum(b * back, MAX_HALF)
-    dark = DARKNESS
-    return select(r >= dark, r, 0.0), select(g >= dark, g, 0.0), select(b >= dark, b, 0.0)
-
-
-@njit
 def compose_row(
     y, mixing, whole, halves, width, samples, stride, w, h, columns_near, row_near, across, down,
     near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight, tells,
@@ -224,8 +214,8 @@ def compose_row(
         now = added(now, beside * factor(m[5]), filtered)
         new = now[3]
         scale = 1.0 / maximum(kept + new, 1e-12)
-        r, g, b = past[0] + now[0], past[1] + now[1], past[2] + now[2]
-        r, g, b = linear_of(r, g, b, scale, np.float32(1.0) / exposure)
+        r, g, b = (past[0] + now[0]) * scale, (past[1] + now[1]) * scale, (past[2] + now[2]) * scale
+        r, g, b = linear_of(r, g, b, exposure)
         if tells:
             store(weight, y * width + x, kept * scale)
         # what the next frame looks back on

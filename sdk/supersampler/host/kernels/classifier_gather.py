@@ -19,7 +19,16 @@ from supersampler.host.kernels.colors import (
     toned,
 )
 from supersampler.host.kernels.frame import PAD, repeat_ends
-from supersampler.host.kernels.warp import aim, filter_row, hidden, warp
+from supersampler.host.kernels.warp import (
+    aim,
+    aim_own,
+    filter_row,
+    followed,
+    hidden,
+    neighbours_of,
+    on_screen,
+    warp,
+)
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.vector import (
     absolute,
@@ -70,7 +79,8 @@ def look_back(depth, px, py, on, history_depth, opened, old_stride, numbers):
     old_w, old_h = np.int32(numbers[OLD_W]), np.int32(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
-    cover = hidden(depth, x, y, opened, old_stride, old_w, old_h, numbers[MARGIN], numbers[RAMP])
+    around = neighbours_of(x, y, old_w, old_h, old_stride)
+    cover = hidden(depth, around, opened, numbers[MARGIN], numbers[RAMP])
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
     column = minimum(maximum(to_int(floor(x + 0.5)), np.int32(0)), old_w - np.int32(1))
     row = minimum(maximum(to_int(floor(y + 0.5)), np.int32(0)), old_h - np.int32(1))
@@ -130,7 +140,7 @@ def gather_rows(
     history: Floats, depths: Floats, opened: Floats, old_stride: int, rows: Words, row_weights: Floats,
     columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
     rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, line: Floats,
-    filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, followed: Floats,
+    filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats,
     seen: Bytes, apart: Floats, whole: Floats, halves: Halves, classes: Bytes, half_row: int,
     records: Words, half_stride: int, means: Floats,
 ):  # fmt: skip
@@ -154,16 +164,15 @@ def gather_rows(
             depth = gather(nearest, at)
             mx = gather(nearest, at + np.int32(stride)) * scale_x
             my = gather(nearest, at + np.int32(2 * stride)) * scale_y
-            px, py = lane + mx, my + np.float32(y)
-            on = (px > -0.5) & (px < w_big - 0.5) & (py > -0.5) & (py < h_big - 0.5)
-            px, py = clamped(px, -2.0, w_big + 1.0), clamped(py, -2.0, h_big + 1.0)
+            px, py = followed(lane, y, mx, my, w_big, h_big)
+            on = on_screen(px, py, w_big, h_big)
             near = load16(columns_near, x)
             at = near + np.int32(rows_near[y] * padded + PAD)
-            ox = clamped(lane + gather(across, at) * scale_x, -2.0, w_big + 1.0)
-            oy = clamped(gather(down, at) * scale_y + np.float32(y), -2.0, h_big + 1.0)
-            store(followed, x, px)
-            store(followed, width + x, py)
-            aim(px, py, ox, oy, big_w, big_h, numbers[SHARPNESS], slots, weights)
+            ox, oy = followed(lane, y, gather(across, at) * scale_x, gather(down, at) * scale_y, w_big, h_big)
+            store(places, x, px)
+            store(places, width + x, py)
+            aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
+            aim_own(ox, oy, big_w, big_h, 8, slots, weights)
             warp(history, slots, weights, warped)
             q = load_columns(warped, 0)
             past = toned_at(numbers, q[0], q[1], q[2])
@@ -206,7 +215,7 @@ def gather_rows(
             put(seen, see.EDGE * width + to, gather(edges, near + np.int32(rows_near[y] * stride)))
         if inside and y % 2 == 0:
             half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
-            recall(classes, followed, width, half_w, half_h, records, y // 2 * half_row * see.RECORD)
+            recall(classes, places, width, half_w, half_h, records, y // 2 * half_row * see.RECORD)
         repeat_ends(ring, (y % 3) * wide + PAD, big_w)
         if y - 1 >= y0:
             complete(

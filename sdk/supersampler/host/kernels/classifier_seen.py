@@ -86,11 +86,11 @@ def pack_rows(seen, upper, lower, width, half_width, records, to):
 
 
 @njit
-def recall(classes, followed, width, half_w, half_h, records, to):
+def recall(classes, places, width, half_w, half_h, records, to):
     """What a row of packed pixels was held for, (half_h, half_w, 8) bytes, as two words of each record."""
     half = np.float32(0.5)
     for x in range(half_w):
-        px, py = half * followed[2 * x], half * followed[width + 2 * x]
+        px, py = half * places[2 * x], half * places[width + 2 * x]
         left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
         t, u = px - np.float32(left), py - np.float32(top)
         x0, x1 = min(max(left, 0), half_w - 1), min(max(left + 1, 0), half_w - 1)

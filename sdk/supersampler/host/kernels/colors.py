@@ -18,6 +18,7 @@ from supersampler.host.vector import (
 )
 
 MAX_HALF = 65504.0
+DARKNESS = 1e-12
 
 
 @njit
@@ -79,6 +80,15 @@ def exponential(x: Any) -> Any:
     p = ((((f * 1.9875691500e-4 + 1.3981999507e-3) * f + 8.3334519073e-3) * f + 4.1665795894e-2) * f)
     p = ((p + 1.6666665459e-1) * f + 5.0000001201e-1) * f * f + f + 1.0
     return p * float_of((to_int(whole) + np.int32(127)) << np.int32(23))
+
+
+@njit
+def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
+    """Toned colours back to linear RGB without exposure, bounded: `bounded(inverse_tone(...) / exposure)`."""
+    back = 1.0 / (maximum(1.0 - largest(r, g, b), 1.0 / MAX_HALF) * exposure)
+    r, g, b = minimum(r * back, MAX_HALF), minimum(g * back, MAX_HALF), minimum(b * back, MAX_HALF)
+    dark = DARKNESS
+    return select(r >= dark, r, 0.0), select(g >= dark, g, 0.0), select(b >= dark, b, 0.0)
 
 
 @njit

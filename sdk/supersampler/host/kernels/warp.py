@@ -42,6 +42,21 @@ def filter_row(samples, rows, down, columns, across, line, stride, width, y, out
 
 
 @njit
+def filter_row4(samples, rows, down, columns, across, line, stride, width, y, out):
+    """The same of the first four channels alone: down (H, 4), across (W, 4), line (stride, 4), out (width, 4)."""
+    for x in range(stride):
+        total = load4(samples, 16 * (rows[4 * y] * stride + x)) * down[4 * y]
+        for k in range(1, 4):
+            total = total + load4(samples, 16 * (rows[4 * y + k] * stride + x)) * down[4 * y + k]
+        store(line, 4 * x, total)
+    for x in range(width):
+        total = load4(line, 4 * columns[4 * x]) * across[4 * x]
+        for k in range(1, 4):
+            total = total + load4(line, 4 * columns[4 * x + k]) * across[4 * x + k]
+        store(out, 4 * x, total)
+
+
+@njit
 def cubic(t, sharpness):
     """Weights of the four samples around a place between the middle two."""
     s = 1.0 - t
@@ -62,19 +77,41 @@ def place(position, first, last, count, pitch, at, slot):
 
 
 @njit
-def aim(px, py, ox, oy, width, height, sharpness, at, weights):
-    """Offsets and weights of sixteen warps: slots of sixteen, read back pixel by pixel by `warp`."""
-    tx = place(px, -1, 2, width, 8, at, 0)
-    ty = place(py, -1, 2, height, 8 * width, at, 4)
-    sx = place(ox, 0, 1, width, 8, at, 8)
-    sy = place(oy, 0, 1, height, 8 * width, at, 10)
+def aim(px, py, width, height, pitch, sharpness, at, weights):
+    """Offsets and weights of sixteen warps: ten slots of sixteen, read back pixel by pixel.
+
+    at: of four columns and four rows, of images of `pitch` values a pixel; weights: of a cubic without its
+    corners, and what is left of the place for a linear warp.
+    """
+    tx = place(px, -1, 2, width, pitch, at, 0)
+    ty = place(py, -1, 2, height, pitch * width, at, 4)
     x0, x1, x2, x3 = cubic(tx, sharpness)
     y0, y1, y2, y3 = cubic(ty, sharpness)
     middle, sides = x1 + x2, y1 + y2
     scale = 1.0 / (middle * sides + (x0 + x3) * sides + middle * (y0 + y3))  # without the corners
-    rows = (x0, x1, x2, x3, y0 * scale, y1 * scale, y2 * scale, y3 * scale, tx, ty, sx, sy)
-    for slot, weight in enumerate(rows):
+    for slot, weight in enumerate((x0, x1, x2, x3, y0 * scale, y1 * scale, y2 * scale, y3 * scale, tx, ty)):
         store(weights, 16 * slot, weight)
+
+
+@njit
+def aim_own(px, py, width, height, pitch, at, weights):
+    """The same of linear warps alone, in the slots after those of `aim`."""
+    store(weights, 160, place(px, 0, 1, width, pitch, at, 8))
+    store(weights, 176, place(py, 0, 1, height, pitch * width, at, 10))
+
+
+@njit
+def cubic4(h, at, weights, i):
+    """Four values of the pixel `i` by a cubic."""
+    a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
+    j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
+    x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
+    top = load4(h, j + b) * x1 + load4(h, j + c) * x2
+    upper = load4(h, k + a) * x0 + load4(h, k + b) * x1 + load4(h, k + c) * x2 + load4(h, k + d) * x3
+    lower = load4(h, m + a) * x0 + load4(h, m + b) * x1 + load4(h, m + c) * x2 + load4(h, m + d) * x3
+    bottom = load4(h, n + b) * x1 + load4(h, n + c) * x2
+    sharp = top * weights[64 + i] + upper * weights[80 + i] + lower * weights[96 + i]
+    return sharp + bottom * weights[112 + i]
 
 
 @njit
@@ -84,44 +121,75 @@ def warp(history, at, weights, out):
     history (H, W, 8).
     """
     h = history
+    one = np.float32(1.0)
     for i in range(16):
-        a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
-        j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
-        x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
-        top = load4(h, j + b) * x1 + load4(h, j + c) * x2
-        upper = load4(h, k + a) * x0 + load4(h, k + b) * x1 + load4(h, k + c) * x2 + load4(h, k + d) * x3
-        lower = load4(h, m + a) * x0 + load4(h, m + b) * x1 + load4(h, m + c) * x2 + load4(h, m + d) * x3
-        bottom = load4(h, n + b) * x1 + load4(h, n + c) * x2
-        sharp = top * weights[64 + i] + upper * weights[80 + i] + lower * weights[96 + i]
-        store(out, 16 * i, sharp + bottom * weights[112 + i])
+        store(out, 16 * i, cubic4(h, at, weights, i))
+        b, c, k, m = at[16 + i], at[32 + i], at[80 + i], at[96 + i]
         t, u = weights[128 + i], weights[144 + i]
-        upper8 = load8(h, k + b) * (np.float32(1.0) - t) + load8(h, k + c) * t
-        lower8 = load8(h, m + b) * (np.float32(1.0) - t) + load8(h, m + c) * t
-        store(out, 16 * i + 4, upper8 * (np.float32(1.0) - u) + lower8 * u)
+        upper8 = load8(h, k + b) * (one - t) + load8(h, k + c) * t
+        lower8 = load8(h, m + b) * (one - t) + load8(h, m + c) * t
+        store(out, 16 * i + 4, upper8 * (one - u) + lower8 * u)
         a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
         t, u = weights[160 + i], weights[176 + i]
-        upper = load4(h, j + a) * (np.float32(1.0) - t) + load4(h, j + b) * t
-        lower = load4(h, k + a) * (np.float32(1.0) - t) + load4(h, k + b) * t
-        store(out, 16 * i + 12, upper * (np.float32(1.0) - u) + lower * u)
+        upper = load4(h, j + a) * (one - t) + load4(h, j + b) * t
+        lower = load4(h, k + a) * (one - t) + load4(h, k + b) * t
+        store(out, 16 * i + 12, upper * (one - u) + lower * u)
 
 
 @njit
-def hidden(depth, x, y, history_depth, stride, w, h, margin, ramp):
-    """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
+def warp5(history, at, weights, out):
+    """Sixteen pixels of a past of five values, (16, 8): the first four by a cubic; the last four, linear."""
+    h = history
+    one = np.float32(1.0)
+    for i in range(16):
+        store(out, 8 * i, cubic4(h, at, weights, i))
+        b, c, k, m = at[16 + i] + 1, at[32 + i] + 1, at[80 + i], at[96 + i]
+        t, u = weights[128 + i], weights[144 + i]
+        upper = load4(h, k + b) * (one - t) + load4(h, k + c) * t
+        lower = load4(h, m + b) * (one - t) + load4(h, m + c) * t
+        store(out, 8 * i + 4, upper * (one - u) + lower * u)
+
+
+@njit
+def on_screen(px, py, width, height):
+    """Where the past was on screen."""
+    return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
+
+
+@njit
+def followed(lane, y, mx, my, width, height):
+    """Where sixteen pixels were, kept within two pixels of the screen."""
+    return clamped(lane + mx, -2.0, width + 1.0), clamped(my + np.float32(y), -2.0, height + 1.0)
+
+
+@njit
+def neighbours_of(x, y, w, h, stride):
+    """Offsets and weights of the four samples around places in a plane of (h, stride)."""
     fx, fy = floor(x), floor(y)
     left, top, tx, ty = to_int(fx), to_int(fy), x - fx, y - fy
     x0 = minimum(maximum(left, np.int32(0)), np.int32(w - 1))
     x1 = minimum(maximum(left + np.int32(1), np.int32(0)), np.int32(w - 1))
     y0 = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(stride)
     y1 = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(stride)
+    sx, sy = 1.0 - tx, 1.0 - ty
+    return (y0 + x0, sx * sy), (y0 + x1, tx * sy), (y1 + x0, sx * ty), (y1 + x1, tx * ty)
+
+
+@njit
+def hidden(depth, around, history_depth, margin, ramp):
+    """Share of the four samples `around` a place in the past that were closer than `depth`; see `covered`."""
     share = depth * 0.0
-    for at, weight in (
-        (y0 + x0, (1.0 - tx) * (1.0 - ty)),
-        (y0 + x1, tx * (1.0 - ty)),
-        (y1 + x0, (1.0 - tx) * ty),
-        (y1 + x1, tx * ty),
-    ):
+    for at, weight in around:
         before = gather(history_depth, at)
         closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
         share = share + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
     return select(depth >= 0.0, share, 0.0)
+
+
+@njit
+def mean_of(plane, around, offset):
+    """Linear interpolation of the four samples `around` a place, `offset` values on."""
+    mean = around[0][1] * 0.0
+    for at, weight in around:
+        mean = mean + gather(plane, at + np.int32(offset)) * weight
+    return mean

@@ -1,0 +1,45 @@
+"""What a step takes from the one before, and what it gives beside an image."""
+
+from dataclasses import dataclass
+
+from supersampler.executor import Buffers
+from supersampler.frame import Float32, Size
+
+CARRY = "history.carry"
+
+
+@dataclass(eq=False)
+class History:
+    """What one frame leaves for the next, in the form that its model's executor has it.
+
+    Attributes:
+        display_size: (width, height) of the images that it belongs to.
+        render_size: (width, height) of the frame that left it.
+        buffers: the executor's.
+        carry: (1, k, H, W) what the frame carried along; None where it was not asked for.
+    """
+
+    display_size: Size
+    render_size: Size
+    buffers: Buffers
+    carry: Float32 | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Result:
+    """An image, and what else was asked for; what was not is None.
+
+    Attributes:
+        image: (H, W, 3) float32 linear RGB.
+        carry: (H, W, k) float32 what the frame carries along, blended as the image is.
+        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: shares of each 2x2 pixels' classes. None of a
+            past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
+        weight: (H, W) float32 share of the past in the image, [0, 1].
+        count: (H, W) float32 how many samples the image is worth.
+    """
+
+    image: Float32
+    carry: Float32 | None = None
+    class_map: Float32 | None = None
+    weight: Float32 | None = None
+    count: Float32 | None = None

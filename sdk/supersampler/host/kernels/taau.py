@@ -1,0 +1,249 @@
+"""`taau` on a processor, in one pass over the display; twin of `supersampler_model.methods.taau`."""
+
+import numpy as np
+from numba import njit
+
+from supersampler.host.kernels.colors import (
+    DARKNESS,
+    clamped,
+    largest,
+    linear_of,
+    quarantined,
+    rgb,
+    toned,
+    ycocg,
+)
+from supersampler.host.kernels.frame import PAD
+from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.kernels.warp import (
+    aim,
+    filter_row,
+    filter_row4,
+    followed,
+    hidden,
+    mean_of,
+    neighbours_of,
+    on_screen,
+    warp5,
+)
+from supersampler.host.vector import (
+    absolute,
+    floor,
+    gather,
+    load4,
+    load16,
+    load_columns,
+    load_columns4,
+    load_columns8,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    square_root,
+    store,
+    to_float,
+    transposed,
+)
+
+PIXEL = 5  # values that go from frame to frame: linear RGB, count, power
+NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
+(
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
+    FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
+    SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
+    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP,
+) = range(28)  # fmt: skip
+"""Of `numbers`: exposure, sizes of this frame, the display and the frame before, whose jitter; by how much the
+exposure has changed; TaauConfig."""
+
+
+@njit
+def sum3(line, at):
+    """Sums of three neighbours."""
+    return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
+
+
+def shade(
+    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats, surface: Floats,
+):  # fmt: skip
+    """What rows y0 to y1 leave for the next frame, (3, h, stride): depth without thin things, `shade_of`.
+
+    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch.
+    """
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        above, below = max(y - 1, 0), min(y + 1, h - 1)
+        for x in range(0, w, 16):
+            opened = load16(eroded, y * wide + PAD + x)
+            luma = square = seen = opened * 0.0
+            for row in (above, y, below):
+                for column in range(-1, 2):
+                    opened = maximum(load16(eroded, row * wide + PAD + x + column), opened)
+                q = load_columns(samples, (row * stride + x) * 16)
+                luma, square, seen = luma + q[8], square + q[11], seen + q[14]
+            store(surface, y * stride + x, opened)
+            store(line, PAD + x, luma)
+            store(line, wide + PAD + x, square)
+            store(line, 2 * wide + PAD + x, seen)
+        for c in range(3):
+            first = c * wide + PAD
+            line[first - 1], line[first + w] = line[first], line[first + w - 1]
+        for x in range(0, w, 16):
+            seen = sum3(line, 2 * wide + PAD + x)
+            scale = 1.0 / maximum(seen, 9e-6)
+            mean = sum3(line, PAD + x) * scale
+            deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            store(surface, (h + y) * stride + x, mean)
+            store(surface, (2 * h + y) * stride + x, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+
+
+@njit
+def present_of(filtered, near, x, sharpness):
+    """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
+    p, q = load_columns(filtered, 16 * x), load_columns4(near, 4 * x)
+    a, b = 1.0 / maximum(p[3], 1e-6), 1.0 / maximum(p[7], 1e-6)
+    sharp = select(p[7] > 0.9, sharpness, p[3] * 0.0)
+    r, g, e = p[0] * a, p[1] * a, p[2] * a
+    frame = ycocg(
+        r + sharp * (p[4] * b - r),
+        g + sharp * (p[5] * b - g),
+        e + sharp * (p[6] * b - e),
+    )
+    a = 1.0 / maximum(q[3], 1e-6)
+    sample = ycocg(q[0] * a, q[1] * a, q[2] * a)
+    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > UNSEEN
+    mean = p[8] * a, p[9] * a, p[10] * a
+    spread = (
+        deviation(select(seen, p[11] * a, 1.0), mean[0]),
+        deviation(select(seen, p[12] * a, 1.0), mean[1]),
+        deviation(select(seen, p[13] * a, 1.0), mean[2]),
+    )
+    return frame, sample, minimum(q[3], 1.0), mean, spread
+
+
+@njit
+def deviation(square, mean):
+    return square_root(maximum(square - mean * mean, 0.0))
+
+
+@njit
+def light_changed(numbers, mean, spread, mean_before, spread_before):
+    """`change_of_light`: 1 where the mean of a neighbourhood moved by more than jitter explains."""
+    noise = maximum(spread, spread_before) * numbers[CHANGE_DEVIATION]
+    noise = noise + maximum(mean, mean_before) * numbers[CHANGE_RELATIVE] + NOTICEABLE
+    moved = absolute(mean - mean_before)
+    return clamped((moved / noise - 1.0) / numbers[CHANGE_RAMP], 0.0, 1.0)
+
+
+@njit
+def clipped(color, mean, spread, gamma, floor_):
+    """`clip_to_center`, and how far outside of its box a colour was, in half extents."""
+    y, o, g = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
+    over = largest(
+        absolute(y) / maximum(spread[0] * gamma + floor_, 1e-5),
+        absolute(o) / maximum(spread[1] * gamma + floor_, 1e-5),
+        absolute(g) / maximum(spread[2] * gamma + floor_, 1e-5),
+    )
+    cut = 1.0 / maximum(over, 1.0)
+    return (mean[0] + y * cut, mean[1] + o * cut, mean[2] + g * cut), over
+
+
+@njit
+def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
+    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the weight of the past."""
+    n = numbers
+    frame, sample, confidence, mean, spread = present
+    gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
+    root = square_root(power)
+    rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
+    inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
+    limit = n[SAMPLES] / (blur * n[BLUR_COST] + speed * n[SPEED_COST] + 1.0)
+    holds = surface * unchanged
+    samples = minimum(count * holds * inside, limit)
+    weight = confidence / maximum(samples + confidence, 1e-6)
+    known, settled = samples > UNKNOWN, minimum(samples / n[SETTLED], 1.0)
+    y = select(known, mixed(rectified[0], mixed(frame[0], sample[0], settled), weight), frame[0])
+    o = select(known, mixed(rectified[1], mixed(frame[1], sample[1], settled), weight), frame[1])
+    g = select(known, mixed(rectified[2], mixed(frame[2], sample[2], settled), weight), frame[2])
+    r, e, b = rgb(y, o, g)
+    color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
+
+    off = minimum(absolute(sample[0] - past[0]), root + n[SPREAD_STEP])
+    rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
+    left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
+    left = select(known, holds * left, 0.0)
+    return color, samples + confidence, left, select(known, 1.0 - weight, 0.0)
+
+
+@njit
+def mixed(a, b, share):
+    return a + share * (b - a)
+
+
+def step_rows(
+    samples: Floats, nearest: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
+    old_stride: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
+    column_weights: Floats, column_near: Floats, lefts: Words, columns_near: Words, tops: Words,
+    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats, filtered: Floats,
+    near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
+    weight: Floats, tells: int, y0: int, y1: int,
+):  # fmt: skip
+    """Rows y0 to y1 of the picture, and what the next frame looks back on.
+
+    samples, nearest: of `frame`; surface: of `shade`; history (H, W, PIXEL), before (3, h', old_stride): what is
+    past; rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
+    `tells`): what comes out.
+    """
+    w, h, old_w, old_h = np.int64(numbers[W]), np.int64(numbers[H]), np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
+    w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
+    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
+    plane, old_plane = h * stride, old_h * old_stride
+    for y in range(y0, y1):
+        filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
+        filter_row4(samples, rows, row_near, columns, column_near, line, stride, big_w, y, near)
+        for x in range(0, width, 16):
+            lane = to_float(ramp16() + np.int32(x))
+            at = load16(lefts, x) + np.int32(tops[y] * 3 * stride)
+            depth = gather(nearest, at)
+            mx = gather(nearest, at + np.int32(stride)) * scale_x
+            my = gather(nearest, at + np.int32(2 * stride)) * scale_y
+            px, py = followed(lane, y, mx, my, w_big, h_big)
+            on = on_screen(px, py, w_big, h_big)
+            aim(px, py, big_w, big_h, PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
+            warp5(history, slots, weights, warped)
+            q = load_columns8(warped, 0)
+            e = numbers[EXPOSURE]
+            r, g, b = toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e)
+            # the surface that the past shows, and its light
+            sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
+            sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
+            around = neighbours_of(sx, sy, old_w, old_h, old_stride)
+            cover = hidden(depth, around, before, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
+            same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
+            mean, spread = mean_of(before, around, old_plane), mean_of(before, around, 2 * old_plane)
+            dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
+            at = load16(columns_near, x) + np.int32(rows_near[y] * stride)
+            now, spread_now = gather(surface, at + np.int32(plane)), gather(surface, at + np.int32(2 * plane))
+            changed = light_changed(numbers, now, spread_now, mean * change * dim, spread * change * dim * dim)
+            tx, ty = px - floor(px), py - floor(py)
+            color, count, power, kept = blend(
+                numbers, present_of(filtered, near, x, numbers[FRAME_SHARPNESS]), ycocg(r, g, b), q[6], q[7],
+                same, 1.0 - changed, square_root(mx * mx + my * my),
+                (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
+            )  # fmt: skip
+            if tells:
+                store(weight, y * width + x, kept)
+            zero = power * 0.0
+            r, g, b = color
+            columns_ = transposed((
+                r, g, b, count, power, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
+            ))  # fmt: skip
+            for i in range(16):
+                store(out, 16 * i, columns_[i])
+            for i in range(min(16, big_w - x)):
+                pixel = y * big_w + x + i
+                store(left, PIXEL * pixel, load4(out, 16 * i))
+                left[PIXEL * pixel + 4] = out[16 * i + 4]
+                image[3 * pixel] = out[16 * i]
+                image[3 * pixel + 1] = out[16 * i + 1]
+                image[3 * pixel + 2] = out[16 * i + 2]

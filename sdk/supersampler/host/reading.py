@@ -1,0 +1,77 @@
+"""What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from supersampler.frame import Float32, Frame, Size
+from supersampler.host.bands import Bands
+from supersampler.host.compiler import address, load_kernel
+from supersampler.host.tables import LANES, up_to
+
+PAD = 16  # columns on either side of a plane that neighbourhoods reach into; see kernels.frame
+KEY, ADAPTATION = 0.18, 0.1  # see supersampler_model.color
+
+
+class Planes(NamedTuple):
+    """Arrays of a frame as kernels read them, C-contiguous float32."""
+
+    color: Float32  # (h, w, 3)
+    depth: Float32  # (h, w)
+    motion: Float32  # (h, w, 2)
+
+    @classmethod
+    def of(cls, frame: Frame) -> "Planes":
+        """Convert where needed."""
+        return cls(*(np.ascontiguousarray(a, np.float32) for a in (frame.color, frame.depth, frame.motion)))
+
+
+class Samples:
+    """A frame's toned samples, depth and motion; see kernels.frame for what lies where."""
+
+    def __init__(self, render: Size) -> None:
+        w, h = render
+        self.stride = stride = up_to(w, LANES)
+        self.color = np.zeros((h, stride, LANES), np.float32)
+        self.depths, self.across, self.down, self.eroded = np.zeros((4, h, stride + 2 * PAD), np.float32)
+        self.nearest, self.edges = np.zeros((h, 3, stride), np.float32), np.zeros((h, stride), np.float32)
+
+
+class Reader:
+    """Kernels that every method begins with."""
+
+    def __init__(self, bands: Bands) -> None:
+        self._bands = bands
+        self._measure, self._prepare, self._closest = (
+            load_kernel("frame", name) for name in ("measure", "prepare", "closest")
+        )
+
+    def exposure(self, frame: Frame, color: Float32, before: float) -> float:
+        """What the frame says, else 0.18 over its log-average luminance, adapting from `before` where > 0."""
+        if frame.exposure:
+            return float(np.float32(frame.exposure))
+        h, w = color.shape[:2]
+        rows = np.zeros((h, 2), np.float32)
+        self._bands.run(h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
+        logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
+        target = KEY * math.exp(-logs / max(count, 1.0))
+        if before > 0.0:
+            target = before ** (1.0 - ADAPTATION) * target**ADAPTATION if count else before
+        return float(np.float32(target))
+
+    def read(self, planes: Planes, exposure: float, to: Samples) -> None:
+        """Tone the samples; find what is in front."""
+        (h, w), stride = planes.depth.shape, to.stride
+        inputs = [address(plane) for plane in planes]
+        color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
+        self._bands.run(
+            h,
+            lambda y0, y1, _: self._prepare(
+                *inputs, exposure, w, stride, y0, y1, color, depths, across, down
+            ),
+        )
+        found = [address(plane) for plane in (to.nearest, to.edges, to.eroded)]
+        self._bands.run(
+            h, lambda y0, y1, _: self._closest(depths, across, down, w, h, stride, y0, y1, *found)
+        )

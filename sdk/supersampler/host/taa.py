@@ -1,0 +1,144 @@
+"""`taa` on a processor, in one pass over the display: Salvi's, with his defaults."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from supersampler.frame import Float32, Frame, Size
+from supersampler.host.bands import Bands
+from supersampler.host.compiler import address, load_kernel
+from supersampler.host.reading import PAD, Planes, Reader
+from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
+from supersampler.host.workspaces import Workspaces
+from supersampler.model_info import ModelInfo
+
+PLANES, BOX = 5, 8  # of a row; see kernels.taa
+SHARPNESS = 0.5  # Catmull-Rom
+
+
+@dataclass(eq=False)
+class TaaHistory:
+    """What one frame leaves for the next: `pixels`, linear RGB, as values and one of room; 0: no exposure."""
+
+    display: Size
+    pixels: Float32
+    exposure: float = 0.0
+
+    @property
+    def image(self) -> Float32:
+        """(H, W, 3)."""
+        return self.pixels[:-1].reshape(*self.display[::-1], 3)
+
+
+class _Space:
+    """Buffers for frames of one size; `scratch`: rows that one thread works on."""
+
+    def __init__(self, render: Size, display: Size, threads: int) -> None:
+        (w, h), (big_w, big_h) = render, display
+        self.width, self.stride = up_to(big_w, LANES), up_to(w, LANES)
+        self.x, self.y = Axis(big_w, w), Axis(big_h, h)
+        self.planes = np.zeros((h, PLANES, self.stride + 2 * PAD), np.float32)
+        self.box = np.zeros((h, BOX, self.stride), np.float32)
+        self.scratch = [
+            (
+                np.zeros((10, LANES), np.int32),
+                np.zeros((10, LANES), np.float32),
+                np.zeros((LANES, 4), np.float32),
+                np.zeros((LANES, LANES), np.float32),
+            )
+            for _ in range(threads)
+        ]
+
+
+class TaaHost:
+    """Runs `taa`; see `Executor`.
+
+    Args:
+        info: the model.
+        bands: threads.
+    """
+
+    name, precision = "host", "fp32"
+
+    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+        self._bands, self._alpha, self._gamma = bands, info.config["alpha"], info.config["gamma"]
+        self._reader = Reader(bands)
+        self._enter, self._boxes, self._step = (
+            load_kernel("taa", name) for name in ("enter", "boxes", "step_rows")
+        )
+        self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
+
+    def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
+        """See `Executor`."""
+        return TaaHistory(display, np.zeros(3 * display[0] * display[1] + 1, np.float32))
+
+    def fits(self, buffers: TaaHistory, display: Size, render: Size) -> bool:  # noqa: ARG002
+        """See `Executor`."""
+        return buffers.display == display
+
+    def step(
+        self,
+        frame: Frame,
+        display: Size,
+        past: TaaHistory,
+        left: TaaHistory,
+        image: Float32,
+        told: Collection[str],
+    ) -> Mapping[str, Float32]:
+        """See `Executor`."""
+        planes = Planes.of(frame)
+        left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
+        with self._spaces.borrow(frame.size, display) as space:
+            space.x.look(frame.jitter[0])
+            space.y.look(frame.jitter[1])
+            self._read(space, planes, left.exposure)
+            weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
+            self._draw(space, past, left, image, weight)
+        return {} if weight is None else {"weight": weight[..., : display[0]]}
+
+    def tensor(self, buffers: TaaHistory, name: str) -> Float32:
+        """See `Executor`."""
+        if name == "history.exposure":
+            return np.array([buffers.exposure], np.float32)
+        return np.ascontiguousarray(buffers.image.transpose(2, 0, 1)[None])
+
+    def load(self, buffers: TaaHistory, tensors: Mapping[str, Float32]) -> None:
+        """See `Executor`."""
+        buffers.image[:] = tensors["history.color"][0].transpose(1, 2, 0)
+        buffers.exposure = float(tensors["history.exposure"][0])
+
+    def _read(self, space: _Space, planes: Planes, exposure: float) -> None:
+        """Tone the samples, box their neighbourhoods."""
+        h, w = planes.depth.shape
+        s, color, motion = space, address(planes.color), address(planes.motion)
+        to, box = address(s.planes), address(s.box)
+        self._bands.run(
+            h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to)
+        )
+        self._bands.run(h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
+
+    def _draw(
+        self, space: _Space, past: TaaHistory, left: TaaHistory, image: Float32, weight: Float32 | None
+    ) -> None:
+        s, display = space, left.display
+        alpha = self._alpha if past.exposure > 0.0 else 1.0
+        numbers = [left.exposure, s.x.render, s.y.render, *display, alpha, self._gamma, SHARPNESS]
+        given = np.array(numbers, np.float32)
+        columns, rows_ = (columns_of(a.samples.astype(np.float32)).astype(np.int32) for a in (s.x, s.y))
+        across, down = columns_of(s.x.weights(linear)), columns_of(s.y.weights(linear))
+        inputs = (
+            address(s.planes), address(s.box), s.stride, address(past.pixels),
+            *(address(a) for a in (columns[1], columns[2], across[1], across[2], s.x.near)),
+            *(address(a) for a in (rows_[1], rows_[2], down[1], down[2], s.y.near, given)),
+            *display, s.width,
+        )  # fmt: skip
+        outputs = (
+            address(left.pixels), address(image), 0 if weight is None else address(weight),
+            int(weight is not None),
+        )  # fmt: skip
+
+        def rows(y0: int, y1: int, worker: int) -> None:
+            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)
+
+        self._bands.run(display[1], rows)

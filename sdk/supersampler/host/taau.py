@@ -1,0 +1,184 @@
+"""`taau` on a processor, in one pass over the display."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from supersampler.frame import Float32, Frame, Size
+from supersampler.host.bands import Bands
+from supersampler.host.compiler import address, load_kernel
+from supersampler.host.reading import PAD, Planes, Reader, Samples
+from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, gaussian, up_to
+from supersampler.host.workspaces import Workspaces
+from supersampler.model_info import ModelInfo
+
+PIXEL = 5  # values of a pixel that go from frame to frame: linear RGB, count, power
+CONSTANTS = (  # in the order of kernels.taau
+    "frame_sharpness", "history_sharpness", "gamma_still", "gamma_moving", "gamma_speed", "gamma_time",
+    "spread_samples", "spread_step", "forget", "samples", "blur_cost", "speed_cost", "settled",
+    "depth_margin", "depth_ramp", "change_deviation", "change_relative", "change_ramp",
+)  # fmt: skip
+
+
+@dataclass(eq=False)
+class TaauHistory:
+    """What one frame leaves for the next.
+
+    Attributes:
+        render: size of that frame.
+        pixels: (H, W, PIXEL).
+        surface: (3, h, stride) depth without thin things, mean and deviation of luma.
+        jitter: of that frame.
+        exposure: of that frame; 0 where there is none.
+    """
+
+    render: Size
+    pixels: Float32
+    surface: Float32
+    jitter: tuple[float, float] = (0.0, 0.0)
+    exposure: float = 0.0
+
+
+class _Space:
+    """Buffers for frames of one size; `scratch`: rows that one thread works on."""
+
+    def __init__(self, render: Size, display: Size, threads: int) -> None:
+        (w, h), (big_w, big_h) = render, display
+        self.width = width = up_to(big_w, LANES)
+        self.x, self.y = Axis(big_w, w), Axis(big_h, h)
+        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
+        self.samples = Samples(render)
+        stride = self.samples.stride
+        self.lines = np.zeros((threads, 3, stride + 2 * PAD), np.float32)
+        self.scratch = [
+            (
+                np.zeros((stride, LANES), np.float32),
+                np.zeros((width, LANES), np.float32),
+                np.zeros((width, 4), np.float32),
+                np.zeros((10, LANES), np.int32),
+                np.zeros((10, LANES), np.float32),
+                np.zeros((LANES, 8), np.float32),
+                np.zeros((LANES, LANES), np.float32),
+            )
+            for _ in range(threads)
+        ]
+
+
+class TaauHost:
+    """Runs `taau`; see `Executor`.
+
+    Args:
+        info: the model.
+        bands: threads.
+    """
+
+    name, precision = "host", "fp32"
+
+    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+        self._bands, self._config = bands, info.config
+        c = info.config
+        self._filters = [
+            Filter(gaussian(c["frame_sigma"]), False, 4),
+            Filter(catmull_rom, False, 4),
+            Filter(gaussian(c["moment_sigma"]), False, 7),
+        ]
+        self._near = gaussian(c["sample_sigma"])
+        self._reader = Reader(bands)
+        self._shade, self._step = (load_kernel("taau", name) for name in ("shade", "step_rows"))
+        self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
+
+    def zeros(self, display: Size, render: Size) -> TaauHistory:
+        """See `Executor`."""
+        (w, h), (big_w, big_h) = render, display
+        pixels = np.zeros((big_h, big_w, PIXEL), np.float32)
+        return TaauHistory(render, pixels, np.zeros((3, h, up_to(w, LANES)), np.float32))
+
+    def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
+        """See `Executor`."""
+        return buffers.render == render and buffers.pixels.shape[1::-1] == display
+
+    def step(
+        self,
+        frame: Frame,
+        display: Size,
+        past: TaauHistory,
+        left: TaauHistory,
+        image: Float32,
+        told: Collection[str],
+    ) -> Mapping[str, Float32]:
+        """See `Executor`."""
+        planes = Planes.of(frame)
+        exposure = self._reader.exposure(frame, planes.color, past.exposure)
+        left.jitter, left.exposure = frame.jitter, exposure
+        with self._spaces.borrow(frame.size, display) as space:
+            space.x.look(frame.jitter[0])
+            space.y.look(frame.jitter[1])
+            space.x.fill(space.across, self._filters)
+            space.y.fill(space.down, self._filters)
+            self._reader.read(planes, exposure, space.samples)
+            self._leave(space, left)
+            weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
+            self._draw(space, past, left, image, weight)
+        return {} if weight is None else {"weight": weight[..., : display[0]]}
+
+    def tensor(self, buffers: TaauHistory, name: str) -> Float32:
+        """See `Executor`."""
+        tensors = {
+            "history.color": buffers.pixels[None, ..., :3].transpose(0, 3, 1, 2),
+            "history.samples": buffers.pixels[None, ..., 3:].transpose(0, 3, 1, 2),
+            "history.surface": buffers.surface[None, :, :, : buffers.render[0]],
+            "history.jitter": np.array([buffers.jitter]),
+            "history.exposure": np.array([buffers.exposure]),
+        }
+        return np.ascontiguousarray(tensors[name], np.float32)
+
+    def load(self, buffers: TaauHistory, tensors: Mapping[str, Float32]) -> None:
+        """See `Executor`."""
+        buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
+        buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
+        buffers.surface[:, :, : buffers.render[0]] = tensors["history.surface"][0]
+        x, y = (float(j) for j in tensors["history.jitter"][0])
+        buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
+
+    def _leave(self, space: _Space, left: TaauHistory) -> None:
+        """What the next frame wants to know of this one's surfaces."""
+        read, (w, h) = space.samples, left.render
+        color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
+        self._bands.run(
+            h,
+            lambda y0, y1, worker: self._shade(
+                color, eroded, w, h, read.stride, y0, y1, address(space.lines[worker]), to
+            ),
+        )
+
+    def _draw(
+        self, space: _Space, past: TaauHistory, left: TaauHistory, image: Float32, weight: Float32 | None
+    ) -> None:
+        s, read, c = space, space.samples, self._config
+        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
+        change = left.exposure / past.exposure if past.exposure > 0.0 else 1.0
+        numbers = np.array(
+            [
+                left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
+                *(c[name] for name in CONSTANTS),
+            ],
+            np.float32,
+        )  # fmt: skip
+        near_x, near_y = s.x.weights(self._near, scaled=True), s.y.weights(self._near, scaled=True)
+        inputs = (
+            address(read.color), address(read.nearest), address(left.surface), read.stride,
+            address(past.pixels), address(past.surface), past.surface.shape[2],
+            *(address(a) for a in (s.y.samples, s.down, near_y, s.x.samples, s.across, near_x)),
+            *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
+            big_w, big_h, s.width,
+        )  # fmt: skip
+        outputs = (
+            address(left.pixels), address(image), 0 if weight is None else address(weight),
+            int(weight is not None),
+        )  # fmt: skip
+
+        def rows(y0: int, y1: int, worker: int) -> None:
+            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)
+
+        self._bands.run(big_h, rows)
