@@ -14,6 +14,7 @@ import torch
 from supersampler import __version__
 from supersampler.model_info import CONTRACT
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
+from supersampler_export.host import host_network
 from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_fused, check_parity
 from supersampler_model.method import TENSORS, Fused, Method, Shape
 from supersampler_model.methods.carry import Carry
@@ -38,6 +39,9 @@ def write_model_folder(method: Method, folder: Path) -> None:
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
         check_fused(fused, files["network.onnx"])
+    host = host_network(method)
+    if host is not None:
+        files["network.npz"] = host
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
     described["parity"] = _parity_record(parity)
     folder.mkdir(parents=True, exist_ok=True)
@@ -95,7 +99,12 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
         "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past. "
         "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells."
-        + (" `network.onnx` is the learned part alone." if "network" in described else ""),
+        + (" `network.onnx` is the learned part alone." if "network" in described else "")
+        + (
+            " `network.npz` is it in bytes, for the host executor."
+            if "network.npz" in described["files"]
+            else ""
+        ),
         f"Any ratio of display to render size from {low} to {high}, per axis.",
         "",
         "| tensor | type | shape |",

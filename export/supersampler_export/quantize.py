@@ -54,7 +54,7 @@ class Bytes:
 
     def beside(self, other: "Bytes") -> "Bytes":
         """Channels of both, one after the other."""
-        shifted = np.where(other.channel < 0, -1, other.channel + self.channel.max() + 1)
+        shifted = np.where(other.channel < 0, -1, other.channel + self.channel.max(initial=-1) + 1)
         return Bytes(
             np.concatenate([self.channel, shifted]),
             np.concatenate([self.scale, other.scale]),
@@ -145,7 +145,7 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
     layers: dict[str, Arrays] = {}
     packed = packed_bytes()
     given = packed.beside(Bytes.of(CARRIED, 1.0 / BYTE))
-    read: Bytes | None = None
+    read = Bytes.of(0, 1.0)
     for level, block in enumerate(network.encoder.blocks):
         first, spatial, last = block.children()
         name, kernel = f"encoder.blocks.{level}", _weights(spatial)[:, 0]
@@ -160,9 +160,8 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
         layers[f"{level}.last"] = pixelwise(*folded(last), middle, Bytes.of(order, made))
         here = Bytes.of(kept // 4**level, made)
         here = here.followed_by(KEPT[level] - len(here.channel))
-        read = here if read is None else read.beside(here)
+        read = read.beside(here)
         given = Bytes.of(channels - kept, made)
-    assert read is not None
     (decoder,) = network.decoder
     weights, bias = folded(decoder)
     features = Bytes.of(len(bias), ranges["decoder.0"] / BYTE)

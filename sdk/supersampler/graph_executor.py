@@ -45,7 +45,9 @@ class GraphExecutor:
 
     def fits(self, buffers: Tensors, display: Size, render: Size) -> bool:
         """See `Executor`."""
-        shapes = [h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history]
+        shapes = [
+            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
+        ]
         return [list(t.shape()) for t in buffers.values()] == [list(shape) for shape in shapes]
 
     def step(

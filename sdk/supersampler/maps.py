@@ -6,8 +6,8 @@ import numpy as np
 
 from supersampler.compare import Legend, false_color, false_color_legend
 from supersampler.frame import Float32
-from supersampler.image_io import Bytes
 from supersampler.history import Result
+from supersampler.image_io import Bytes
 
 NO_CLASS = (24, 24, 24)
 """sRGB of a pixel without a class."""

@@ -178,7 +178,12 @@ class Upscaler:
         if self._history is None:
             return State(self.model.info.method, self._display_size, None, None)
         history = self._history
-        return State(self.model.info.method, history.display_size, history.render_size, self.model.save_history(history))
+        return State(
+            self.model.info.method,
+            history.display_size,
+            history.render_size,
+            self.model.save_history(history),
+        )
 
     def load_state(self, state: State) -> None:
         """Continue from `state`.

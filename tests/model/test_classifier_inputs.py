@@ -33,7 +33,8 @@ def gathered(value: float | None = None) -> Gathered:
     history = History(past, state, classes, depth + 0.02, torch.ones(1))
     view = View(DISPLAY, Size(32, 18), torch.tensor([frame.jitter]))
     with torch.no_grad():
-        return method.gather(*images, torch.ones(1), history, view, view)
+        color, depth, motion = images
+        return method.gather(color, depth, motion, torch.ones(1), history, view, view)
 
 
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])

@@ -36,8 +36,8 @@ from supersampler.compare import (
 from supersampler.display import ExposureMeter
 from supersampler.errors import FrameError, FrameWarning, ShotError
 from supersampler.frame import Frame, Size
-from supersampler.maps import LEGENDS, map_layers
 from supersampler.history import Result
+from supersampler.maps import LEGENDS, map_layers
 from supersampler.model import Model
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler

@@ -184,7 +184,8 @@ class ClassifierHost:
             np.float32,
         )  # fmt: skip
         inputs = (
-            *(address(a) for a in (read.color, read.nearest, read.edges, read.across, read.down)), read.stride,
+            *(address(a) for a in (read.color, read.nearest, read.edges, read.across, read.down)),
+            read.stride,
             address(past.pixels), surfaces, surfaces + 4 * old_h * old_stride, old_stride,
             *(address(a) for a in (s.y.samples, s.down, s.x.samples, s.across)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),

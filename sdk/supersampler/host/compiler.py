@@ -76,7 +76,13 @@ def _made_of() -> str:
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         made.update(path.read_bytes())
     features = llvm.get_host_cpu_features().flatten()
-    for part in (version("numba"), version("llvmlite"), platform.machine(), llvm.get_host_cpu_name(), features):
+    for part in (
+        version("numba"),
+        version("llvmlite"),
+        platform.machine(),
+        llvm.get_host_cpu_name(),
+        features,
+    ):
         made.update(part.encode())
     return made.hexdigest()[:16]
 

@@ -60,14 +60,14 @@ class _Level:
 
     def row_of(self, image: Bytes) -> int:
         """Bytes from row to row."""
-        return image.shape[1] * image.shape[2]
+        return int(image.shape[1] * image.shape[2])
 
 
 class Encoder:
     """The encoder at one size.
 
     Attributes:
-        records: (half height, row, RECORD) words, what is known of packed pixels; see kernels.classifier_seen.
+        records: (half height, row, RECORD) words, what is known of packed pixels.
         rows: rows that the encoder has, those beyond the picture included.
         kept: addresses of what each level gives.
         pitches: bytes a pixel of each, then bytes a row.
@@ -109,8 +109,8 @@ class Encoder:
             address(above.out), above.last.outputs, above.row_of(above.out), first, level.given,
         )  # fmt: skip
         more = (
-            layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x), layer.outputs,
-            level.row_of(level.x), level.width,
+            layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x),
+            layer.outputs, level.row_of(level.x), level.width,
         )  # fmt: skip
 
         def rows(y0: int, y1: int, worker: int) -> None:

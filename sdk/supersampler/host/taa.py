@@ -113,9 +113,7 @@ class TaaHost:
         h, w = planes.depth.shape
         s, color, motion = space, address(planes.color), address(planes.motion)
         to, box = address(s.planes), address(s.box)
-        self._bands.run(
-            h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to)
-        )
+        self._bands.run(h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to))
         self._bands.run(h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
 
     def _draw(

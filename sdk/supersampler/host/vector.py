@@ -25,7 +25,7 @@ _I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
 _KINDS = {"f32": _F32, "i32": _I32, "mask": _I1}
 
 
-class Vector(types.Type):  # type: ignore[misc]  # numba has no types
+class Vector(types.Type):  # numba has no types
     """`lanes` values of a kind: f32, i32, or mask, which comparisons give."""
 
     def __init__(self, kind: str, lanes: int) -> None:
@@ -43,7 +43,7 @@ class Vector(types.Type):  # type: ignore[misc]  # numba has no types
 
 
 @register_model(Vector)
-class _VectorModel(models.PrimitiveModel):  # type: ignore[misc]
+class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager: Any, vector: Vector) -> None:
         super().__init__(manager, vector, vector.llvm)
 
@@ -62,7 +62,7 @@ def _operator(symbol: Callable[..., Any], instructions: dict[str, str], *, compa
     """Define `symbol` on vectors: `instructions` names LLVM's for each kind."""
 
     @infer_global(symbol)
-    class _Typing(AbstractTemplate):  # type: ignore[misc]  # numba finds it by its decorator
+    class _Typing(AbstractTemplate):  # numba finds it by its decorator
         def generic(self, args: tuple[types.Type, ...], kws: dict[str, Any]) -> Any:
             vectors = [a for a in args if isinstance(a, Vector)]
             if kws or not vectors or any(v != vectors[0] for v in vectors):
@@ -111,7 +111,7 @@ def _place(builder: ir.IRBuilder, pointer: ir.Value, index: ir.Value, kind: ir.T
 
 def _loader(lanes: int) -> Callable[..., Any]:
     def load(_: Any, pointer: Any, index: Any) -> Any:
-        """Read `lanes` values from `index` on: float32 as f32, int32 and bytes as i32, uint16 as half floats."""
+        """Read `lanes` values from `index` on: int32 and bytes as i32, float32 and half floats as f32."""
         element = pointer.dtype
         vector = Vector("i32" if element in (types.int32, types.uint8) else "f32", lanes)
 
@@ -132,7 +132,7 @@ def _loader(lanes: int) -> Callable[..., Any]:
 load16, load8, load4 = _loader(16), _loader(8), _loader(4)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
     """Write all lanes from `index` on, as what the pointer points to; i32 must fit into bytes."""
     element = pointer.dtype
@@ -149,7 +149,7 @@ def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
     return types.void(pointer, types.intp, vector), make
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> Any:
     """Write the lanes of a vector two by two, `pitch` apart."""
 
@@ -165,7 +165,7 @@ def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> An
     return types.void(pointer, types.intp, types.intp, vector), make
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def gather(_: Any, pointer: Any, index: Any) -> Any:
     """Read one float32 for each lane, where the i32 lanes of `index` say; a load for each."""
     vector = index.of("f32")
@@ -220,7 +220,7 @@ def _chooser(sign: str) -> Callable[..., Any]:
 minimum, maximum = _chooser("<"), _chooser(">")
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def select(_: Any, mask: Any, first: Any, second: Any) -> Any:
     """`first` where the mask is set, else `second`."""
     vector = first if isinstance(first, Vector) else second
@@ -253,7 +253,7 @@ bits_of = _converter("i32", "bitcast")
 float_of = _converter("f32", "bitcast")
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
     """Add to each i32 lane four products of unsigned with signed bytes; one instruction with AVX-512 VNNI."""
 
@@ -282,7 +282,7 @@ def _multiplies_bytes() -> bool:
     return "+avx512vnni" in features.split(",")
 
 
-@intrinsic(prefer_literal=True)  # type: ignore[untyped-decorator]
+@intrinsic(prefer_literal=True)
 def packed(_: Any, value: Any, first: Any) -> Any:
     """The bytes of four i32 lanes, from the constant `first` on, as one word."""
     if not isinstance(first, types.IntegerLiteral):
@@ -300,7 +300,7 @@ def packed(_: Any, value: Any, first: Any) -> Any:
 # Lanes
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def sum_of_lanes(_: Any, value: Any) -> Any:
     """The lanes of f32 added up, halves by halves."""
 
@@ -319,7 +319,7 @@ def sum_of_lanes(_: Any, value: Any) -> Any:
     return types.float32(value), make
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic
 def ramp16(_: Any) -> Any:
     """0, 1, ... 15 as i32."""
     vector = Vector("i32", 16)
@@ -371,10 +371,10 @@ high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)]
 def transposed(rows: Any) -> Any:
     """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
     for _ in range(4):
-        a, b, c, d, e, f, g, h, i, j, k, l, m, n, o, p = rows
+        a, b, c, d, e, f, g, h, i, j, k, z, m, n, o, p = rows
         rows = (
             low_zip(a, i), high_zip(a, i), low_zip(b, j), high_zip(b, j),
-            low_zip(c, k), high_zip(c, k), low_zip(d, l), high_zip(d, l),
+            low_zip(c, k), high_zip(c, k), low_zip(d, z), high_zip(d, z),
             low_zip(e, m), high_zip(e, m), low_zip(f, n), high_zip(f, n),
             low_zip(g, o), high_zip(g, o), low_zip(h, p), high_zip(h, p),
         )  # fmt: skip

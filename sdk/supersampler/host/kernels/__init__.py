@@ -1,0 +1,1 @@
+"""What numba compiles: the steps of the methods, for vectors of sixteen pixels."""

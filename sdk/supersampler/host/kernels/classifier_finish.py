@@ -1,4 +1,4 @@
-"""Finish of `classifier` on a processor: the last layers of the network, and what `Classifier.finish` does."""
+"""Finish of `classifier` on a processor: the network's last layers, and what `Classifier.finish` does."""
 
 import numpy as np
 from numba import njit

@@ -1,7 +1,7 @@
 """Gather of `classifier` on a processor: what `Classifier.gather` and `Classifier.seen` do, in one pass.
 
-Rows of vectors of sixteen pixels; where a pixel's channels are read at places of their own (filters, warps), a
-vector holds one pixel's channels instead. Rows end in padding up to a multiple of sixteen.
+Rows of vectors of sixteen pixels; where a pixel's channels are read at places of their own (filters, warps),
+a vector holds one pixel's channels instead. Rows end in padding up to a multiple of sixteen.
 """
 
 import numpy as np
@@ -19,6 +19,7 @@ from supersampler.host.kernels.colors import (
     toned,
 )
 from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.kernels.warp import (
     aim,
     aim_own,
@@ -29,7 +30,6 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp,
 )
-from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.vector import (
     absolute,
     floor,
@@ -95,8 +95,10 @@ def present_of(filtered, at, gamma):
     p = load_columns(filtered, at)
     scale = 1.0 / maximum(p[3], 1e-6)
     sample = (
-        clamped(p[0] * scale, 0.0, TONED), clamped(p[1] * scale, 0.0, TONED), clamped(p[2] * scale, 0.0, TONED),
-    )  # fmt: skip
+        clamped(p[0] * scale, 0.0, TONED),
+        clamped(p[1] * scale, 0.0, TONED),
+        clamped(p[2] * scale, 0.0, TONED),
+    )
     scale, known = 1.0 / maximum(p[14], 1e-6), p[14] > 1e-3
     mean = p[8] * scale, p[9] * scale, p[10] * scale
     varies = (

@@ -58,7 +58,7 @@ def two_by_six(x, pitch, words, weights, w, a):
 def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width):
     """A 1x1 convolution of a row: words of four bytes in, `blocks` of 32 bytes out.
 
-    x: `pitch` words a pixel from `at` on, of which `words` count; out: `out_pitch` bytes a pixel from `to` on.
+    x: `pitch` words a pixel from `at` on, of which `words` count; out: `out_pitch` bytes from `to` on.
     """
     for p in range(0, width, SIX):
         for block in range(blocks):

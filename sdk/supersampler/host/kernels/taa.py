@@ -1,4 +1,4 @@
-"""`taa` on a processor, in one pass over the display; twin of `supersampler_model.methods.taa` as Salvi has it."""
+"""`taa` on a processor, in one pass over the display; twin of `methods.taa` with Salvi's defaults."""
 
 import numpy as np
 from numba import njit
@@ -51,7 +51,11 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
     """Rows y0 to y1 of (h, BOX, stride): what 3x3 samples allow, and the longest of their motions."""
     wide = stride + 2 * PAD
     for y in range(y0, y1):
-        above, here, below = 5 * max(y - 1, 0) * wide + PAD, 5 * y * wide + PAD, 5 * min(y + 1, h - 1) * wide + PAD
+        above, here, below = (
+            5 * max(y - 1, 0) * wide + PAD,
+            5 * y * wide + PAD,
+            5 * min(y + 1, h - 1) * wide + PAD,
+        )
         for x in range(0, w, 16):
             for c in range(3):
                 low = high = load16(planes, here + c * wide + x)
@@ -69,7 +73,10 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
             length = mx * mx + my * my
             for row in (above, here, below):
                 for column in range(-1, 2):
-                    u, v = load16(planes, row + 3 * wide + x + column), load16(planes, row + 4 * wide + x + column)
+                    u, v = (
+                        load16(planes, row + 3 * wide + x + column),
+                        load16(planes, row + 4 * wide + x + column),
+                    )
                     other = u * u + v * v
                     longer = other > length
                     length = select(longer, other, length)

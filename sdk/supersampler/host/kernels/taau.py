@@ -1,4 +1,4 @@
-"""`taau` on a processor, in one pass over the display; twin of `supersampler_model.methods.taau`."""
+"""`taau` on a processor, in one pass over the display; twin of `methods.taau`."""
 
 import numpy as np
 from numba import njit
@@ -53,8 +53,8 @@ NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
     SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
     CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP,
 ) = range(28)  # fmt: skip
-"""Of `numbers`: exposure, sizes of this frame, the display and the frame before, whose jitter; by how much the
-exposure has changed; TaauConfig."""
+"""Of `numbers`: exposure; sizes of this frame, the display and the frame before, and its jitter; by how much
+the exposure has changed; TaauConfig."""
 
 
 @njit
@@ -64,7 +64,8 @@ def sum3(line, at):
 
 
 def shade(
-    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats, surface: Floats,
+    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
+    surface: Floats,
 ):  # fmt: skip
     """What rows y0 to y1 leave for the next frame, (3, h, stride): depth without thin things, `shade_of`.
 
@@ -150,7 +151,7 @@ def clipped(color, mean, spread, gamma, floor_):
 
 @njit
 def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
-    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the weight of the past."""
+    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the past's weight."""
     n = numbers
     frame, sample, confidence, mean, spread = present
     gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
@@ -190,11 +191,11 @@ def step_rows(
 ):  # fmt: skip
     """Rows y0 to y1 of the picture, and what the next frame looks back on.
 
-    samples, nearest: of `frame`; surface: of `shade`; history (H, W, PIXEL), before (3, h', old_stride): what is
-    past; rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
+    samples, nearest: of `frame`; surface: of `shade`; history (H, W, PIXEL), before (3, h', old_stride): what
+    is past; rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
     `tells`): what comes out.
     """
-    w, h, old_w, old_h = np.int64(numbers[W]), np.int64(numbers[H]), np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
+    h, old_w, old_h = np.int64(numbers[H]), np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     plane, old_plane = h * stride, old_h * old_stride
@@ -224,7 +225,9 @@ def step_rows(
             dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
             at = load16(columns_near, x) + np.int32(rows_near[y] * stride)
             now, spread_now = gather(surface, at + np.int32(plane)), gather(surface, at + np.int32(2 * plane))
-            changed = light_changed(numbers, now, spread_now, mean * change * dim, spread * change * dim * dim)
+            changed = light_changed(
+                numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
+            )
             tx, ty = px - floor(px), py - floor(py)
             color, count, power, kept = blend(
                 numbers, present_of(filtered, near, x, numbers[FRAME_SHARPNESS]), ycocg(r, g, b), q[6], q[7],

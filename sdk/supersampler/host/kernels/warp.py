@@ -43,7 +43,7 @@ def filter_row(samples, rows, down, columns, across, line, stride, width, y, out
 
 @njit
 def filter_row4(samples, rows, down, columns, across, line, stride, width, y, out):
-    """The same of the first four channels alone: down (H, 4), across (W, 4), line (stride, 4), out (width, 4)."""
+    """The same of the first four channels: down (H, 4), across (W, 4), line (stride, 4), out (width, 4)."""
     for x in range(stride):
         total = load4(samples, 16 * (rows[4 * y] * stride + x)) * down[4 * y]
         for k in range(1, 4):
@@ -116,7 +116,7 @@ def cubic4(h, at, weights, i):
 
 @njit
 def warp(history, at, weights, out):
-    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; colour by own motion.
+    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's colour.
 
     history (H, W, 8).
     """

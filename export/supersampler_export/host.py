@@ -1,0 +1,46 @@
+"""What the host executor needs of a method beside its constants: `network.npz` of a model folder."""
+
+import io
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from supersampler_export.calibrate import calibrated
+from supersampler_export.quantize import BLOCK, KEPT, quantised
+from supersampler_model.method import Method
+from supersampler_model.methods.classifier import Classifier, ClassifierConfig
+from supersampler_model.networks.classifier import CLASSES, ClassifierNetwork
+
+CONSTANTS = (
+    "network", "sample_sigma", "moment_sigma", "kernel_sigma", "gamma", "history_sharpness", "samples",
+    "contraction", "depth_margin", "depth_ramp",
+)  # fmt: skip
+"""Of ClassifierConfig, what the kernels take as it comes; the rest is built in."""
+
+
+def host_network(method: Method) -> bytes | None:
+    """Return the network in bytes, or None where there are no kernels for the method as it is configured."""
+    if not isinstance(method, Classifier) or not isinstance(method.net, ClassifierNetwork):
+        return None
+    constants = {name: getattr(method.config, name) for name in CONSTANTS}
+    if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
+        return None
+    stream = io.BytesIO()
+    arrays: dict[str, Any] = quantised(method.net, calibrated(method))
+    np.savez(stream, **arrays)
+    return stream.getvalue()
+
+
+def _fits(config: ClassifierConfig) -> bool:
+    """Whether the kernels have room for networks of these widths."""
+    widths = config.network
+    kept = [*(channels // 2 for channels in widths.levels[:-1]), widths.levels[-1]]
+    return (
+        len(kept) == len(KEPT)
+        and all(channels // 4**i <= room for i, (channels, room) in enumerate(zip(kept, KEPT, strict=True)))
+        and all(channels % 16 == 0 for channels in widths.levels)
+        and widths.decoder <= BLOCK
+        and widths.decoder_layers == 1
+        and widths.hidden + CLASSES <= 2 * BLOCK
+    )
