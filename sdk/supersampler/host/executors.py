@@ -24,7 +24,7 @@ def host_executor(info: ModelInfo, threads: int) -> Executor | None:
 
 
 def _kind(info: ModelInfo) -> type[ClassifierHost] | type[TaaHost] | type[TaauHost] | None:
-    if (info.folder / "network.npz").is_file():
+    if "network.npz" in info.files:
         return ClassifierHost
     if info.method == "taau":
         return TaauHost

@@ -1,0 +1,157 @@
+"""Kernels on this processor draw what the graph draws, whatever the number of threads."""
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from noise import Size, noise
+from supersampler import ArgumentError, Frame, Model, ModelError, Upscaler, display_transform, shipped_shot
+from supersampler.frame import Float32
+from supersampler.model import ExecutorName
+
+METHODS = ["taa", "taau", "classifier"]
+SIZES = [
+    ((32, 18), (64, 36)),
+    ((33, 17), (50, 26)),
+    ((61, 35), (61, 35)),
+    ((21, 13), (63, 39)),
+    ((5, 40), (11, 93)),
+    ((1, 1), (2, 2)),
+]
+BYTES, ROUNDING = (2e-3, 0.03), (1e-5, 1e-3)
+"""Mean difference, and that at 99 % of the pixels, of pictures in [0, 1]: of a network in bytes, of the rest."""
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[tuple[str, str], Model]:
+    names: tuple[ExecutorName, ...] = ("graph", "host")
+    return {(m, e): Model.load(m, threads=2, executor=e) for m in METHODS for e in names}
+
+
+def step_both(
+    models: dict[tuple[str, str], Model], method: str, frames: list[Frame], display: Size
+) -> list[tuple[Any, Any]]:
+    pair = [
+        Upscaler(models[method, name], display_size=display, validate="off") for name in ("graph", "host")
+    ]
+    results = [[u.step(frame, want=("weight",)) for u in pair] for frame in frames]
+    return [(one, other) for one, other in results]
+
+
+def compare(one: Float32, other: Float32, method: str) -> None:
+    off = np.abs(display_transform(one) - display_transform(other))
+    mean, most = BYTES if method.startswith("classifier") else ROUNDING
+    assert off.mean() <= mean
+    assert np.quantile(off, 0.99) <= most
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("render", "display"), SIZES)
+def test_the_host_draws_what_the_graph_draws(
+    models: dict[tuple[str, str], Model], method: str, render: Size, display: Size
+) -> None:
+    frames = [noise(seed, render) for seed in range(4)]
+    for one, other in step_both(models, method, frames, display):
+        compare(one.image, other.image, method)
+        assert np.abs(one.weight - other.weight).mean() <= 0.05
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -1.0, 1e30, 1e-42])
+def test_hostile_pixels_do_the_same_on_both(
+    models: dict[tuple[str, str], Model], method: str, bad: float
+) -> None:
+    frames = [noise(seed) for seed in range(5)]
+    spots = np.random.default_rng(0).random((18, 32)) < 0.05
+    fields = {
+        "color": np.where(spots[..., None], np.float32(bad), frames[2].color),
+        "depth": np.where(spots, np.float32(bad), frames[2].depth),
+        "motion": np.where(spots[..., None], np.float32(bad), frames[2].motion),
+    }
+    frames[2] = replace(frames[2], **fields)
+    for one, other in step_both(models, method, frames, (64, 36)):
+        assert np.isfinite(other.image).all()
+        assert other.image.min() >= 0
+        compare(one.image, other.image, method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
+    frames = [item.frame for item in shipped_shot()][:12]
+    pictures = step_both(models, method, frames, (480, 270))
+    for one, other in (pictures[0], pictures[5], pictures[11]):
+        compare(one.image, other.image, method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_the_number_of_threads_changes_no_bit(method: str) -> None:
+    drawn = []
+    for threads in (1, 2, 5):
+        upscaler = Upscaler(method, display_size=(97, 55), threads=threads, executor="host", validate="off")
+        drawn.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    np.testing.assert_array_equal(drawn[0], drawn[2])
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_state_goes_from_one_executor_to_the_other(
+    models: dict[tuple[str, str], Model], method: str
+) -> None:
+    one, other = (
+        Upscaler(models[method, name], display_size=(64, 36), validate="off") for name in ("graph", "host")
+    )
+    for seed in range(3):
+        one.step(noise(seed))
+    other.load_state(one.save_state())
+    compare(one.step(noise(3)), other.step(noise(3)), method)
+    one.load_state(other.save_state())
+    compare(one.step(noise(4)), other.step(noise(4)), method)
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_cpu_takes_the_host_where_a_method_has_it(method: str) -> None:
+    assert Model.load(method).executor == "host"
+    assert Model.load("bilinear").executor == "graph"
+
+
+def test_the_classifier_runs_in_bytes_on_the_host_and_in_single_precision_in_the_graph() -> None:
+    assert Model.load("classifier").precision == "int8"
+    exact = Model.load("classifier", precision="fp32")
+    assert (exact.executor, exact.precision) == ("graph", "fp32")
+
+
+@pytest.mark.parametrize(
+    ("method", "asked"),
+    [
+        ("bilinear", {"executor": "host"}),
+        ("taau", {"precision": "int8"}),
+        ("classifier", {"executor": "graph", "precision": "int8"}),
+    ],
+)
+def test_what_a_model_cannot_do_is_refused(method: str, asked: dict[str, Any]) -> None:
+    with pytest.raises(ArgumentError, match="executor"):
+        Model.load(method, **asked)
+
+
+def test_a_damaged_network_is_refused(tmp_path: Path) -> None:
+    source = Model.load("classifier").info.folder
+    for file in source.iterdir():
+        (tmp_path / file.name).write_bytes(file.read_bytes())
+    (tmp_path / "network.npz").write_bytes(b"not a network")
+    with pytest.raises(ModelError, match=r"network\.npz"):
+        Model.load(tmp_path)
+
+
+def test_kept_kernels_need_no_compiler() -> None:
+    """The first Model has compiled them, or a run before."""
+    Model.load("taa", executor="host")
+    code = (
+        "import sys; from supersampler import Model; Model.load('taa', executor='host'); "
+        "assert 'numba' not in sys.modules and 'torch' not in sys.modules"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True)

@@ -1,0 +1,72 @@
+"""Vectors for kernels: what LLVM makes of them is what is written."""
+
+import ctypes
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from numba import cfunc, types
+
+from supersampler.host import vector
+from supersampler.host.compiler import address
+from supersampler.host.kernels.colors import exponential, logarithm
+from supersampler.host.vector import dot4, load16, load_columns, load_columns4, load_columns8, store
+
+FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
+
+
+def run(function: Callable[..., None], kinds: list[Any], *arrays: Any) -> None:
+    """Compile and call."""
+    made = cfunc(types.void(*kinds), error_model="numpy")(function)
+    ctypes.CFUNCTYPE(None, *[ctypes.c_void_p] * len(arrays))(made.address)(*(address(a) for a in arrays))
+
+
+def test_the_exponential_is_exact_to_single_precision() -> None:
+    def all_of(given, made):
+        for i in range(0, 4096, 16):
+            store(made, i, exponential(load16(given, i)))
+
+    given, made = np.linspace(-80.0, 80.0, 4096).astype(np.float32), np.zeros(4096, np.float32)
+    run(all_of, [FLOATS, FLOATS], given, made)
+    np.testing.assert_allclose(made, np.exp(given.astype(float)), rtol=3e-7)
+
+
+def test_the_logarithm_is_exact_to_single_precision() -> None:
+    def all_of(given, made):
+        for i in range(0, 4096, 16):
+            store(made, i, logarithm(load16(given, i)))
+
+    given, made = np.geomspace(1e-30, 1e30, 4096).astype(np.float32), np.zeros(4096, np.float32)
+    run(all_of, [FLOATS, FLOATS], given, made)
+    np.testing.assert_allclose(made, np.log(given.astype(float)), rtol=3e-7, atol=3e-7)
+
+
+@pytest.mark.parametrize("portable", [False, True])
+def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if portable:
+        monkeypatch.setattr(vector, "_multiplies_bytes", lambda: False)
+
+    def all_of(total, unsigned, signed, made):
+        store(made, 0, dot4(load16(total, 0), load16(unsigned, 0), load16(signed, 0)))
+
+    random = np.random.default_rng(1)
+    unsigned, signed = random.choice([0, 1, 127, 128, 254, 255], 64), random.choice([-128, -127, -1, 0, 127], 64)
+    total, made = random.integers(-1000, 1000, 16).astype(np.int32), np.zeros(16, np.int32)
+    run(all_of, [WORDS] * 4, total, unsigned.astype(np.uint8), signed.astype(np.int8), made)
+    np.testing.assert_array_equal(made, total + (unsigned * signed).reshape(16, 4).sum(axis=1))
+
+
+@pytest.mark.parametrize(
+    ("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)]
+)
+def test_pixels_become_channels(load: Any, channels: int) -> None:
+    def all_of(given, made):
+        i = 0
+        for column in load(given, 0):
+            store(made, i, column)
+            i += 16
+
+    given, made = np.arange(16 * channels, dtype=np.float32), np.zeros((channels, 16), np.float32)
+    run(all_of, [FLOATS, FLOATS], given, made)
+    np.testing.assert_array_equal(made, given.reshape(16, channels).T)
