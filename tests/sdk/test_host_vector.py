@@ -51,15 +51,16 @@ def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch
         store(made, 0, dot4(load16(total, 0), load16(unsigned, 0), load16(signed, 0)))
 
     random = np.random.default_rng(1)
-    unsigned, signed = random.choice([0, 1, 127, 128, 254, 255], 64), random.choice([-128, -127, -1, 0, 127], 64)
+    unsigned, signed = (
+        random.choice([0, 1, 127, 128, 254, 255], 64),
+        random.choice([-128, -127, -1, 0, 127], 64),
+    )
     total, made = random.integers(-1000, 1000, 16).astype(np.int32), np.zeros(16, np.int32)
     run(all_of, [WORDS] * 4, total, unsigned.astype(np.uint8), signed.astype(np.int8), made)
     np.testing.assert_array_equal(made, total + (unsigned * signed).reshape(16, 4).sum(axis=1))
 
 
-@pytest.mark.parametrize(
-    ("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)]
-)
+@pytest.mark.parametrize(("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)])
 def test_pixels_become_channels(load: Any, channels: int) -> None:
     def all_of(given, made):
         i = 0

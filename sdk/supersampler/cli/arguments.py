@@ -24,6 +24,14 @@ class Validate(StrEnum):
     strict = "strict"
 
 
+class PrecisionName(StrEnum):
+    """What is learned runs in."""
+
+    auto = "auto"
+    fp32 = "fp32"
+    int8 = "int8"
+
+
 class Format(StrEnum):
     """Files to write pictures as."""
 

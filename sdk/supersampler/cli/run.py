@@ -38,7 +38,7 @@ from supersampler.errors import FrameError, FrameWarning, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
-from supersampler.model import Model
+from supersampler.model import Model, Precision
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
@@ -71,6 +71,7 @@ class UpscaleJob:
     maps: bool = False
     providers: str | Sequence[str] = "auto"
     threads: int = 0
+    precision: Precision = "auto"
     validate: Literal["off", "warn", "strict"] = "warn"
     overwrite: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
@@ -103,7 +104,7 @@ def run_job(job: UpscaleJob) -> Results:
 def _open_upscaler(job: UpscaleJob) -> Upscaler:
     size = job.display_size or (job.shot.display_size if job.scale is None else None)
     return Upscaler(
-        Model.load(job.model, providers=job.providers, threads=job.threads),
+        Model.load(job.model, providers=job.providers, threads=job.threads, precision=job.precision),
         display_size=size,
         scale=None if size else job.scale or 2.0,
         render_size=job.shot.render_size,
@@ -121,6 +122,8 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "method": upscaler.model.info.method,
         "model files": dict(upscaler.model.info.files),
         "providers": list(upscaler.model.providers),
+        "executor": upscaler.model.executor,
+        "precision": upscaler.model.precision,
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }
@@ -168,11 +171,16 @@ def _last_cut(shot: Shot, index: int) -> int:
 def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[ComparePage | None]:
     if not job.compare:
         return nullcontext()
-    shot, info = job.shot, upscaler.model.info
+    shot, model, info = job.shot, upscaler.model, upscaler.model.info
     display_size = upscaler.display_size or shot.render_size
     sizes = f"{size_text(shot.render_size)} to {size_text(display_size)}".replace("x", " × ")
-    provider = upscaler.model.providers[0].removesuffix("ExecutionProvider")
-    facts = {"method": info.method, "size": sizes, "runs on": provider, "frames": str(len(shot))}
+    provider = model.providers[0].removesuffix("ExecutionProvider")
+    facts = {
+        "method": info.method,
+        "size": sizes,
+        "runs on": f"{provider} ({model.executor}, {model.precision})",
+        "frames": str(len(shot)),
+    }
     sources = ". ".join(line.rstrip(".") for line in (*shot.attribution, shot.license) if line)
     about = About(
         title=shot.name,

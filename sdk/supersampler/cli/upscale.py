@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import Format, ShotArgument, Validate, open_shot, parse_size
+from supersampler.cli.arguments import Format, PrecisionName, ShotArgument, Validate, open_shot, parse_size
 from supersampler.errors import ArgumentError
 
 
@@ -46,6 +46,12 @@ def upscale(
         ),
     ] = "auto",
     threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 takes every core.")] = 0,
+    precision: Annotated[
+        PrecisionName,
+        typer.Option(
+            help="int8: what is learned in bytes, fast on a CPU. fp32: exactly the graph that ships."
+        ),
+    ] = PrecisionName.auto,
     validate: Annotated[
         Validate,
         typer.Option(
@@ -85,6 +91,7 @@ def upscale(
         maps=maps,
         providers=names[0] if len(names) == 1 else names,
         threads=threads,
+        precision=precision.value,
         validate=validate.value,
         overwrite=overwrite,
     )
