@@ -18,7 +18,7 @@ RENDER, DISPLAY, FRAME = (64, 36), (128, 72), 12
 
 def drawn(method: str) -> NDArray[np.uint8]:
     """Return frame 12 of a disc that crosses a panning checker, as a screen shows it."""
-    upscaler = Upscaler(method, display_size=DISPLAY, threads=1, validate="off")
+    upscaler = Upscaler(method, display_size=DISPLAY, executor="graph", validate="off")
     for index in range(FRAME + 1):
         image = upscaler.step(DiscOverPlane().frame(index, RENDER, halton_jitter(index, 2.0)))
     return to_uint8(display_transform(image))

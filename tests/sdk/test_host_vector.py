@@ -23,7 +23,7 @@ def run(function: Callable[..., None], kinds: list[Any], *arrays: Any) -> None:
 
 
 def test_the_exponential_is_exact_to_single_precision() -> None:
-    def all_of(given, made):
+    def all_of(given: Any, made: Any) -> None:
         for i in range(0, 4096, 16):
             store(made, i, exponential(load16(given, i)))
 
@@ -33,7 +33,7 @@ def test_the_exponential_is_exact_to_single_precision() -> None:
 
 
 def test_the_logarithm_is_exact_to_single_precision() -> None:
-    def all_of(given, made):
+    def all_of(given: Any, made: Any) -> None:
         for i in range(0, 4096, 16):
             store(made, i, logarithm(load16(given, i)))
 
@@ -47,7 +47,7 @@ def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch
     if portable:
         monkeypatch.setattr(vector, "_multiplies_bytes", lambda: False)
 
-    def all_of(total, unsigned, signed, made):
+    def all_of(total: Any, unsigned: Any, signed: Any, made: Any) -> None:
         store(made, 0, dot4(load16(total, 0), load16(unsigned, 0), load16(signed, 0)))
 
     random = np.random.default_rng(1)
@@ -62,7 +62,7 @@ def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch
 
 @pytest.mark.parametrize(("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)])
 def test_pixels_become_channels(load: Any, channels: int) -> None:
-    def all_of(given, made):
+    def all_of(given: Any, made: Any) -> None:
         i = 0
         for column in load(given, 0):
             store(made, i, column)
