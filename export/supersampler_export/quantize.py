@@ -90,6 +90,13 @@ def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Array
     }
 
 
+def by_output(layer: Arrays, outputs: int) -> Arrays:
+    """The same layer output by output, (outputs, words, WORD), as `kernels.classifier_finish.mix_row` reads it."""
+    blocks, words = layer["weights"].shape[:2]
+    rows = layer["weights"].transpose(0, 2, 1, 3).reshape(blocks * BLOCK, words, WORD)
+    return {"weights": rows[:outputs], "scale": layer["scale"][:outputs], "bias": layer["bias"][:outputs]}
+
+
 def depthwise(weights: Floats, given: float, made: float) -> Arrays:
     """Quantise a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
     sigma = np.maximum(np.abs(weights).max(axis=(1, 2)), 1e-12) / SIGNED
@@ -181,7 +188,7 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
     mixing = network.mixing.out_channels
     order = np.arange(mixing).reshape(-1, 4).T.ravel().tolist()  # pixel by pixel
     weights, bias = _weights(network.mixing)[:, :, 0, 0], _weights(network.mixing, "bias")
-    layers["mixing"] = pixelwise(weights, bias, made_hidden, Bytes.of(order, 1.0))
+    layers["mixing"] = by_output(pixelwise(weights, bias, made_hidden, Bytes.of(order, 1.0)), mixing)
     found = {f"{name}.{part}": array for name, layer in layers.items() for part, array in layer.items()}
     return {name: np.ascontiguousarray(array) for name, array in found.items()}
 

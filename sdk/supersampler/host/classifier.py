@@ -16,7 +16,7 @@ from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_o
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 
-SEEN, WHOLE, HALVES, MIXING = 18, 9, 17, 96  # see kernels.classifier_seen, _gather, _finish
+SEEN, WHOLE, HALVES, MIXING = 18, 9, 17, 80  # see kernels.classifier_seen, _gather, _finish
 PIXEL = 8  # values of a pixel that go from frame to frame: colour, count, range, and two of room
 CLASSES, ALL = 6, 255.0
 
@@ -53,17 +53,17 @@ class _Space:
         self.x, self.y = Axis(big_w, w), Axis(big_h, h)
         self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
         self.samples = Samples(render)
-        self.whole = np.zeros((big_h, WHOLE, width), np.float32)
-        self.halves = np.zeros((big_h, HALVES, width), np.uint16)
+        self.whole = np.zeros((big_h * width + LANES, WHOLE), np.float32)
+        self.halves = np.zeros((big_h * width, HALVES), np.uint16)
         self.means = np.zeros((half[1], 2, self.half_stride), np.float32)
         self.encoder = Encoder(host.network, half, host.bands)
-        self.scratch = [_Scratch(self, host.network) for _ in range(host.bands.threads)]
+        self.scratch = [_Scratch(self) for _ in range(host.bands.threads)]
 
 
 class _Scratch:
     """Rows that one thread works on."""
 
-    def __init__(self, space: _Space, network: ByteNetwork) -> None:
+    def __init__(self, space: _Space) -> None:
         width, half_w = space.width, space.half[0] + LANES
         self.line = np.zeros((space.samples.stride, LANES), np.float32)
         self.filtered = np.zeros((width, LANES), np.float32)
@@ -74,10 +74,10 @@ class _Scratch:
         self.seen = np.zeros(4 * SEEN * width + 2 * LANES, np.uint8)
         self.tall, self.tent = np.zeros((2, space.half_stride), np.float32)
         self.read = np.zeros((half_w, 32), np.uint8)
-        self.hidden = np.zeros((half_w, network.hidden.outputs), np.uint8)
-        self.mixing = np.zeros((half_w, MIXING), np.float32)
-        self.near, self.factors = np.zeros(LANES, np.int32), np.zeros((9, LANES), np.float32)
-        self.out = np.zeros((LANES, LANES), np.float32)
+        self.hidden = np.zeros((half_w, 4 * LANES), np.uint8)
+        self.mixing = np.zeros((MIXING, half_w), np.float32)
+        self.near, self.factors = np.zeros((LANES, LANES), np.int32), np.zeros((9, LANES), np.float32)
+        self.out = np.zeros((LANES, 8), np.float32)
 
 
 class ClassifierHost:

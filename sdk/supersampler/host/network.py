@@ -23,7 +23,7 @@ class Layer:
     def __init__(self, arrays: dict[str, NDArray[Any]], name: str) -> None:
         self._arrays = [arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias")]
         self.weights, self.scale, self.bias = (address(array) for array in self._arrays)
-        self.blocks, self.words = self._arrays[0].shape[:2]
+        self.blocks, self.words = self._arrays[0].shape[:2]  # of the last: outputs, words
         self.outputs = len(self._arrays[1])
 
 

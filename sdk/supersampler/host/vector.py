@@ -365,6 +365,29 @@ evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
 odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
 low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
 high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
+shifted_in = _shuffler(lambda n: list(range(n - 1, 2 * n - 1)))  # the last lane of one, then all but the other's last
+shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
+
+
+@intrinsic
+def store_threes(_: Any, pointer: Any, index: Any, first: Any, second: Any, third: Any) -> Any:
+    """Write three vectors in turns: a lane of each, then the next."""
+    n = first.lanes
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        pointer, index, a, b, c = args
+
+        def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
+            return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+        pairs = mixed(a, b, list(range(2 * n)))
+        thirds = mixed(c, c, list(range(2 * n)))
+        order = [2 * n + i // 3 if i % 3 == 2 else i // 3 + n * (i % 3) for i in range(3 * n)]
+        value = mixed(pairs, thirds, order)
+        builder.store(value, _place(builder, pointer, index, value.type)).align = 4
+        return context.get_dummy_value()
+
+    return types.void(pointer, types.intp, first, second, third), make
 
 
 @njit
@@ -419,3 +442,16 @@ def load_columns4(pointer: Any, index: int) -> Any:
         a, b, c, d = rows
         rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
     return rows
+
+
+@njit
+def store_rows8(pointer: Any, index: int, columns: Any) -> None:
+    """Write eight vectors of a channel each as sixteen pixels of eight channels each."""
+    for _ in range(3):
+        a, b, c, d, e, f, g, h = columns
+        columns = (
+            low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
+            low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
+        )  # fmt: skip
+    for i in range(8):
+        store(pointer, index + 16 * i, columns[i])

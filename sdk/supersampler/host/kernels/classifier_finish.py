@@ -22,112 +22,144 @@ from supersampler.host.kernels.classifier_gather import (
 )
 from supersampler.host.kernels.colors import (
     clamped,
-    exponential,
     largest,
     linear_of,
     luminance,
     rgb,
     ycocg,
 )
-from supersampler.host.kernels.network import SIX, concatenate_row, pointwise_row, two_by_six
+from supersampler.host.kernels.network import concatenate_row, pointwise_row
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.vector import (
     absolute,
+    dot4,
+    float_of,
+    floor,
     load4,
     load8,
     load16,
     load_columns,
+    load_columns4,
     maximum,
     minimum,
     ramp16,
     select,
+    shifted_in,
+    shifted_out,
     spread16,
     store,
+    store_rows8,
+    store_threes,
     to_float,
     to_int,
-    transposed,
+    zipped,
 )
 
 SIDE, SHARPEST = 0.01, 2.0
-SAID, MIXING = 20, 96  # numbers of a pixel; of four, with room
+SAID = 20  # numbers of a pixel: logarithms of weights, sharpness, cross of the past, kernel of this frame
+SHARPNESS, CROSS, KERNEL = 6, 7, 11
+WIDE = 16  # words of what the hidden layer gives
 
 
 @njit
-def mix_row(hidden, pitch, words, weights, scales, biases, half_width, out):
-    """The last layer of a row of packed pixels: (half_width, MIXING) float32."""
-    for p in range(0, half_width, SIX):
-        for block in range(3):
-            sums = two_by_six(hidden, pitch, words, weights, 32 * words * block, p * pitch)
-            c = 32 * block
-            u, v = load16(scales, c), load16(scales, c + 16)
-            s, t = load16(biases, c), load16(biases, c + 16)
-            for i in range(SIX):
-                store(out, (p + i) * MIXING + c, to_float(sums[2 * i]) * u + s)
-                store(out, (p + i) * MIXING + c + 16, to_float(sums[2 * i + 1]) * v + t)
+def mix_row(hidden, words, weights, scales, biases, half_width, pitch, columns, out, logits, scale, classes, to):
+    """The last layer of a row of packed pixels, (4 SAID, pitch), and the shares of their classes.
+
+    Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
+    """
+    for p in range(0, half_width, 16):
+        rows = load_columns(hidden, WIDE * p)
+        for k in range(WIDE):
+            store(columns, 16 * k, rows[k])
+        for c in range(0, 4 * SAID, 8):
+            sums = eight_sums(columns, words, weights, c * words)
+            for i in range(8):
+                store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
+        hold(columns, logits, scale, half_width - p, classes, to + 8 * p)
 
 
 @njit
-def hold_row(hidden, pitch, first, scale, half_width, rows, classes, to):
-    """Shares of the classes of packed pixels, eight bytes each, from their logits."""
-    for x in range(0, half_width, 16):
-        for i in range(16):
-            at = min(x + i, half_width - 1) * pitch + first
-            store(rows, 16 * i, (to_float(load16(hidden, at)) - 128.0) * scale)
-        q = load_columns(rows, 0)
-        a, b, c = factor(q[0]), factor(q[1]), factor(q[2])
-        d, e, f = factor(q[3]), factor(q[4]), factor(q[5])
-        one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
-        zero = spread16(np.float32(0.0))
-        back = transposed((
-            a * one, b * one, c * one, d * two, e * two, f * two, zero, zero,
-            zero, zero, zero, zero, zero, zero, zero, zero,
-        ))  # fmt: skip
-        for i in range(16):
-            store(rows, 16 * i, back[i])
-        for i in range(min(16, half_width - x)):
-            store(classes, to + 8 * (x + i), to_int(load8(rows, 16 * i) + 0.5))
+def eight_sums(columns, words, weights, first):
+    """Eight outputs of sixteen pixels."""
+    a = b = c = d = e = f = g = h = spread16(np.int32(0))
+    for k in range(words):
+        x = load16(columns, 16 * k)
+        w = first + k
+        a, b = dot4(a, x, spread16(weights[w])), dot4(b, x, spread16(weights[w + words]))
+        w = w + 2 * words
+        c, d = dot4(c, x, spread16(weights[w])), dot4(d, x, spread16(weights[w + words]))
+        w = w + 2 * words
+        e, f = dot4(e, x, spread16(weights[w])), dot4(f, x, spread16(weights[w + words]))
+        w = w + 2 * words
+        g, h = dot4(g, x, spread16(weights[w])), dot4(h, x, spread16(weights[w + words]))
+    return a, b, c, d, e, f, g, h
+
+
+@njit
+def hold(columns, logits, scale, count, classes, to):
+    """Shares of the classes of up to sixteen packed pixels, eight bytes each."""
+    a, b, c = odds_of(columns, logits, scale), odds_of(columns, logits + 1, scale), odds_of(columns, logits + 2, scale)
+    d, e, f = odds_of(columns, logits + 3, scale), odds_of(columns, logits + 4, scale), odds_of(columns, logits + 5, scale)
+    one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
+    low = share(a * one) | share(b * one) << np.int32(8) | share(c * one) << np.int32(16) | share(d * two) << np.int32(24)
+    high = share(e * two) | share(f * two) << np.int32(8)
+    store(columns, 0, low)
+    store(columns, 16, high)
+    for i in range(min(16, count)):
+        classes[to // 4 + 2 * i] = columns[i]
+        classes[to // 4 + 2 * i + 1] = columns[16 + i]
+
+
+@njit
+def odds_of(columns, byte, scale):
+    value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
+    return factor((to_float(value) - 128.0) * scale)
+
+
+@njit
+def share(value):
+    return to_int(value + 0.5)
 
 
 @njit
 def factor(value):
-    return exponential(clamped(value, -16.0, 16.0))
+    """e^x, to 1e-5 of it: steps of bytes are larger."""
+    x = clamped(value, -16.0, 16.0) * 1.4426950408889634
+    whole = floor(x + 0.5)
+    f = x - whole
+    p = (((f * 9.5801966e-3 + 5.5041548e-2) * f + 2.4024747e-1) * f + 6.9315311e-1) * f + 1.0
+    return p * float_of((to_int(whole) + np.int32(127)) << np.int32(23))
 
 
 @njit
-def said(mixing, at):
-    """What the compositor says of sixteen pixels: sixteen of its numbers from `at` on."""
-    m = mixing
-    return transposed((
-        load16(m, at), load16(m, at + 20), load16(m, at + 96), load16(m, at + 116),
-        load16(m, at + 192), load16(m, at + 212), load16(m, at + 288), load16(m, at + 308),
-        load16(m, at + 384), load16(m, at + 404), load16(m, at + 480), load16(m, at + 500),
-        load16(m, at + 576), load16(m, at + 596), load16(m, at + 672), load16(m, at + 692),
-    ))  # fmt: skip
+def said(mixing, pitch, number, half):
+    """A number of sixteen pixels in a row, of the left and the right of packed pixels from `half` on."""
+    left, right = load8(mixing, number * pitch + half), load8(mixing, (number + SAID) * pitch + half)
+    return zipped(left, right)
 
 
 @njit
-def moved_past(whole, above, at, below, halves, half, pitch, lane, big_w, m):
+def moved_past(whole, above, at, below, halves, half, lane, big_w, sharp, up, left, right, low):
     """The past filtered by the learned cross and sharpened: `Classifier.pasts`, the first."""
     first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-    up, left, right, low = factor(m[7]) * SIDE, factor(m[8]) * SIDE, factor(m[9]) * SIDE, factor(m[10]) * SIDE
-    scale, sharp = 1.0 / (up + left + right + low + 1.0), clamped(m[6], 0.0, SHARPEST)
+    scale = 1.0 / (up + left + right + low + 1.0)
     r = g = b = sharp
     for c in range(3):
-        p = (PAST + c) * pitch
+        p = 16 * (PAST + c)
         v = load16(whole, at + p)
-        beside = select(first, v, load16(whole, at + p - 1)) * left
-        beside = beside + select(last, v, load16(whole, at + p + 1)) * right
+        beside = select(first, v, shifted_in(load16(whole, max(at - 16 * WHOLE, 0) + p), v)) * left
+        beside = beside + select(last, v, shifted_out(v, load16(whole, at + 16 * WHOLE + p))) * right
         moved = v + load16(whole, above + p) * up + beside + load16(whole, below + p) * low
-        v = moved * scale + sharp * load16(halves, half + (DETAIL + c) * pitch)
+        v = moved * scale + sharp * load16(halves, half + 16 * (DETAIL + c))
         r, g, b = g, b, clamped(v, 0.0, TONED)
     return r, g, b
 
 
 @njit
-def cut_to_box(color, halves, at, pitch):
+def cut_to_box(color, halves, at):
     """`clip_to_center`, back in RGB."""
-    mean = three(halves, at + MEAN * pitch, pitch)
-    reach = three(halves, at + REACH * pitch, pitch)
+    mean = three(halves, at + 16 * MEAN)
+    reach = three(halves, at + 16 * REACH)
     y, o, g = ycocg(color[0], color[1], color[2])
     y, o, g = y - mean[0], o - mean[1], g - mean[2]
     over = largest(
@@ -141,22 +173,28 @@ def cut_to_box(color, halves, at, pitch):
 
 
 @njit
-def three(planes, at, pitch):
-    return load16(planes, at), load16(planes, at + pitch), load16(planes, at + 2 * pitch)
+def three(planes, at):
+    return load16(planes, at), load16(planes, at + 16), load16(planes, at + 32)
 
 
 @njit
-def kernel_of(samples, stride, w, h, row, near, factors, out):
-    """Sums of sixteen pixels' 3x3 samples by learned weights: red, green, blue and of the weights."""
+def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
+    """Sums of sixteen pixels' 3x3 samples by learned weights, (16, 4): red, green, blue and of the weights."""
+    column = load16(columns_near, x)
+    for k in range(3):
+        inside = minimum(maximum(column + np.int32(k - 1), np.int32(0)), np.int32(w - 1))
+        store(near, 16 * k, inside * np.int32(16))
+    a = max(row - 1, 0) * stride * 16
+    b, c = row * stride * 16, min(row + 1, h - 1) * stride * 16
     for i in range(16):
-        column = near[i]
-        total = load4(samples, 0) * np.float32(0.0)
-        for dy in range(3):
-            y = min(max(row + dy - 1, 0), h - 1) * stride
-            for dx in range(3):
-                x = min(max(column + dx - 1, 0), w - 1)
-                total = total + load4(samples, 16 * (y + x)) * factors[16 * (3 * dy + dx) + i]
-        store(out, 16 * i, total)
+        j, k, m = near[i], near[16 + i], near[32 + i]
+        upper = load4(samples, a + j) * factors[i] + load4(samples, a + k) * factors[16 + i]
+        upper = upper + load4(samples, a + m) * factors[32 + i]
+        middle = load4(samples, b + j) * factors[48 + i] + load4(samples, b + k) * factors[64 + i]
+        middle = middle + load4(samples, b + m) * factors[80 + i]
+        lower = load4(samples, c + j) * factors[96 + i] + load4(samples, c + k) * factors[112 + i]
+        lower = lower + load4(samples, c + m) * factors[128 + i]
+        store(out, 4 * i, upper + middle + lower)
 
 
 @njit
@@ -168,50 +206,54 @@ def added(sums, weight, color):
 
 @njit
 def compose_row(
-    y, mixing, whole, halves, width, samples, stride, w, h, columns_near, row_near, across, down,
+    y, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, row_near, across, down,
     near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight, tells,
 ):  # fmt: skip
     """Compose a row, count, and go back to linear RGB."""
     zero = spread16(np.float32(0.0))
-    pitch = WHOLE * width
-    above, below = max(y - 1, 0) * pitch, min(y + 1, big_h - 1) * pitch
+    above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
     for x in range(0, width, 16):
-        at, half = y * pitch + x, y * HALVES * width + x
-        m = said(mixing, MIXING * x // 2 + 2 * SAID * (y % 2))
-        n = said(mixing, MIXING * x // 2 + 2 * SAID * (y % 2) + SAID - 16)
+        at, half = (y * width + x) * WHOLE, (y * width + x) * HALVES
+        m, pixels = 2 * SAID * (y % 2), x // 2
         # the past
         lane = ramp16() + np.int32(x)
-        color = moved_past(whole, above + x, at, below + x, halves, half, width, lane, big_w, m)
-        count = load16(whole, at + COUNT * width)
+        color = moved_past(
+            whole, (above + x) * WHOLE, at, (below + x) * WHOLE, halves, half, lane, big_w,
+            clamped(said(mixing, mixing_pitch, m + SHARPNESS, pixels), 0.0, SHARPEST),
+            factor(said(mixing, mixing_pitch, m + CROSS, pixels)) * SIDE,
+            factor(said(mixing, mixing_pitch, m + CROSS + 1, pixels)) * SIDE,
+            factor(said(mixing, mixing_pitch, m + CROSS + 2, pixels)) * SIDE,
+            factor(said(mixing, mixing_pitch, m + CROSS + 3, pixels)) * SIDE,
+        )  # fmt: skip
+        count = load16(whole, at + 16 * COUNT)
         known = count > 0.0
         other = select(known, count * 0.1 + 1e-3, 0.0)
-        begun = select(known, count * load16(halves, half + SURFACE * width) + 1e-3, 0.0)
+        begun = select(known, count * load16(halves, half + 16 * SURFACE) + 1e-3, 0.0)
         none = zero, zero, zero, zero
-        past = added(none, begun * factor(m[0]), color)
-        past = added(past, other * factor(m[1]), cut_to_box(color, halves, half, width))
-        past = added(past, other * factor(m[2]), three(whole, at + OWN * width, width))
+        past = added(none, begun * factor(said(mixing, mixing_pitch, m, pixels)), color)
+        past = added(past, other * factor(said(mixing, mixing_pitch, m + 1, pixels)), cut_to_box(color, halves, half))
+        past = added(past, other * factor(said(mixing, mixing_pitch, m + 2, pixels)), three(whole, at + 16 * OWN))
         kept = past[3]
         # this frame
-        store(near, 0, load16(columns_near, x))
         for k in range(9):
             begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
-            store(factors, 16 * k, begun * factor(n[7 + k]))
-        kernel_of(samples, stride, w, h, row_near, near, factors, out)
-        q = load_columns(out, 0)
-        frame = three(halves, half + FRAME * width, width)
+            store(factors, 16 * k, begun * factor(said(mixing, mixing_pitch, m + KERNEL + k, pixels)))
+        kernel_of(samples, stride, w, h, row_near, columns_near, x, near, factors, out)
+        q = load_columns4(out, 0)
+        frame = three(halves, half + 16 * FRAME)
         some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
         filtered = (
             select(some, q[0] * scale, frame[0]),
             select(some, q[1] * scale, frame[1]),
             select(some, q[2] * scale, frame[2]),
         )
-        confidence = load16(halves, half + CONFIDENCE * width)
+        confidence = load16(halves, half + 16 * CONFIDENCE)
         there = select(q[3] > 0.0, spread16(np.float32(1.0)), zero)
         sampled, beside = there * (confidence + 1e-3), there * 0.05
-        sample = three(halves, half + SAMPLE * width, width)
-        now = added(none, sampled * factor(m[3]), sample)
-        now = added(now, beside * factor(m[4]), frame)
-        now = added(now, beside * factor(m[5]), filtered)
+        sample = three(halves, half + 16 * SAMPLE)
+        now = added(none, sampled * factor(said(mixing, mixing_pitch, m + 3, pixels)), sample)
+        now = added(now, beside * factor(said(mixing, mixing_pitch, m + 4, pixels)), frame)
+        now = added(now, beside * factor(said(mixing, mixing_pitch, m + 5, pixels)), filtered)
         new = now[3]
         scale = 1.0 / maximum(kept + new, 1e-12)
         r, g, b = (past[0] + now[0]) * scale, (past[1] + now[1]) * scale, (past[2] + now[2]) * scale
@@ -224,21 +266,21 @@ def compose_row(
         luma = luminance(sample[0], sample[1], sample[2])
         held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
         rate = confidence * contraction
-        least, most = load16(whole, at + LEAST * width), load16(whole, at + MOST * width)
+        least, most = load16(whole, at + 16 * LEAST), load16(whole, at + 16 * MOST)
         least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
         most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
         least, most = luma + held * (least - luma), luma + held * (most - luma)
-        rows = transposed((
-            r, g, b, worth, least, most, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
-        ))  # fmt: skip
-        for i in range(16):
-            store(out, 16 * i, rows[i])
-        for i in range(min(16, big_w - x)):
-            pixel = y * big_w + x + i
-            store(history, 8 * pixel, load8(out, 16 * i))
-            image[3 * pixel] = out[16 * i]
-            image[3 * pixel + 1] = out[16 * i + 1]
-            image[3 * pixel + 2] = out[16 * i + 2]
+        if x + 16 <= big_w:
+            pixel = y * big_w + x
+            store_rows8(history, 8 * pixel, (r, g, b, worth, least, most, zero, zero))
+            store_threes(image, 3 * pixel, r, g, b)
+        else:
+            store_rows8(out, 0, (r, g, b, worth, least, most, zero, zero))
+            for i in range(big_w - x):
+                pixel = y * big_w + x + i
+                store(history, 8 * pixel, load8(out, 8 * i))
+                for c in range(3):
+                    image[3 * pixel + c] = out[8 * i + c]
 
 
 def finish_rows(
@@ -246,7 +288,7 @@ def finish_rows(
     decoder: Words, decoder_scale: Floats, decoder_bias: Floats, records: Words, record_bytes: Bytes,
     record_row: int, hidden_weights: Words, blocks: int, hidden_scale: Floats, hidden_bias: Floats,
     hidden: Bytes, hidden_words: Words, logits: int, logits_scale: float, mixing_words: int,
-    mixing_weights: Words, mixing_scale: Floats, mixing_bias: Floats, mixing: Floats, classes: Bytes,
+    mixing_weights: Words, mixing_scale: Floats, mixing_bias: Floats, mixing: Floats, classes: Words,
     whole: Floats, halves: Halves, width: int, samples: Floats, stride: int, w: int, h: int,
     columns_near: Words, rows_near: Words, across: Floats, down: Floats, near: Words, factors: Floats,
     out: Floats, big_w: int, big_h: int, exposure: float, most_samples: float, contraction: float,
@@ -258,6 +300,7 @@ def finish_rows(
     scratch rows. classes, history, image, weight (where `tells`): what comes out.
     """
     half_w = (big_w + 1) // 2
+    mixing_pitch = (half_w + 15) // 16 * 16
     for y in range(y0, y1):
         concatenate_row(kept0, kept1, kept2, kept3, pitches, y, half_w, read)
         to = 4 * y * record_row + 80
@@ -266,15 +309,15 @@ def finish_rows(
         )
         pointwise_row(
             records, y * record_row, 28, 28, hidden_weights, blocks, hidden_scale, hidden_bias,
-            hidden, 0, 32 * blocks, half_w,
+            hidden, 0, 4 * WIDE, half_w,
         )  # fmt: skip
-        hold_row(hidden, 32 * blocks, logits, logits_scale, half_w, out, classes, 8 * y * half_w)
         mix_row(
-            hidden_words, 8 * blocks, mixing_words, mixing_weights, mixing_scale, mixing_bias, half_w, mixing
-        )
+            hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, half_w, mixing_pitch, near,
+            mixing, logits, logits_scale, classes, 8 * y * half_w,
+        )  # fmt: skip
         for row in range(2 * y, min(2 * y + 2, big_h)):
             compose_row(
-                row, mixing, whole, halves, width, samples, stride, w, h, columns_near, rows_near[row],
+                row, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, rows_near[row],
                 across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction,
                 history, image, weight, tells,
             )  # fmt: skip

@@ -49,10 +49,10 @@ from supersampler.host.vector import (
 TONED = 1.0 - 1e-4
 WHOLE = 9
 PAST, OWN, COUNT, LEAST, MOST = 0, 3, 6, 7, 8
-"""Planes of `whole`: what goes around from frame to frame, where rounding would add up."""
+"""Of `whole`: what goes around from frame to frame, where rounding would add up."""
 HALVES = 17
 FRAME, SAMPLE, CONFIDENCE, MEAN, REACH, DETAIL, SURFACE = 0, 3, 6, 7, 10, 13, 16
-"""Planes of `halves`, half floats."""
+"""Of `halves`, half floats."""
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
 ) = range(13)  # fmt: skip
@@ -67,10 +67,10 @@ def toned_at(numbers, r, g, b):
 
 
 @njit
-def put_all(planes, at, pitch, values):
-    """Store vectors a plane apart."""
+def put_all(planes, at, values):
+    """Store vectors one after the other."""
     for c, value in enumerate(values):
-        store(planes, at + c * pitch, value)
+        store(planes, at + 16 * c, value)
 
 
 @njit
@@ -149,8 +149,8 @@ def gather_rows(
     """All that is known of rows y0 to y1 before the network speaks.
 
     samples to down: of `frame`; history (H, W, 8), depths and opened (h', old_stride): what is past; rows to
-    rows_near: where display pixels look; line to apart: scratch; whole (H, WHOLE, width), halves (H, HALVES,
-    width), records, means (H / 2, 2, half_stride): what is found. y0 is even.
+    rows_near: where display pixels look; line to apart: scratch; whole (H, width / 16, WHOLE, 16),
+    halves (H, width / 16, HALVES, 16), records, means (H / 2, 2, half_stride): what is found. y0 is even.
     """
     w_big, h_big = numbers[BIG_W], numbers[BIG_H]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
@@ -187,11 +187,11 @@ def gather_rows(
             own = toned_at(numbers, q[12], q[13], q[14])
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
             count = select(on, q[7], 0.0)
-            put_all(whole, y * WHOLE * width + x, width, (*past, *own, count, q[8], q[9]))
+            put_all(whole, (y * width + x) * WHOLE, (*past, *own, count, q[8], q[9]))
             surface, difference = look_back(depth, px, py, on, depths, opened, old_stride, numbers)
             frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
             found = (*frame, *sample, confidence, *mean, *reach, *detail, surface)
-            put_all(halves, y * HALVES * width + x, width, found)
+            put_all(halves, (y * width + x) * HALVES, found)
 
             frame_root, sample_root = roots(frame), roots(sample)
             frame_luma = luma_of(frame_root)
