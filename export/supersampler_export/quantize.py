@@ -91,7 +91,7 @@ def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Array
 
 
 def by_output(layer: Arrays, outputs: int) -> Arrays:
-    """The same layer output by output, (outputs, words, WORD), as `kernels.classifier_finish.mix_row` reads it."""
+    """The same layer output by output, (outputs, words, WORD), as the last layer is read."""
     blocks, words = layer["weights"].shape[:2]
     rows = layer["weights"].transpose(0, 2, 1, 3).reshape(blocks * BLOCK, words, WORD)
     return {"weights": rows[:outputs], "scale": layer["scale"][:outputs], "bias": layer["bias"][:outputs]}

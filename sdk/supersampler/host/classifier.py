@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import address, load_kernel
+from supersampler.host.compiler import LINE, address, aligned, load_kernel
 from supersampler.host.network import ALIGNED, ByteNetwork, Encoder
 from supersampler.host.reading import PAD, Planes, Reader, Samples
 from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_of, gaussian, up_to
@@ -29,7 +29,7 @@ class ClassifierHistory:
         render: size of that frame.
         pixels: (H, W, PIXEL) linear RGB, count, least and most luma.
         classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
-        surfaces: (2, h, stride) depth as it is and without thin things.
+        surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
         jitter: of that frame.
         exposure: of that frame; 0 where there is none.
     """
@@ -53,8 +53,8 @@ class _Space:
         self.x, self.y = Axis(big_w, w), Axis(big_h, h)
         self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
         self.samples = Samples(render)
-        self.whole = np.zeros((big_h * width + LANES, WHOLE), np.float32)
-        self.halves = np.zeros((big_h * width, HALVES), np.uint16)
+        self.whole = aligned((big_h * width + LANES, WHOLE))
+        self.halves = aligned((big_h * width, HALVES), np.uint16)
         self.means = np.zeros((half[1], 2, self.half_stride), np.float32)
         self.encoder = Encoder(host.network, half, host.bands)
         self.scratch = [_Scratch(self) for _ in range(host.bands.threads)]
@@ -111,9 +111,9 @@ class ClassifierHost:
         (w, h), (big_w, big_h) = render, display
         return ClassifierHistory(
             render,
-            np.zeros((big_h, big_w, PIXEL), np.float32),
+            aligned((big_h, big_w, PIXEL)),
             np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
-            np.zeros((2, h, up_to(w, LANES)), np.float32),
+            np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
         )
 
     def fits(self, buffers: ClassifierHistory, display: Size, render: Size) -> bool:
@@ -154,7 +154,7 @@ class ClassifierHost:
             "history.color": pixels[None, ..., :3].transpose(0, 3, 1, 2),
             "history.state": pixels[None, ..., 3:6].transpose(0, 3, 1, 2),
             "history.classes": buffers.classes[None, ..., :CLASSES].transpose(0, 3, 1, 2) / np.float32(ALL),
-            "history.depth": buffers.surfaces[None, :, :, :w],
+            "history.depth": buffers.surfaces[None, :, PAD : PAD + w].transpose(0, 3, 1, 2),
             "history.jitter": np.array([buffers.jitter]),
             "history.exposure": np.array([buffers.exposure]),
         }
@@ -167,7 +167,9 @@ class ClassifierHost:
         pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
         shares = np.round(tensors["history.classes"][0].transpose(1, 2, 0) * ALL)
         buffers.classes[..., :CLASSES] = np.clip(shares, 0.0, ALL)
-        buffers.surfaces[:, :, :w] = tensors["history.depth"][0]
+        depth = tensors["history.depth"][0].transpose(1, 2, 0)
+        room = PAD, buffers.surfaces.shape[1] - w - PAD
+        buffers.surfaces[:] = np.pad(depth, ((0, 0), room, (0, 0)), "edge")
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -175,7 +177,6 @@ class ClassifierHost:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
         s, c, read = space, self._config, space.samples
         (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
-        old_stride, surfaces = past.surfaces.shape[2], address(past.surfaces)
         numbers = np.array(
             [
                 left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
@@ -184,9 +185,8 @@ class ClassifierHost:
             np.float32,
         )  # fmt: skip
         inputs = (
-            *(address(a) for a in (read.color, read.nearest, read.edges, read.across, read.down)),
-            read.stride,
-            address(past.pixels), surfaces, surfaces + 4 * old_h * old_stride, old_stride,
+            address(read.color), address(read.front), address(read.own), read.stride,
+            address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
             *(address(a) for a in (s.y.samples, s.down, s.x.samples, s.across)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,
@@ -241,6 +241,7 @@ class ClassifierHost:
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
             0 if weight is None else address(weight), int(weight is not None),
+            int(big_w % LANES == 0 and address(image) % LINE == 0),
         )  # fmt: skip
 
         def rows(y0: int, y1: int, worker: int) -> None:

@@ -20,11 +20,13 @@ from pathlib import Path
 from typing import Any
 
 import llvmlite.binding as llvm
+import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.image_io import replacing
 
+LINE = 64
 Call = Callable[..., None]
 
 _POINTER, _INTEGER, _FLOAT = "p", "i", "f"
@@ -62,6 +64,14 @@ def address(array: NDArray[Any]) -> int:
     if not array.flags.c_contiguous:
         raise ValueError("not C-contiguous")
     return int(array.ctypes.data)
+
+
+def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> NDArray[Any]:
+    """Zeros that begin where a line of the processor's caches does."""
+    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
+    room = np.zeros(size + LINE, np.uint8)
+    first = -room.ctypes.data % LINE
+    return room[first : first + size].view(dtype).reshape(shape)
 
 
 def cache_folder() -> Path:

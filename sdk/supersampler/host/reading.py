@@ -35,7 +35,7 @@ class Samples:
         self.stride = stride = up_to(w, LANES)
         self.color = np.zeros((h, stride, LANES), np.float32)
         self.depths, self.across, self.down, self.eroded = np.zeros((4, h, stride + 2 * PAD), np.float32)
-        self.nearest, self.edges = np.zeros((h, 3, stride), np.float32), np.zeros((h, stride), np.float32)
+        self.front, self.own = np.zeros((2, h, stride, 4), np.float32)
 
 
 class Reader:
@@ -71,7 +71,7 @@ class Reader:
                 *inputs, exposure, w, stride, y0, y1, color, depths, across, down
             ),
         )
-        found = [address(plane) for plane in (to.nearest, to.edges, to.eroded)]
+        found = [address(plane) for plane in (to.front, to.own, to.eroded)]
         self._bands.run(
             h, lambda y0, y1, _: self._closest(depths, across, down, w, h, stride, y0, y1, *found)
         )

@@ -28,7 +28,7 @@ class TaauHistory:
     Attributes:
         render: size of that frame.
         pixels: (H, W, PIXEL).
-        surface: (3, h, stride) depth without thin things, mean and deviation of luma.
+        surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
         jitter: of that frame.
         exposure: of that frame; 0 where there is none.
     """
@@ -92,7 +92,7 @@ class TaauHost:
         """See `Executor`."""
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, PIXEL), np.float32)
-        return TaauHistory(render, pixels, np.zeros((3, h, up_to(w, LANES)), np.float32))
+        return TaauHistory(render, pixels, np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -124,10 +124,11 @@ class TaauHost:
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
         """See `Executor`."""
+        w = buffers.render[0]
         tensors = {
             "history.color": buffers.pixels[None, ..., :3].transpose(0, 3, 1, 2),
             "history.samples": buffers.pixels[None, ..., 3:].transpose(0, 3, 1, 2),
-            "history.surface": buffers.surface[None, :, :, : buffers.render[0]],
+            "history.surface": buffers.surface[None, :, PAD : PAD + w, :3].transpose(0, 3, 1, 2),
             "history.jitter": np.array([buffers.jitter]),
             "history.exposure": np.array([buffers.exposure]),
         }
@@ -137,7 +138,9 @@ class TaauHost:
         """See `Executor`."""
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
-        buffers.surface[:, :, : buffers.render[0]] = tensors["history.surface"][0]
+        surface, w = tensors["history.surface"][0].transpose(1, 2, 0), buffers.render[0]
+        room = PAD, buffers.surface.shape[1] - w - PAD
+        buffers.surface[..., :3] = np.pad(surface, ((0, 0), room, (0, 0)), "edge")
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -167,8 +170,8 @@ class TaauHost:
         )  # fmt: skip
         near_x, near_y = s.x.weights(self._near, scaled=True), s.y.weights(self._near, scaled=True)
         inputs = (
-            address(read.color), address(read.nearest), address(left.surface), read.stride,
-            address(past.pixels), address(past.surface), past.surface.shape[2],
+            address(read.color), address(read.front), address(left.surface), read.stride,
+            address(past.pixels), address(past.surface), past.surface.shape[1],
             *(address(a) for a in (s.y.samples, s.down, near_y, s.x.samples, s.across, near_x)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,

@@ -150,6 +150,23 @@ def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 
 @intrinsic
+def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
+    """Like `store`, past the caches: for what is not read again soon. At multiples of the vector's bytes."""
+    element = pointer.dtype
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        value = args[2]
+        if element == types.uint16:
+            value = builder.fptrunc(value, ir.VectorType(ir.HalfType(), vector.lanes))
+        written = builder.store(value, _place(builder, args[0], args[1], value.type))
+        written.align = vector.lanes * element.bitwidth // 8
+        written.set_metadata("nontemporal", builder.module.add_metadata([ir.Constant(_I32, 1)]))
+        return context.get_dummy_value()
+
+    return types.void(pointer, types.intp, vector), make
+
+
+@intrinsic
 def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> Any:
     """Write the lanes of a vector two by two, `pitch` apart."""
 
@@ -365,29 +382,32 @@ evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
 odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
 low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
 high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
-shifted_in = _shuffler(lambda n: list(range(n - 1, 2 * n - 1)))  # the last lane of one, then all but the other's last
+shifted_in = _shuffler(
+    lambda n: list(range(n - 1, 2 * n - 1))
+)  # the last lane of one, then all but the other's last
 shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
 
 
-@intrinsic
-def store_threes(_: Any, pointer: Any, index: Any, first: Any, second: Any, third: Any) -> Any:
-    """Write three vectors in turns: a lane of each, then the next."""
-    n = first.lanes
+def _thirds(part: int) -> Callable[..., Any]:
+    def third(_: Any, first: Any, second: Any, third: Any) -> Any:
+        n = first.lanes
 
-    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        pointer, index, a, b, c = args
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
+                return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
 
-        def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
-            return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+            lanes = [divmod(i, 3) for i in range(part * n, part * n + n)]  # lane, and of which vector
+            pairs = mixed(args[0], args[1], [lane + n * (which == 1) for lane, which in lanes])
+            order = [n + lane if which == 2 else i for i, (lane, which) in enumerate(lanes)]
+            return mixed(pairs, args[2], order)
 
-        pairs = mixed(a, b, list(range(2 * n)))
-        thirds = mixed(c, c, list(range(2 * n)))
-        order = [2 * n + i // 3 if i % 3 == 2 else i // 3 + n * (i % 3) for i in range(3 * n)]
-        value = mixed(pairs, thirds, order)
-        builder.store(value, _place(builder, pointer, index, value.type)).align = 4
-        return context.get_dummy_value()
+        return first(first, second, third), make
 
-    return types.void(pointer, types.intp, first, second, third), make
+    return intrinsic(third)
+
+
+first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
+"""Parts of three vectors in turns: a lane of each, then the next."""
 
 
 @njit
@@ -434,10 +454,8 @@ def load_columns8(pointer: Any, index: int) -> Any:
 
 
 @njit
-def load_columns4(pointer: Any, index: int) -> Any:
-    """Sixteen pixels of four channels each, as four vectors of a channel each."""
-    p = pointer
-    rows = load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)
+def columns4(rows: Any) -> Any:
+    """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
     for _ in range(4):
         a, b, c, d = rows
         rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
@@ -445,13 +463,46 @@ def load_columns4(pointer: Any, index: int) -> Any:
 
 
 @njit
-def store_rows8(pointer: Any, index: int, columns: Any) -> None:
-    """Write eight vectors of a channel each as sixteen pixels of eight channels each."""
+def load_columns4(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of four channels each, as four vectors of a channel each."""
+    p = pointer
+    return columns4((load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)))
+
+
+@njit
+def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
+    """Four values each of four places."""
+    p, i, o = pointer, first, offset
+    upper = joined(load4(p, pitch * places[i] + o), load4(p, pitch * places[i + 1] + o))
+    return joined(upper, joined(load4(p, pitch * places[i + 2] + o), load4(p, pitch * places[i + 3] + o)))
+
+
+@njit
+def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
+    """Four values each of sixteen places, from pitch * place + offset on, as four vectors; a load a place."""
+    i = first
+    return columns4((
+        four_places(pointer, places, i, pitch, offset), four_places(pointer, places, i + 4, pitch, offset),
+        four_places(pointer, places, i + 8, pitch, offset), four_places(pointer, places, i + 12, pitch, offset),
+    ))  # fmt: skip
+
+
+@njit
+def rows4(columns: Any) -> Any:
+    """Four vectors of a channel each as four vectors of four pixels each."""
+    for _ in range(2):
+        a, b, c, d = columns
+        columns = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
+    return columns
+
+
+@njit
+def rows8(columns: Any) -> Any:
+    """Eight vectors of a channel each as sixteen pixels of eight channels each."""
     for _ in range(3):
         a, b, c, d, e, f, g, h = columns
         columns = (
             low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
             low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
         )  # fmt: skip
-    for i in range(8):
-        store(pointer, index + 16 * i, columns[i])
+    return columns

@@ -33,8 +33,10 @@ from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.vector import (
     absolute,
     dot4,
+    first_third,
     float_of,
     floor,
+    last_third,
     load4,
     load8,
     load16,
@@ -43,13 +45,14 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     ramp16,
+    rows8,
+    second_third,
     select,
     shifted_in,
     shifted_out,
     spread16,
     store,
-    store_rows8,
-    store_threes,
+    stream,
     to_float,
     to_int,
     zipped,
@@ -62,7 +65,9 @@ WIDE = 16  # words of what the hidden layer gives
 
 
 @njit
-def mix_row(hidden, words, weights, scales, biases, half_width, pitch, columns, out, logits, scale, classes, to):
+def mix_row(
+    hidden, words, weights, scales, biases, half_width, pitch, columns, out, logits, scale, classes, to
+):
     """The last layer of a row of packed pixels, (4 SAID, pitch), and the shares of their classes.
 
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
@@ -98,10 +103,23 @@ def eight_sums(columns, words, weights, first):
 @njit
 def hold(columns, logits, scale, count, classes, to):
     """Shares of the classes of up to sixteen packed pixels, eight bytes each."""
-    a, b, c = odds_of(columns, logits, scale), odds_of(columns, logits + 1, scale), odds_of(columns, logits + 2, scale)
-    d, e, f = odds_of(columns, logits + 3, scale), odds_of(columns, logits + 4, scale), odds_of(columns, logits + 5, scale)
+    a, b, c = (
+        odds_of(columns, logits, scale),
+        odds_of(columns, logits + 1, scale),
+        odds_of(columns, logits + 2, scale),
+    )
+    d, e, f = (
+        odds_of(columns, logits + 3, scale),
+        odds_of(columns, logits + 4, scale),
+        odds_of(columns, logits + 5, scale),
+    )
     one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
-    low = share(a * one) | share(b * one) << np.int32(8) | share(c * one) << np.int32(16) | share(d * two) << np.int32(24)
+    low = (
+        share(a * one)
+        | share(b * one) << np.int32(8)
+        | share(c * one) << np.int32(16)
+        | share(d * two) << np.int32(24)
+    )
     high = share(e * two) | share(f * two) << np.int32(8)
     store(columns, 0, low)
     store(columns, 16, high)
@@ -207,7 +225,7 @@ def added(sums, weight, color):
 @njit
 def compose_row(
     y, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, row_near, across, down,
-    near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight, tells,
+    near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight, tells, streams,
 ):  # fmt: skip
     """Compose a row, count, and go back to linear RGB."""
     zero = spread16(np.float32(0.0))
@@ -231,8 +249,12 @@ def compose_row(
         begun = select(known, count * load16(halves, half + 16 * SURFACE) + 1e-3, 0.0)
         none = zero, zero, zero, zero
         past = added(none, begun * factor(said(mixing, mixing_pitch, m, pixels)), color)
-        past = added(past, other * factor(said(mixing, mixing_pitch, m + 1, pixels)), cut_to_box(color, halves, half))
-        past = added(past, other * factor(said(mixing, mixing_pitch, m + 2, pixels)), three(whole, at + 16 * OWN))
+        past = added(
+            past, other * factor(said(mixing, mixing_pitch, m + 1, pixels)), cut_to_box(color, halves, half)
+        )
+        past = added(
+            past, other * factor(said(mixing, mixing_pitch, m + 2, pixels)), three(whole, at + 16 * OWN)
+        )
         kept = past[3]
         # this frame
         for k in range(9):
@@ -270,17 +292,27 @@ def compose_row(
         least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
         most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
         least, most = luma + held * (least - luma), luma + held * (most - luma)
-        if x + 16 <= big_w:
-            pixel = y * big_w + x
-            store_rows8(history, 8 * pixel, (r, g, b, worth, least, most, zero, zero))
-            store_threes(image, 3 * pixel, r, g, b)
-        else:
-            store_rows8(out, 0, (r, g, b, worth, least, most, zero, zero))
-            for i in range(big_w - x):
-                pixel = y * big_w + x + i
-                store(history, 8 * pixel, load8(out, 8 * i))
-                for c in range(3):
-                    image[3 * pixel + c] = out[8 * i + c]
+        remember(r, g, b, worth, least, most, y * big_w + x, big_w - x, streams, history, image, out)
+
+
+@njit
+def remember(r, g, b, count, least, most, pixel, room, streams, history, image, out):
+    """Write up to sixteen pixels of the picture, and what goes from frame to frame."""
+    zero = count * 0.0
+    rows = rows8((r, g, b, count, least, most, zero, zero))
+    if streams:
+        for i in range(8):
+            stream(history, 8 * pixel + 16 * i, rows[i])
+        stream(image, 3 * pixel, first_third(r, g, b))
+        stream(image, 3 * pixel + 16, second_third(r, g, b))
+        stream(image, 3 * pixel + 32, last_third(r, g, b))
+    else:
+        for i in range(8):
+            store(out, 16 * i, rows[i])
+        for i in range(min(16, room)):
+            store(history, 8 * (pixel + i), load8(out, 8 * i))
+            for c in range(3):
+                image[3 * (pixel + i) + c] = out[8 * i + c]
 
 
 def finish_rows(
@@ -292,7 +324,7 @@ def finish_rows(
     whole: Floats, halves: Halves, width: int, samples: Floats, stride: int, w: int, h: int,
     columns_near: Words, rows_near: Words, across: Floats, down: Floats, near: Words, factors: Floats,
     out: Floats, big_w: int, big_h: int, exposure: float, most_samples: float, contraction: float,
-    history: Floats, image: Floats, weight: Floats, tells: int, y0: int, y1: int,
+    history: Floats, image: Floats, weight: Floats, tells: int, streams: int, y0: int, y1: int,
 ):  # fmt: skip
     """Decode, compose and remember packed rows y0 to y1.
 
@@ -319,5 +351,5 @@ def finish_rows(
             compose_row(
                 row, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, rows_near[row],
                 across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction,
-                history, image, weight, tells,
+                history, image, weight, tells, streams,
             )  # fmt: skip

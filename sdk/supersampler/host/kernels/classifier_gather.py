@@ -23,18 +23,17 @@ from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.kernels.warp import (
     aim,
     aim_own,
+    around,
     filter_row,
     followed,
     hidden,
-    neighbours_of,
     on_screen,
     warp,
 )
 from supersampler.host.vector import (
     absolute,
     floor,
-    gather,
-    load16,
+    gather4,
     load_columns,
     maximum,
     minimum,
@@ -42,8 +41,8 @@ from supersampler.host.vector import (
     select,
     square_root,
     store,
+    stream,
     to_float,
-    to_int,
 )
 
 TONED = 1.0 - 1e-4
@@ -70,21 +69,22 @@ def toned_at(numbers, r, g, b):
 def put_all(planes, at, values):
     """Store vectors one after the other."""
     for c, value in enumerate(values):
-        store(planes, at + 16 * c, value)
+        stream(planes, at + 16 * c, value)
 
 
 @njit
-def look_back(depth, px, py, on, history_depth, opened, old_stride, numbers):
+def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     """Whether the past shows what is there now, and how depth differs (equation 10)."""
-    old_w, old_h = np.int32(numbers[OLD_W]), np.int32(numbers[OLD_H])
+    old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
-    around = neighbours_of(x, y, old_w, old_h, old_stride)
-    cover = hidden(depth, around, opened, numbers[MARGIN], numbers[RAMP])
+    weights = around(x, y, old_w, old_h, wide, places)
+    a, b, c, d = gather4(surfaces, places, 0, 2, 0)
+    e, f, g, h = gather4(surfaces, places, 16, 2, 0)
+    cover = hidden(depth, weights, (b, d, f, h), numbers[MARGIN], numbers[RAMP])
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
-    column = minimum(maximum(to_int(floor(x + 0.5)), np.int32(0)), old_w - np.int32(1))
-    row = minimum(maximum(to_int(floor(y + 0.5)), np.int32(0)), old_h - np.int32(1))
-    there = gather(history_depth, row * np.int32(old_stride) + column)
+    right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
+    there = select(low, select(right, g, e), select(right, c, a))
     apart = (there - depth) / maximum(maximum(there, depth), 1e-12)
     return surface, select(depth >= 0.0, clamped(apart, -1.0, 1.0), 0.0)
 
@@ -138,8 +138,8 @@ def apart_of(a, b):
 
 
 def gather_rows(
-    samples: Floats, nearest: Floats, edges: Floats, across: Floats, down: Floats, stride: int,
-    history: Floats, depths: Floats, opened: Floats, old_stride: int, rows: Words, row_weights: Floats,
+    samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
+    old_wide: int, rows: Words, row_weights: Floats,
     columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
     rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, line: Floats,
     filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats,
@@ -148,13 +148,12 @@ def gather_rows(
 ):  # fmt: skip
     """All that is known of rows y0 to y1 before the network speaks.
 
-    samples to down: of `frame`; history (H, W, 8), depths and opened (h', old_stride): what is past; rows to
-    rows_near: where display pixels look; line to apart: scratch; whole (H, width / 16, WHOLE, 16),
+    samples, front, own, surfaces: of `frame`, the last of the one before; history (H, W, 8); rows to rows_near: where display pixels look; line to apart: scratch; whole (H, width / 16, WHOLE, 16),
     halves (H, width / 16, HALVES, 16), records, means (H / 2, 2, half_stride): what is found. y0 is even.
     """
     w_big, h_big = numbers[BIG_W], numbers[BIG_H]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    padded, wide = stride + 2 * PAD, width + 2 * PAD
+    wide = width + 2 * PAD
     for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
         inside = y0 <= y < y1
         ring_row = (y % 4) * SEEN * width
@@ -162,15 +161,12 @@ def gather_rows(
             filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
         for x in range(0, width, 16):
             lane = to_float(ramp16() + np.int32(x))
-            at = load16(lefts, x) + np.int32(tops[y] * 3 * stride)
-            depth = gather(nearest, at)
-            mx = gather(nearest, at + np.int32(stride)) * scale_x
-            my = gather(nearest, at + np.int32(2 * stride)) * scale_y
+            depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+            mx, my = mx * scale_x, my * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            near = load16(columns_near, x)
-            at = near + np.int32(rows_near[y] * padded + PAD)
-            ox, oy = followed(lane, y, gather(across, at) * scale_x, gather(down, at) * scale_y, w_big, h_big)
+            own_x, own_y, edge, _ = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
+            ox, oy = followed(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
             store(places, x, px)
             store(places, width + x, py)
             aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
@@ -184,11 +180,11 @@ def gather_rows(
             if not inside:
                 continue
             soft = toned_at(numbers, q[4], q[5], q[6])
-            own = toned_at(numbers, q[12], q[13], q[14])
+            moved = toned_at(numbers, q[12], q[13], q[14])
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
             count = select(on, q[7], 0.0)
-            put_all(whole, (y * width + x) * WHOLE, (*past, *own, count, q[8], q[9]))
-            surface, difference = look_back(depth, px, py, on, depths, opened, old_stride, numbers)
+            put_all(whole, (y * width + x) * WHOLE, (*past, *moved, count, q[8], q[9]))
+            surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
             frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
             found = (*frame, *sample, confidence, *mean, *reach, *detail, surface)
             put_all(halves, (y * width + x) * HALVES, found)
@@ -214,7 +210,7 @@ def gather_rows(
             put(seen, see.SURFACE * width + to, surface)
             put(seen, see.SPEED * width + to, speed / (speed + 4.0))
             put(seen, see.BLUR * width + to, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
-            put(seen, see.EDGE * width + to, gather(edges, near + np.int32(rows_near[y] * stride)))
+            put(seen, see.EDGE * width + to, edge)
         if inside and y % 2 == 0:
             half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
             recall(classes, places, width, half_w, half_h, records, y // 2 * half_row * see.RECORD)

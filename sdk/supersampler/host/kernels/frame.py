@@ -20,11 +20,13 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     ramp16,
+    rows4,
     select,
     spread16,
     store,
     sum_of_lanes,
     transposed,
+    zipped,
 )
 
 PAD = 16  # columns before and after a plane that 3x3 neighbourhoods reach into
@@ -93,11 +95,12 @@ def repeat_ends(plane, first, count):
 
 def closest(
     depths: Floats, across: Floats, down: Floats, w: int, h: int, stride: int, y0: int, y1: int,
-    nearest: Floats, edges: Floats, eroded: Floats,
+    front: Floats, own: Floats, eroded: Floats,
 ):  # fmt: skip
-    """The closest of four samples and its motion, the range of depth in 3x3, and the farthest.
+    """What is in front of rows y0 to y1, what they are themselves, and the farthest of 3x3 samples.
 
-    nearest (h, 3, stride): depth, motion; edges (h, stride); eroded: as `depths`.
+    front (h, stride, 4): depth and motion of the closest of four samples; own (h, stride, 4): motion, and the
+    range of depth in 3x3; eroded: as `depths`.
     """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
@@ -108,31 +111,50 @@ def closest(
                 for column in range(-1, 2):
                     d = load16(depths, row + x + column)
                     near, far = maximum(d, near), minimum(d, far)
-            edge = (near - maximum(far, 0.0)) / maximum(near, 1e-12)
-            store(edges, y * stride + x, clamped(edge, 0.0, 1.0))
+            edge = clamped((near - maximum(far, 0.0)) / maximum(near, 1e-12), 0.0, 1.0)
             store(eroded, here + x, far)
             d, mx, my = load16(depths, here + x), load16(across, here + x), load16(down, here + x)
+            fours(own, 4 * (y * stride + x), mx, my, edge)
             for at in (here + x + 1, below + x, below + x + 1):
                 other = load16(depths, at)
                 closer = other > d
                 d = select(closer, other, d)
                 mx, my = select(closer, load16(across, at), mx), select(closer, load16(down, at), my)
-            to = (y * 3) * stride + x
-            store(nearest, to, d)
-            store(nearest, to + stride, mx)
-            store(nearest, to + 2 * stride, my)
+            fours(front, 4 * (y * stride + x), d, mx, my)
         repeat_ends(eroded, here, w)
 
 
-def surfaces(depths: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, left: Floats):
-    """Depth as it is, and without thin things, (2, h, stride): what the next frame looks back on."""
+@njit
+def fours(out, at, first, second, third):
+    """Write three vectors as sixteen samples of four values."""
+    for i, row in enumerate(rows4((first, second, third, first * 0.0))):
+        store(out, at + 16 * i, row)
+
+
+@njit
+def opened_at(eroded, above, here, below, x):
+    """Depth without thin things, of sixteen samples."""
+    opened = load16(eroded, here + x)
+    for row in (above, here, below):
+        for column in range(-1, 2):
+            opened = maximum(load16(eroded, row + x + column), opened)
+    return opened
+
+
+def surfaces(
+    depths: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, left: Floats,
+):  # fmt: skip
+    """Depth as it is, and without thin things: what the next frame looks back on.
+
+    left (h, stride + 2 PAD, 2): ends repeat the border.
+    """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, here, below = max(y - 1, 0) * wide + PAD, y * wide + PAD, min(y + 1, h - 1) * wide + PAD
         for x in range(0, w, 16):
-            opened = load16(eroded, here + x)
-            for row in (above, here, below):
-                for column in range(-1, 2):
-                    opened = maximum(load16(eroded, row + x + column), opened)
-            store(left, y * stride + x, load16(depths, here + x))
-            store(left, (h + y) * stride + x, opened)
+            opened = opened_at(eroded, above, here, below, x)
+            store(left, 2 * (here + x), zipped(load16(depths, here + x), opened))
+        for x in range(PAD):
+            for c in range(2):
+                left[2 * (here - 1 - x) + c] = left[2 * here + c]
+                left[2 * (here + w + x) + c] = left[2 * (here + w - 1) + c]

@@ -13,23 +13,23 @@ from supersampler.host.kernels.colors import (
     toned,
     ycocg,
 )
-from supersampler.host.kernels.frame import PAD
+from supersampler.host.kernels.frame import PAD, fours, opened_at
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import (
     aim,
+    around,
     filter_row,
     filter_row4,
     followed,
     hidden,
     mean_of,
-    neighbours_of,
     on_screen,
     warp5,
 )
 from supersampler.host.vector import (
     absolute,
     floor,
-    gather,
+    gather4,
     load4,
     load16,
     load_columns,
@@ -67,35 +67,37 @@ def shade(
     samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
     surface: Floats,
 ):  # fmt: skip
-    """What rows y0 to y1 leave for the next frame, (3, h, stride): depth without thin things, `shade_of`.
+    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`.
 
-    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch.
+    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
+    repeat the border.
     """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
         for x in range(0, w, 16):
-            opened = load16(eroded, y * wide + PAD + x)
-            luma = square = seen = opened * 0.0
+            luma = square = seen = load16(eroded, 0) * 0.0
             for row in (above, y, below):
-                for column in range(-1, 2):
-                    opened = maximum(load16(eroded, row * wide + PAD + x + column), opened)
                 q = load_columns(samples, (row * stride + x) * 16)
                 luma, square, seen = luma + q[8], square + q[11], seen + q[14]
-            store(surface, y * stride + x, opened)
             store(line, PAD + x, luma)
             store(line, wide + PAD + x, square)
             store(line, 2 * wide + PAD + x, seen)
         for c in range(3):
             first = c * wide + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
+        here = y * wide + PAD
         for x in range(0, w, 16):
             seen = sum3(line, 2 * wide + PAD + x)
             scale = 1.0 / maximum(seen, 9e-6)
             mean = sum3(line, PAD + x) * scale
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
-            store(surface, (h + y) * stride + x, mean)
-            store(surface, (2 * h + y) * stride + x, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+            opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
+            fours(surface, 4 * (here + x), opened, mean, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+        for x in range(PAD):
+            for c in range(4):
+                surface[4 * (here - 1 - x) + c] = surface[4 * here + c]
+                surface[4 * (here + w + x) + c] = surface[4 * (here + w - 1) + c]
 
 
 @njit
@@ -182,8 +184,8 @@ def mixed(a, b, share):
 
 
 def step_rows(
-    samples: Floats, nearest: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
-    old_stride: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
+    samples: Floats, front: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
+    old_wide: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
     column_weights: Floats, column_near: Floats, lefts: Words, columns_near: Words, tops: Words,
     rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats, filtered: Floats,
     near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
@@ -191,46 +193,47 @@ def step_rows(
 ):  # fmt: skip
     """Rows y0 to y1 of the picture, and what the next frame looks back on.
 
-    samples, nearest: of `frame`; surface: of `shade`; history (H, W, PIXEL), before (3, h', old_stride): what
-    is past; rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
+    samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history (H, W,
+    PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
     `tells`): what comes out.
     """
-    h, old_w, old_h = np.int64(numbers[H]), np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
+    old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    plane, old_plane = h * stride, old_h * old_stride
+    wide = stride + 2 * PAD
     for y in range(y0, y1):
         filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
         filter_row4(samples, rows, row_near, columns, column_near, line, stride, big_w, y, near)
         for x in range(0, width, 16):
             lane = to_float(ramp16() + np.int32(x))
-            at = load16(lefts, x) + np.int32(tops[y] * 3 * stride)
-            depth = gather(nearest, at)
-            mx = gather(nearest, at + np.int32(stride)) * scale_x
-            my = gather(nearest, at + np.int32(2 * stride)) * scale_y
+            depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+            mx, my = mx * scale_x, my * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
             aim(px, py, big_w, big_h, PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
             warp5(history, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
-            r, g, b = toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e)
+            past = ycocg(*toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e))
             # the surface that the past shows, and its light
             sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
-            around = neighbours_of(sx, sy, old_w, old_h, old_stride)
-            cover = hidden(depth, around, before, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
+            shares = around(sx, sy, old_w, old_h, old_wide, slots)
+            a, b = gather4(before, slots, 0, 4, 0), gather4(before, slots, 0, 4, 4)
+            c, d = gather4(before, slots, 16, 4, 0), gather4(before, slots, 16, 4, 4)
+            depths = a[0], b[0], c[0], d[0]
+            cover = hidden(depth, shares, depths, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
             same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
-            mean, spread = mean_of(before, around, old_plane), mean_of(before, around, 2 * old_plane)
+            mean = mean_of((a[1], b[1], c[1], d[1]), shares)
+            spread = mean_of((a[2], b[2], c[2], d[2]), shares)
             dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
-            at = load16(columns_near, x) + np.int32(rows_near[y] * stride)
-            now, spread_now = gather(surface, at + np.int32(plane)), gather(surface, at + np.int32(2 * plane))
+            _, now, spread_now, _ = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
             changed = light_changed(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
             tx, ty = px - floor(px), py - floor(py)
             color, count, power, kept = blend(
-                numbers, present_of(filtered, near, x, numbers[FRAME_SHARPNESS]), ycocg(r, g, b), q[6], q[7],
+                numbers, present_of(filtered, near, x, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
                 same, 1.0 - changed, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip

@@ -4,9 +4,9 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.colors import clamped
+from supersampler.host.kernels.frame import PAD
 from supersampler.host.vector import (
     floor,
-    gather,
     load4,
     load8,
     load16,
@@ -163,33 +163,36 @@ def followed(lane, y, mx, my, width, height):
 
 
 @njit
-def neighbours_of(x, y, w, h, stride):
-    """Offsets and weights of the four samples around places in a plane of (h, stride)."""
+def around(x, y, w, h, wide, places):
+    """Where the four samples around places in the past are, and with what weights they count.
+
+    places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD samples,
+    `wide` from row to row, whose ends repeat the border.
+    """
     fx, fy = floor(x), floor(y)
-    left, top, tx, ty = to_int(fx), to_int(fy), x - fx, y - fy
-    x0 = minimum(maximum(left, np.int32(0)), np.int32(w - 1))
-    x1 = minimum(maximum(left + np.int32(1), np.int32(0)), np.int32(w - 1))
-    y0 = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(stride)
-    y1 = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(stride)
+    tx, ty = x - fx, y - fy
+    left = minimum(maximum(to_int(fx), np.int32(1 - PAD)), np.int32(w + PAD - 2)) + np.int32(PAD)
+    top = to_int(fy)
+    upper = minimum(maximum(top, np.int32(0)), np.int32(h - 1)) * np.int32(wide)
+    lower = minimum(maximum(top + np.int32(1), np.int32(0)), np.int32(h - 1)) * np.int32(wide)
+    store(places, 0, upper + left)
+    store(places, 16, lower + left)
     sx, sy = 1.0 - tx, 1.0 - ty
-    return (y0 + x0, sx * sy), (y0 + x1, tx * sy), (y1 + x0, sx * ty), (y1 + x1, tx * ty)
+    return sx * sy, tx * sy, sx * ty, tx * ty
 
 
 @njit
-def hidden(depth, around, history_depth, margin, ramp):
-    """Share of the four samples `around` a place in the past that were closer than `depth`; see `covered`."""
+def hidden(depth, weights, befores, margin, ramp):
+    """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
     share = depth * 0.0
-    for at, weight in around:
-        before = gather(history_depth, at)
+    for before, weight in zip(befores, weights):
         closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
         share = share + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
     return select(depth >= 0.0, share, 0.0)
 
 
 @njit
-def mean_of(plane, around, offset):
-    """Linear interpolation of the four samples `around` a place, `offset` values on."""
-    mean = around[0][1] * 0.0
-    for at, weight in around:
-        mean = mean + gather(plane, at + np.int32(offset)) * weight
-    return mean
+def mean_of(values, weights):
+    """Linear interpolation."""
+    upper = values[0] * weights[0] + values[1] * weights[1]
+    return upper + values[2] * weights[2] + values[3] * weights[3]
