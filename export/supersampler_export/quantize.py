@@ -173,7 +173,7 @@ def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
     weights, bias = folded(decoder)
     features = Bytes.of(len(bias), ranges["decoder.0"] / BYTE)
     layers["decoder"] = pixelwise(weights, bias, read, features)
-    record = packed.followed_by(CARRIED).beside(features)
+    record = packed.beside(features)
     weights, bias = folded(network.hidden)
     classes = np.zeros((CLASSES, weights.shape[1]))
     classes[:, len(packed.channel) :] = _weights(network.classes)[:, :, 0, 0]

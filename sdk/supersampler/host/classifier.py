@@ -16,7 +16,7 @@ from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_o
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 
-SEEN, WHOLE, HALVES, MIXING = 18, 9, 17, 80  # see kernels.classifier_seen, _gather, _finish
+SEEN, PAST, REST, MIXING = 18, 3, 23, 80  # see kernels.classifier_seen, _gather, _finish
 PIXEL = 8  # values of a pixel that go from frame to frame: colour, count, range, and two of room
 CLASSES, ALL = 6, 255.0
 
@@ -53,8 +53,8 @@ class _Space:
         self.x, self.y = Axis(big_w, w), Axis(big_h, h)
         self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
         self.samples = Samples(render)
-        self.whole = aligned((big_h * width + LANES, WHOLE))
-        self.halves = aligned((big_h * width, HALVES), np.uint16)
+        self.past = aligned((big_h * width + LANES, PAST))
+        self.rest = aligned((big_h * width, REST), np.uint16)
         self.means = np.zeros((half[1], 2, self.half_stride), np.float32)
         self.encoder = Encoder(host.network, half, host.bands)
         self.scratch = [_Scratch(self) for _ in range(host.bands.threads)]
@@ -73,7 +73,7 @@ class _Scratch:
         self.places, self.apart = np.zeros(2 * width, np.float32), np.zeros(4 * width + 2 * LANES, np.float32)
         self.seen = np.zeros(4 * SEEN * width + 2 * LANES, np.uint8)
         self.tall, self.tent = np.zeros((2, space.half_stride), np.float32)
-        self.read = np.zeros((half_w, 32), np.uint8)
+        self.read, self.decoded = np.zeros((2, half_w, 32), np.uint8)
         self.hidden = np.zeros((half_w, 4 * LANES), np.uint8)
         self.mixing = np.zeros((MIXING, half_w), np.float32)
         self.near, self.factors = np.zeros((LANES, LANES), np.int32), np.zeros((9, LANES), np.float32)
@@ -192,7 +192,7 @@ class ClassifierHost:
             big_w, big_h, s.width,
         )  # fmt: skip
         outputs = (
-            *(address(a) for a in (s.whole, s.halves, past.classes)), s.encoder.records.shape[1],
+            *(address(a) for a in (s.past, s.rest, past.classes)), s.encoder.records.shape[1],
             address(s.encoder.records), s.half_stride, address(s.means),
         )  # fmt: skip
 
@@ -227,15 +227,13 @@ class ClassifierHost:
         (w, h), (big_w, big_h) = left.render, (s.x.display, s.y.display)
         across, down = columns_of(s.x.window(self._window)), s.y.window(self._window)
         decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
-        records = address(e.records)
         layers = (
-            decoder.weights, decoder.scale, decoder.bias, records, records,
-            e.records.shape[1] * e.records.shape[2],
+            address(e.records), e.records.shape[1] * e.records.shape[2],
             hidden.weights, hidden.blocks, hidden.scale, hidden.bias,
         )  # fmt: skip
         last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
         gathered = (
-            address(left.classes), address(s.whole), address(s.halves), s.width, address(read.color),
+            address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
             read.stride, w, h, address(s.x.near), address(s.y.near), address(across), address(down),
         )  # fmt: skip
         outputs = (
@@ -246,9 +244,10 @@ class ClassifierHost:
 
         def rows(y0: int, y1: int, worker: int) -> None:
             k = s.scratch[worker]
-            seen, said = address(k.read), address(k.hidden)
+            seen, decoded, said = address(k.read), address(k.decoded), address(k.hidden)
             self._finish(
-                *e.kept, address(e.pitches), seen, seen, *layers, said, said, *last, address(k.mixing),
+                *e.kept, address(e.pitches), seen, seen, decoder.weights, decoder.scale, decoder.bias,
+                decoded, decoded, *layers, said, said, *last, address(k.mixing),
                 *gathered, address(k.near), address(k.factors), address(k.out), *outputs, y0, y1,
             )  # fmt: skip
 

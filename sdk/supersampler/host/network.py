@@ -14,7 +14,7 @@ Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 ROOM = 16  # pixels after a row: kernels do several at once
-RECORD = 28  # words of a record; see kernels.classifier_seen
+RECORD = 20  # words of a record; see kernels.classifier_seen
 
 
 class Layer:

@@ -479,7 +479,7 @@ def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) 
 
 @njit
 def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
-    """Four values each of sixteen places, from pitch * place + offset on, as four vectors; a load a place."""
+    """Four values each of sixteen places, from pitch * place + offset on, as four vectors."""
     i = first
     return columns4((
         four_places(pointer, places, i, pitch, offset), four_places(pointer, places, i + 4, pitch, offset),

@@ -8,18 +8,18 @@ from supersampler.host.kernels.classifier_gather import (
     COUNT,
     DETAIL,
     FRAME,
-    HALVES,
     LEAST,
     MEAN,
     MOST,
     OWN,
     PAST,
     REACH,
+    REST,
     SAMPLE,
     SURFACE,
     TONED,
-    WHOLE,
 )
+from supersampler.host.kernels.classifier_seen import RECORD, SEEN
 from supersampler.host.kernels.colors import (
     clamped,
     largest,
@@ -28,7 +28,7 @@ from supersampler.host.kernels.colors import (
     rgb,
     ycocg,
 )
-from supersampler.host.kernels.network import concatenate_row, pointwise_row
+from supersampler.host.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.vector import (
     absolute,
@@ -143,10 +143,10 @@ def share(value):
 def factor(value):
     """e^x, to 1e-5 of it: steps of bytes are larger."""
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
-    whole = floor(x + 0.5)
-    f = x - whole
+    past_planes = floor(x + 0.5)
+    f = x - past_planes
     p = (((f * 9.5801966e-3 + 5.5041548e-2) * f + 2.4024747e-1) * f + 6.9315311e-1) * f + 1.0
-    return p * float_of((to_int(whole) + np.int32(127)) << np.int32(23))
+    return p * float_of((to_int(past_planes) + np.int32(127)) << np.int32(23))
 
 
 @njit
@@ -157,27 +157,27 @@ def said(mixing, pitch, number, half):
 
 
 @njit
-def moved_past(whole, above, at, below, halves, half, lane, big_w, sharp, up, left, right, low):
+def moved_past(past_planes, above, at, below, rest, half, lane, big_w, sharp, up, left, right, low):
     """The past filtered by the learned cross and sharpened: `Classifier.pasts`, the first."""
     first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
     scale = 1.0 / (up + left + right + low + 1.0)
     r = g = b = sharp
     for c in range(3):
-        p = 16 * (PAST + c)
-        v = load16(whole, at + p)
-        beside = select(first, v, shifted_in(load16(whole, max(at - 16 * WHOLE, 0) + p), v)) * left
-        beside = beside + select(last, v, shifted_out(v, load16(whole, at + 16 * WHOLE + p))) * right
-        moved = v + load16(whole, above + p) * up + beside + load16(whole, below + p) * low
-        v = moved * scale + sharp * load16(halves, half + 16 * (DETAIL + c))
+        p = 16 * c
+        v = load16(past_planes, at + p)
+        beside = select(first, v, shifted_in(load16(past_planes, max(at - 16 * PAST, 0) + p), v)) * left
+        beside = beside + select(last, v, shifted_out(v, load16(past_planes, at + 16 * PAST + p))) * right
+        moved = v + load16(past_planes, above + p) * up + beside + load16(past_planes, below + p) * low
+        v = moved * scale + sharp * load16(rest, half + 16 * (DETAIL + c))
         r, g, b = g, b, clamped(v, 0.0, TONED)
     return r, g, b
 
 
 @njit
-def cut_to_box(color, halves, at):
+def cut_to_box(color, rest, at):
     """`clip_to_center`, back in RGB."""
-    mean = three(halves, at + 16 * MEAN)
-    reach = three(halves, at + 16 * REACH)
+    mean = three(rest, at + 16 * MEAN)
+    reach = three(rest, at + 16 * REACH)
     y, o, g = ycocg(color[0], color[1], color[2])
     y, o, g = y - mean[0], o - mean[1], g - mean[2]
     over = largest(
@@ -197,7 +197,7 @@ def three(planes, at):
 
 @njit
 def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
-    """Sums of sixteen pixels' 3x3 samples by learned weights, (16, 4): red, green, blue and of the weights."""
+    """Sums of sixteen pixels' 3x3 samples by learned weights, (16, 4): of colours, and of the weights."""
     column = load16(columns_near, x)
     for k in range(3):
         inside = minimum(maximum(column + np.int32(k - 1), np.int32(0)), np.int32(w - 1))
@@ -224,36 +224,37 @@ def added(sums, weight, color):
 
 @njit
 def compose_row(
-    y, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, row_near, across, down,
-    near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight, tells, streams,
+    y, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near, row_near, across,
+    down, near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight,
+    tells, streams,
 ):  # fmt: skip
     """Compose a row, count, and go back to linear RGB."""
     zero = spread16(np.float32(0.0))
     above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
     for x in range(0, width, 16):
-        at, half = (y * width + x) * WHOLE, (y * width + x) * HALVES
+        at, half = (y * width + x) * PAST, (y * width + x) * REST
         m, pixels = 2 * SAID * (y % 2), x // 2
         # the past
         lane = ramp16() + np.int32(x)
         color = moved_past(
-            whole, (above + x) * WHOLE, at, (below + x) * WHOLE, halves, half, lane, big_w,
+            past_planes, (above + x) * PAST, at, (below + x) * PAST, rest, half, lane, big_w,
             clamped(said(mixing, mixing_pitch, m + SHARPNESS, pixels), 0.0, SHARPEST),
             factor(said(mixing, mixing_pitch, m + CROSS, pixels)) * SIDE,
             factor(said(mixing, mixing_pitch, m + CROSS + 1, pixels)) * SIDE,
             factor(said(mixing, mixing_pitch, m + CROSS + 2, pixels)) * SIDE,
             factor(said(mixing, mixing_pitch, m + CROSS + 3, pixels)) * SIDE,
         )  # fmt: skip
-        count = load16(whole, at + 16 * COUNT)
+        count = load16(rest, half + 16 * COUNT)
         known = count > 0.0
         other = select(known, count * 0.1 + 1e-3, 0.0)
-        begun = select(known, count * load16(halves, half + 16 * SURFACE) + 1e-3, 0.0)
+        begun = select(known, count * load16(rest, half + 16 * SURFACE) + 1e-3, 0.0)
         none = zero, zero, zero, zero
         past = added(none, begun * factor(said(mixing, mixing_pitch, m, pixels)), color)
         past = added(
-            past, other * factor(said(mixing, mixing_pitch, m + 1, pixels)), cut_to_box(color, halves, half)
+            past, other * factor(said(mixing, mixing_pitch, m + 1, pixels)), cut_to_box(color, rest, half)
         )
         past = added(
-            past, other * factor(said(mixing, mixing_pitch, m + 2, pixels)), three(whole, at + 16 * OWN)
+            past, other * factor(said(mixing, mixing_pitch, m + 2, pixels)), three(rest, half + 16 * OWN)
         )
         kept = past[3]
         # this frame
@@ -262,17 +263,17 @@ def compose_row(
             store(factors, 16 * k, begun * factor(said(mixing, mixing_pitch, m + KERNEL + k, pixels)))
         kernel_of(samples, stride, w, h, row_near, columns_near, x, near, factors, out)
         q = load_columns4(out, 0)
-        frame = three(halves, half + 16 * FRAME)
+        frame = three(rest, half + 16 * FRAME)
         some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
         filtered = (
             select(some, q[0] * scale, frame[0]),
             select(some, q[1] * scale, frame[1]),
             select(some, q[2] * scale, frame[2]),
         )
-        confidence = load16(halves, half + 16 * CONFIDENCE)
+        confidence = load16(rest, half + 16 * CONFIDENCE)
         there = select(q[3] > 0.0, spread16(np.float32(1.0)), zero)
         sampled, beside = there * (confidence + 1e-3), there * 0.05
-        sample = three(halves, half + 16 * SAMPLE)
+        sample = three(rest, half + 16 * SAMPLE)
         now = added(none, sampled * factor(said(mixing, mixing_pitch, m + 3, pixels)), sample)
         now = added(now, beside * factor(said(mixing, mixing_pitch, m + 4, pixels)), frame)
         now = added(now, beside * factor(said(mixing, mixing_pitch, m + 5, pixels)), filtered)
@@ -288,7 +289,7 @@ def compose_row(
         luma = luminance(sample[0], sample[1], sample[2])
         held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
         rate = confidence * contraction
-        least, most = load16(whole, at + 16 * LEAST), load16(whole, at + 16 * MOST)
+        least, most = load16(rest, half + 16 * LEAST), load16(rest, half + 16 * MOST)
         least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
         most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
         least, most = luma + held * (least - luma), luma + held * (most - luma)
@@ -317,31 +318,28 @@ def remember(r, g, b, count, least, most, pixel, room, streams, history, image, 
 
 def finish_rows(
     kept0: Bytes, kept1: Bytes, kept2: Bytes, kept3: Bytes, pitches: Words, read: Bytes, read_words: Words,
-    decoder: Words, decoder_scale: Floats, decoder_bias: Floats, records: Words, record_bytes: Bytes,
-    record_row: int, hidden_weights: Words, blocks: int, hidden_scale: Floats, hidden_bias: Floats,
+    decoder: Words, decoder_scale: Floats, decoder_bias: Floats, decoded: Bytes, decoded_words: Words,
+    records: Words, record_row: int, hidden_weights: Words, blocks: int, hidden_scale: Floats, hidden_bias: Floats,
     hidden: Bytes, hidden_words: Words, logits: int, logits_scale: float, mixing_words: int,
     mixing_weights: Words, mixing_scale: Floats, mixing_bias: Floats, mixing: Floats, classes: Words,
-    whole: Floats, halves: Halves, width: int, samples: Floats, stride: int, w: int, h: int,
+    past_planes: Floats, rest: Halves, width: int, samples: Floats, stride: int, w: int, h: int,
     columns_near: Words, rows_near: Words, across: Floats, down: Floats, near: Words, factors: Floats,
     out: Floats, big_w: int, big_h: int, exposure: float, most_samples: float, contraction: float,
     history: Floats, image: Floats, weight: Floats, tells: int, streams: int, y0: int, y1: int,
 ):  # fmt: skip
     """Decode, compose and remember packed rows y0 to y1.
 
-    kept0 to kept3: what the levels gave; read, hidden (words of the same bytes), mixing, near, factors, out:
+    kept0 to kept3: what the levels gave; read, decoded, hidden (words of the same bytes), mixing, near, factors, out:
     scratch rows. classes, history, image, weight (where `tells`): what comes out.
     """
     half_w = (big_w + 1) // 2
     mixing_pitch = (half_w + 15) // 16 * 16
     for y in range(y0, y1):
         concatenate_row(kept0, kept1, kept2, kept3, pitches, y, half_w, read)
-        to = 4 * y * record_row + 80
-        pointwise_row(
-            read_words, 0, 8, 8, decoder, 1, decoder_scale, decoder_bias, record_bytes, to, 112, half_w
-        )
-        pointwise_row(
-            records, y * record_row, 28, 28, hidden_weights, blocks, hidden_scale, hidden_bias,
-            hidden, 0, 4 * WIDE, half_w,
+        pointwise_row(read_words, 0, 8, 8, decoder, 1, decoder_scale, decoder_bias, decoded, 0, 32, half_w)
+        pointwise_row_of_two(
+            records, y * record_row, RECORD, SEEN, decoded_words, 8, 8, hidden_weights, blocks, hidden_scale,
+            hidden_bias, hidden, 4 * WIDE, half_w,
         )  # fmt: skip
         mix_row(
             hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, half_w, mixing_pitch, near,
@@ -349,7 +347,7 @@ def finish_rows(
         )  # fmt: skip
         for row in range(2 * y, min(2 * y + 2, big_h)):
             compose_row(
-                row, mixing, mixing_pitch, whole, halves, width, samples, stride, w, h, columns_near, rows_near[row],
-                across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction,
+                row, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near,
+                rows_near[row], across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction,
                 history, image, weight, tells, streams,
             )  # fmt: skip

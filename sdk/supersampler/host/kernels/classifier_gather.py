@@ -46,12 +46,12 @@ from supersampler.host.vector import (
 )
 
 TONED = 1.0 - 1e-4
-WHOLE = 9
-PAST, OWN, COUNT, LEAST, MOST = 0, 3, 6, 7, 8
-"""Of `whole`: what goes around from frame to frame, where rounding would add up."""
-HALVES = 17
+PAST = 3
+"""Channels of `past`: the colour that goes around from frame to frame, where rounding would add up."""
+REST = 23
 FRAME, SAMPLE, CONFIDENCE, MEAN, REACH, DETAIL, SURFACE = 0, 3, 6, 7, 10, 13, 16
-"""Of `halves`, half floats."""
+OWN, COUNT, LEAST, MOST = 17, 20, 21, 22
+"""Of `rest`, half floats."""
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
 ) = range(13)  # fmt: skip
@@ -143,13 +143,14 @@ def gather_rows(
     columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
     rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, line: Floats,
     filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats,
-    seen: Bytes, apart: Floats, whole: Floats, halves: Halves, classes: Bytes, half_row: int,
+    seen: Bytes, apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes, half_row: int,
     records: Words, half_stride: int, means: Floats,
 ):  # fmt: skip
     """All that is known of rows y0 to y1 before the network speaks.
 
-    samples, front, own, surfaces: of `frame`, the last of the one before; history (H, W, 8); rows to rows_near: where display pixels look; line to apart: scratch; whole (H, width / 16, WHOLE, 16),
-    halves (H, width / 16, HALVES, 16), records, means (H / 2, 2, half_stride): what is found. y0 is even.
+    samples, front, own, surfaces: of `frame`, the last of the frame before; history (H, W, 8); rows to
+    rows_near: where display pixels look; line to apart: scratch; past_planes (H, width / 16, PAST, 16),
+    rest (H, width / 16, REST, 16), records, means (H / 2, 2, half_stride): what is found. y0 is even.
     """
     w_big, h_big = numbers[BIG_W], numbers[BIG_H]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
@@ -183,11 +184,11 @@ def gather_rows(
             moved = toned_at(numbers, q[12], q[13], q[14])
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
             count = select(on, q[7], 0.0)
-            put_all(whole, (y * width + x) * WHOLE, (*past, *moved, count, q[8], q[9]))
+            put_all(past_planes, (y * width + x) * PAST, past)
             surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
             frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
-            found = (*frame, *sample, confidence, *mean, *reach, *detail, surface)
-            put_all(halves, (y * width + x) * HALVES, found)
+            seen_now = (*frame, *sample, confidence, *mean, *reach)
+            put_all(rest, (y * width + x) * REST, (*seen_now, *detail, surface, *moved, count, q[8], q[9]))
 
             frame_root, sample_root = roots(frame), roots(sample)
             frame_luma = luma_of(frame_root)

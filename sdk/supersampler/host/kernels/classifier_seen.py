@@ -1,7 +1,7 @@
 """What the network of `classifier` sees, in bytes: twins of `classifier_inputs`.
 
-A record is what is known of four pixels: 28 words of four bytes. Words 0 to 17 are SEEN, a word a name, a
-byte a pixel; 18 and 19 are at half size: six classes, drift, grain; the rest is for the decoder to write.
+A record is what is known of four pixels: 20 words of four bytes. Words 0 to 17 are SEEN, a word a name, a
+byte a pixel; 18 and 19 are at half size: six classes, drift, grain.
 """
 
 import numpy as np
@@ -32,7 +32,7 @@ from supersampler.host.vector import (
     CONFIDENCE, COUNT, DIFFERENCE, SURFACE, SPEED, BLUR, EDGE,
 ) = range(18)  # fmt: skip
 SEEN = 18
-RECORD = 28
+RECORD = 20
 CLASSES = 18  # word of a record
 
 

@@ -33,10 +33,9 @@ def to_bytes(total, scales, biases, channel):
 
 
 @njit
-def two_by_six(x, pitch, words, weights, w, a):
-    """Sums of six pixels and 32 channels."""
-    zero = spread16(np.int32(0))
-    a0 = a1 = b0 = b1 = c0 = c1 = d0 = d1 = e0 = e1 = f0 = f1 = zero
+def two_by_six(x, pitch, words, weights, w, a, sums):
+    """Add to the sums of six pixels and 32 channels."""
+    a0, a1, b0, b1, c0, c1, d0, d1, e0, e1, f0, f1 = sums
     for k in range(words):
         u, v = load16(weights, w + 32 * k), load16(weights, w + 32 * k + 16)
         t = spread16(x[a + k])
@@ -55,6 +54,13 @@ def two_by_six(x, pitch, words, weights, w, a):
 
 
 @njit
+def nothing():
+    """Sums to begin with."""
+    z = spread16(np.int32(0))
+    return z, z, z, z, z, z, z, z, z, z, z, z
+
+
+@njit
 def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width):
     """A 1x1 convolution of a row: words of four bytes in, `blocks` of 32 bytes out.
 
@@ -62,11 +68,30 @@ def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to,
     """
     for p in range(0, width, SIX):
         for block in range(blocks):
-            sums = two_by_six(x, pitch, words, weights, 32 * words * block, at + p * pitch)
-            for i in range(SIX):
-                here = to + (p + i) * out_pitch + 32 * block
-                store(out, here, to_bytes(sums[2 * i], scales, biases, 32 * block))
-                store(out, here + 16, to_bytes(sums[2 * i + 1], scales, biases, 32 * block + 16))
+            sums = two_by_six(x, pitch, words, weights, 32 * words * block, at + p * pitch, nothing())
+            put_six(sums, scales, biases, 32 * block, out, to + p * out_pitch, out_pitch)
+
+
+@njit
+def pointwise_row_of_two(
+    x, at, pitch, words, y, y_pitch, y_words, weights, blocks, scales, biases, out, out_pitch, width
+):
+    """The same of pixels whose channels lie in two places."""
+    for p in range(0, width, SIX):
+        for block in range(blocks):
+            w = 32 * (words + y_words) * block
+            sums = two_by_six(x, pitch, words, weights, w, at + p * pitch, nothing())
+            sums = two_by_six(y, y_pitch, y_words, weights, w + 32 * words, p * y_pitch, sums)
+            put_six(sums, scales, biases, 32 * block, out, p * out_pitch, out_pitch)
+
+
+@njit
+def put_six(sums, scales, biases, channel, out, to, out_pitch):
+    """Six pixels and 32 channels as bytes."""
+    for i in range(SIX):
+        here = to + i * out_pitch + channel
+        store(out, here, to_bytes(sums[2 * i], scales, biases, channel))
+        store(out, here + 16, to_bytes(sums[2 * i + 1], scales, biases, channel + 16))
 
 
 @njit

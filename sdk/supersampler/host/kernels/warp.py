@@ -116,7 +116,7 @@ def cubic4(h, at, weights, i):
 
 @njit
 def warp(history, at, weights, out):
-    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's colour.
+    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's.
 
     history (H, W, 8).
     """
@@ -185,7 +185,7 @@ def around(x, y, w, h, wide, places):
 def hidden(depth, weights, befores, margin, ramp):
     """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
     share = depth * 0.0
-    for before, weight in zip(befores, weights):
+    for before, weight in zip(befores, weights):  # noqa: B905  # numba has no strict
         closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
         share = share + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
     return select(depth >= 0.0, share, 0.0)
