@@ -11,7 +11,8 @@ from numba import cfunc, types
 from supersampler.host import vector
 from supersampler.host.compiler import address
 from supersampler.host.kernels.colors import exponential, logarithm
-from supersampler.host.vector import dot4, load16, load_columns, load_columns4, load_columns8, store
+from supersampler.host.transposes import load_columns, load_columns4, load_columns8
+from supersampler.host.vector import dot4, load16, store
 
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 

@@ -30,23 +30,25 @@ from supersampler.host.kernels.colors import (
 )
 from supersampler.host.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
+from supersampler.host.transposes import (
+    first_third,
+    last_third,
+    load_columns,
+    load_columns4,
+    rows8,
+    second_third,
+)
 from supersampler.host.vector import (
     absolute,
     dot4,
-    first_third,
     float_of,
     floor,
-    last_third,
     load4,
     load8,
     load16,
-    load_columns,
-    load_columns4,
     maximum,
     minimum,
     ramp16,
-    rows8,
-    second_third,
     select,
     shifted_in,
     shifted_out,
@@ -319,7 +321,8 @@ def remember(r, g, b, count, least, most, pixel, room, streams, history, image, 
 def finish_rows(
     kept0: Bytes, kept1: Bytes, kept2: Bytes, kept3: Bytes, pitches: Words, read: Bytes, read_words: Words,
     decoder: Words, decoder_scale: Floats, decoder_bias: Floats, decoded: Bytes, decoded_words: Words,
-    records: Words, record_row: int, hidden_weights: Words, blocks: int, hidden_scale: Floats, hidden_bias: Floats,
+    records: Words, record_row: int, hidden_weights: Words, blocks: int, hidden_scale: Floats,
+    hidden_bias: Floats,
     hidden: Bytes, hidden_words: Words, logits: int, logits_scale: float, mixing_words: int,
     mixing_weights: Words, mixing_scale: Floats, mixing_bias: Floats, mixing: Floats, classes: Words,
     past_planes: Floats, rest: Halves, width: int, samples: Floats, stride: int, w: int, h: int,
@@ -329,8 +332,8 @@ def finish_rows(
 ):  # fmt: skip
     """Decode, compose and remember packed rows y0 to y1.
 
-    kept0 to kept3: what the levels gave; read, decoded, hidden (words of the same bytes), mixing, near, factors, out:
-    scratch rows. classes, history, image, weight (where `tells`): what comes out.
+    kept0 to kept3: what the levels gave; read, decoded, hidden (words: the same bytes), mixing, near, factors,
+    out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
     """
     half_w = (big_w + 1) // 2
     mixing_pitch = (half_w + 15) // 16 * 16
@@ -348,6 +351,7 @@ def finish_rows(
         for row in range(2 * y, min(2 * y + 2, big_h)):
             compose_row(
                 row, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near,
-                rows_near[row], across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction,
+                rows_near[row], across, down, near, factors, out, big_w, big_h, exposure, most_samples,
+                contraction,
                 history, image, weight, tells, streams,
             )  # fmt: skip

@@ -30,11 +30,10 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp,
 )
+from supersampler.host.transposes import gather4, load_columns
 from supersampler.host.vector import (
     absolute,
     floor,
-    gather4,
-    load_columns,
     maximum,
     minimum,
     ramp16,

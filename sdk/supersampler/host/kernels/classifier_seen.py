@@ -10,6 +10,7 @@ from numba import njit
 from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import PAD, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.transposes import transposed
 from supersampler.host.vector import (
     absolute,
     evens,
@@ -23,7 +24,6 @@ from supersampler.host.vector import (
     store_pairs,
     to_float,
     to_int,
-    transposed,
     zipped,
 )
 

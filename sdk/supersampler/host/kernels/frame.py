@@ -13,6 +13,7 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
+from supersampler.host.transposes import rows4, transposed
 from supersampler.host.vector import (
     absolute,
     gather,
@@ -20,12 +21,10 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     ramp16,
-    rows4,
     select,
     spread16,
     store,
     sum_of_lanes,
-    transposed,
     zipped,
 )
 

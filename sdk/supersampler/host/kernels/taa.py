@@ -7,11 +7,11 @@ from supersampler.host.kernels.colors import linear_of, quarantined, rgb, toned,
 from supersampler.host.kernels.frame import PAD, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import aim, cubic4, followed, on_screen
+from supersampler.host.transposes import load_columns4, transposed
 from supersampler.host.vector import (
     absolute,
     gather,
     load16,
-    load_columns4,
     maximum,
     minimum,
     ramp16,
@@ -19,7 +19,6 @@ from supersampler.host.vector import (
     square_root,
     store,
     to_float,
-    transposed,
 )
 
 PIXEL = 3

@@ -26,15 +26,12 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp5,
 )
+from supersampler.host.transposes import gather4, load_columns, load_columns4, load_columns8, transposed
 from supersampler.host.vector import (
     absolute,
     floor,
-    gather4,
     load4,
     load16,
-    load_columns,
-    load_columns4,
-    load_columns8,
     maximum,
     minimum,
     ramp16,
@@ -42,7 +39,6 @@ from supersampler.host.vector import (
     square_root,
     store,
     to_float,
-    transposed,
 )
 
 PIXEL = 5  # values that go from frame to frame: linear RGB, count, power

@@ -5,17 +5,7 @@ from numba import njit
 
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.kernels.frame import PAD
-from supersampler.host.vector import (
-    floor,
-    load4,
-    load8,
-    load16,
-    maximum,
-    minimum,
-    select,
-    store,
-    to_int,
-)
+from supersampler.host.vector import floor, load4, load8, load16, maximum, minimum, select, store, to_int
 
 
 @njit
@@ -166,8 +156,8 @@ def followed(lane, y, mx, my, width, height):
 def around(x, y, w, h, wide, places):
     """Where the four samples around places in the past are, and with what weights they count.
 
-    places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD samples,
-    `wide` from row to row, whose ends repeat the border.
+    places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD
+    samples, `wide` from row to row, whose ends repeat the border.
     """
     fx, fy = floor(x), floor(y)
     tx, ty = x - fx, y - fy

@@ -1,0 +1,135 @@
+"""Vectors of pixels to vectors of channels and back, by perfect shuffles.
+
+A round of `low_zip` and `high_zip` over the halves of n vectors moves the highest bit of a value's place, the
+one that tells vectors apart, to the lowest; a few rounds turn rows into columns.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from llvmlite import ir
+from numba import njit
+from numba.extending import intrinsic
+
+from supersampler.host.vector import high_zip, joined, load4, load16, low_zip
+
+_I32 = ir.IntType(32)
+
+
+def _thirds(part: int) -> Callable[..., Any]:
+    def third(_: Any, first: Any, second: Any, third: Any) -> Any:
+        n = first.lanes
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            def mixed(one: ir.Value, other: ir.Value, lanes: list[int]) -> ir.Value:
+                return builder.shuffle_vector(one, other, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+            lanes = [divmod(i, 3) for i in range(part * n, part * n + n)]  # lane, and of which vector
+            pairs = mixed(args[0], args[1], [lane + n * (which == 1) for lane, which in lanes])
+            order = [n + lane if which == 2 else i for i, (lane, which) in enumerate(lanes)]
+            return mixed(pairs, args[2], order)
+
+        return first(first, second, third), make
+
+    return intrinsic(third)
+
+
+first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
+"""Parts of three vectors in turns: a lane of each, then the next."""
+
+
+@njit
+def transposed(rows: Any) -> Any:
+    """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
+    for _ in range(4):
+        a, b, c, d, e, f, g, h, i, j, k, z, m, n, o, p = rows
+        rows = (
+            low_zip(a, i), high_zip(a, i), low_zip(b, j), high_zip(b, j),
+            low_zip(c, k), high_zip(c, k), low_zip(d, z), high_zip(d, z),
+            low_zip(e, m), high_zip(e, m), low_zip(f, n), high_zip(f, n),
+            low_zip(g, o), high_zip(g, o), low_zip(h, p), high_zip(h, p),
+        )  # fmt: skip
+    return rows
+
+
+@njit
+def load_columns(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
+    p = pointer
+    return transposed((
+        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
+        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
+        load16(p, index + 128), load16(p, index + 144), load16(p, index + 160), load16(p, index + 176),
+        load16(p, index + 192), load16(p, index + 208), load16(p, index + 224), load16(p, index + 240),
+    ))  # fmt: skip
+
+
+@njit
+def load_columns8(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
+    p = pointer
+    rows = (
+        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
+        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
+    )  # fmt: skip
+    for _ in range(4):
+        a, b, c, d, e, f, g, h = rows
+        rows = (
+            low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
+            low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
+        )  # fmt: skip
+    return rows
+
+
+@njit
+def columns4(rows: Any) -> Any:
+    """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
+    for _ in range(4):
+        a, b, c, d = rows
+        rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
+    return rows
+
+
+@njit
+def load_columns4(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of four channels each, as four vectors of a channel each."""
+    p = pointer
+    return columns4((load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)))
+
+
+@njit
+def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
+    """Four values each of four places."""
+    p, i, o = pointer, first, offset
+    upper = joined(load4(p, pitch * places[i] + o), load4(p, pitch * places[i + 1] + o))
+    return joined(upper, joined(load4(p, pitch * places[i + 2] + o), load4(p, pitch * places[i + 3] + o)))
+
+
+@njit
+def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
+    """Four values each of sixteen places, from pitch * place + offset on, as four vectors."""
+    a = four_places(pointer, places, first, pitch, offset)
+    b = four_places(pointer, places, first + 4, pitch, offset)
+    c = four_places(pointer, places, first + 8, pitch, offset)
+    return columns4((a, b, c, four_places(pointer, places, first + 12, pitch, offset)))
+
+
+@njit
+def rows4(columns: Any) -> Any:
+    """Four vectors of a channel each as four vectors of four pixels each."""
+    for _ in range(2):
+        a, b, c, d = columns
+        columns = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
+    return columns
+
+
+@njit
+def rows8(columns: Any) -> Any:
+    """Eight vectors of a channel each as sixteen pixels of eight channels each."""
+    for _ in range(3):
+        a, b, c, d, e, f, g, h = columns
+        columns = (
+            low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
+            low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
+        )  # fmt: skip
+    return columns
