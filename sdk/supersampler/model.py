@@ -15,6 +15,7 @@ from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of
 from supersampler.history import CARRY, History, Result
 from supersampler.host.executors import host_executor
+from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
 from supersampler.providers import CPU, resolve_providers
 
@@ -244,7 +245,7 @@ class Model:
 
 def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:
     if out is None:
-        return np.empty(shape, np.float32)
+        return aligned(shape)
     if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float32:
         got = f"{out.shape} {out.dtype}" if isinstance(out, np.ndarray) else type(out).__name__
         raise ArgumentError("out", got=got, want=f"{shape} float32 numpy array")

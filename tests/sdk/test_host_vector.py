@@ -9,8 +9,8 @@ import pytest
 from numba import cfunc, types
 
 from supersampler.host import vector
-from supersampler.host.compiler import address
 from supersampler.host.kernels.colors import exponential, logarithm
+from supersampler.host.memory import address
 from supersampler.host.transposes import load_columns, load_columns4, load_columns8
 from supersampler.host.vector import dot4, load16, store
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 from supersampler_model.methods.classifier import Classifier, ClassifierConfig
 from supersampler_model.networks.classifier import NetworkConfig
 
-NETWORK = NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=29)
+NETWORK = NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
 
 
 @dataclass(frozen=True)

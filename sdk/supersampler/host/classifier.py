@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import LINE, address, aligned, load_kernel
+from supersampler.host.compiler import load_kernel
+from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, ByteNetwork, Encoder
 from supersampler.host.reading import PAD, Planes, Reader, Samples
 from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_of, gaussian, up_to

@@ -17,16 +17,12 @@ from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
-from typing import Any
 
 import llvmlite.binding as llvm
-import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
 from supersampler.image_io import replacing
 
-LINE = 64
 Call = Callable[..., None]
 
 _POINTER, _INTEGER, _FLOAT = "p", "i", "f"
@@ -48,7 +44,7 @@ _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kerne
 def load_kernel(module: str, name: str) -> Call:
     """Return the function `name` of `supersampler.host.kernels.<module>`, compiled.
 
-    It takes addresses for pointers (see `address`), in the order of its parameters.
+    It takes addresses for pointers (see `memory.address`), in the order of its parameters.
     """
     path = cache_folder() / f"{module}.{name}.o"
     content = _kept(path)
@@ -57,21 +53,6 @@ def load_kernel(module: str, name: str) -> Call:
         with suppress(ShotError), replacing(path) as partial:  # a read-only home: compile anew next time
             partial.write_bytes(content)
     return _linked(content)
-
-
-def address(array: NDArray[Any]) -> int:
-    """Where an array's values are, for kernels; whoever calls keeps the array."""
-    if not array.flags.c_contiguous:
-        raise ValueError("not C-contiguous")
-    return int(array.ctypes.data)
-
-
-def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> NDArray[Any]:
-    """Zeros that begin where a line of the processor's caches does."""
-    size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    room = np.zeros(size + LINE, np.uint8)
-    first = -room.ctypes.data % LINE
-    return room[first : first + size].view(dtype).reshape(shape)
 
 
 def cache_folder() -> Path:

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import address, load_kernel
+from supersampler.host.compiler import load_kernel
+from supersampler.host.memory import address
 
 Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32

@@ -7,7 +7,8 @@ import numpy as np
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import address, load_kernel
+from supersampler.host.compiler import load_kernel
+from supersampler.host.memory import address
 from supersampler.host.tables import LANES, up_to
 
 PAD = 16  # columns on either side of a plane that neighbourhoods reach into; see kernels.frame

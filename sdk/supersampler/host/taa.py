@@ -7,7 +7,8 @@ import numpy as np
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import address, load_kernel
+from supersampler.host.compiler import load_kernel
+from supersampler.host.memory import address
 from supersampler.host.reading import PAD, Planes, Reader
 from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
 from supersampler.host.workspaces import Workspaces

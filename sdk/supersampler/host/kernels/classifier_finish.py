@@ -332,7 +332,7 @@ def finish_rows(
 ):  # fmt: skip
     """Decode, compose and remember packed rows y0 to y1.
 
-    kept0 to kept3: what the levels gave; read, decoded, hidden (words: the same bytes), mixing, near, factors,
+    kept0 to kept3: what the levels gave; read, decoded, hidden (each also as words), mixing, near, factors,
     out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
     """
     half_w = (big_w + 1) // 2
