@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
@@ -13,6 +13,7 @@ from rich.table import Table
 
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
+from supersampler.model import ExecutorName
 from supersampler.shot import Shot
 from supersampler_bench import public_shots
 from supersampler_bench.public_shots import PublicShot
@@ -41,7 +42,10 @@ def quality(
         ),
     ],
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+        str,
+        typer.Option(
+            help="Names of shipped models or model folders, with commas between; NAME:fp32 for that precision."
+        ),
     ] = "bilinear,bicubic,taa,taau,classifier",
     ratio: Annotated[
         str, typer.Option(help="Of the test shots: display over render size, with commas between.")
@@ -110,6 +114,56 @@ def cost(
     Console().print(table, markup=False)
     if update is not None:
         update_block(update, "cost", table)
+
+
+@app.command()
+def speed(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+    ] = "taa,taau,classifier",
+    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
+    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
+    threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
+    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+    ] = None,
+) -> None:
+    """Time a step of methods, on this machine, beside plain variance clipping in the same run.
+
+    Quiet machines measure well: nothing else should run.
+
+    Example:
+      supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
+    """
+    from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
+
+    if update is not None:
+        find_block(update, "speed")
+    names, kinds = _listed(methods), _listed(executors)
+    if not set(kinds) <= {"host", "graph"}:
+        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
+    counts = [int(text) for text in _listed(threads)]
+    displays = [parse_size(text) for text in _listed(sizes)]
+    with _ERRORS.status("timing"):
+        results = measure_speed(
+            names, displays, [cast("ExecutorName", k) for k in kinds], counts, ratio=ratio, steps=steps
+        )
+        limits = measure_limits(max(counts))
+    made = setting()
+    machine = made["machine"]
+    table = markdown_table(results, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    Console().print(table, markup=False, soft_wrap=True)
+    if json is not None:
+        write_json({**speed_record(results, limits), **made}, json)
+    if update is not None:
+        update_block(update, "speed", table)
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]
 
 
 def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:

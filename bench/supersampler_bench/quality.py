@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from supersampler.display import auto_exposure, decibels, display_transform
 from supersampler.errors import ShotError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.model import Precision
 from supersampler.shot import ClassMaps, Shot, ShotFrame
 from supersampler.upscaler import Upscaler
 from supersampler_bench import masks, metrics
@@ -88,7 +89,8 @@ def measure_quality(
 
     Args:
         shot: at least one frame with a reference.
-        methods: names of shipped models, or model folders; "oracle" for `oracle.Oracle`.
+        methods: names of shipped models, or model folders, as they run by default or, with ":fp32" or ":int8"
+            after them, in that precision; "oracle" for `oracle.Oracle`.
         on_frame: called with the number of frames done, after each.
 
     Returns:
@@ -120,8 +122,16 @@ def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], Fl
         from supersampler_bench.oracle import Oracle  # needs torch
 
         return Oracle(display_size).step
-    upscaler = Upscaler(method, display_size=display_size, validate="off")
+    name, precision = _split(str(method))
+    upscaler = Upscaler(name, display_size=display_size, precision=precision, validate="off")
     return lambda item: upscaler.step(item.frame)
+
+
+def _split(method: str) -> tuple[str, Precision]:
+    """Name and precision; a colon may be part of a path."""
+    name, _, last = method.rpartition(":")
+    precisions: dict[str, Precision] = {"fp32": "fp32", "int8": "int8"}
+    return (name, precisions[last]) if last in precisions else (method, "auto")
 
 
 def reference_size(shot: Shot) -> Size:

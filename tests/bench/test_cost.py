@@ -28,12 +28,13 @@ def by_hand() -> float:
     """Multiply-adds a display pixel, of sizes that all levels divide."""
     config = SmallClassifier().config
     network, packed = config.network, 4 * config.planes
-    channels, total, seen = packed + 6, 0.0, 0.0
+    channels, total, seen = packed + config.carried, 0.0, 0.0
     for level, width in enumerate(network.levels):
         total += (channels * width + 9 * width + width * width) / 4**level
         kept = width if level == 3 else width // 2
         seen, channels = seen + kept / 4**level, width // 2
-    total += seen * network.decoder + network.decoder**2 + network.decoder * 6
+    total += seen * network.decoder + (network.decoder_layers - 1) * network.decoder**2
+    total += network.decoder * 6
     total += (packed + network.decoder) * network.hidden
     return (total + network.hidden * 4 * (config.candidates + sum(config.filters))) / 4.0
 
@@ -52,4 +53,4 @@ def test_a_method_without_a_network_is_named() -> None:
 
 
 def test_the_config_of_a_small_one_says_so() -> None:
-    assert asdict(SmallClassifier().config)["network"]["hidden"] == 24
+    assert asdict(SmallClassifier().config)["network"]["hidden"] == 26

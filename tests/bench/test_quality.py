@@ -200,7 +200,7 @@ def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> Non
     assert done == [1, 2, 3, 4, 5, 6]
     assert [result.method for result in first] == ["bilinear", "taau"]
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
-    alone = measure_quality(shot, ["taau"])
+    alone = measure_quality(shot, ["taau:fp32"])
     np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))
 
 

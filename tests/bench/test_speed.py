@@ -1,0 +1,39 @@
+"""Timing: what is compared is comparable, and nothing that a method does not have is listed."""
+
+from pathlib import Path
+
+import numpy as np
+from typer.testing import CliRunner
+
+from supersampler_bench.cli import app
+from supersampler_bench.speed import frames_of, measure_speed
+
+
+def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
+    results = measure_speed(["taau", "bilinear"], [(64, 36)], ["host", "graph"], [1], steps=2)
+    found = [(r.setting.method, r.setting.executor) for r in results]
+    assert found == [("taa", "host"), ("taau", "host"), ("taau", "graph"), ("bilinear", "graph")]
+    assert results[0].multiple == 1.0
+    for result in results:
+        assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
+        assert result.processor > 0.0
+
+
+def test_frames_of_any_size_show_the_shipped_shot() -> None:
+    large, small = frames_of((700, 400)), frames_of((33, 20))
+    assert large[0].size == (700, 400)
+    assert small[0].size == (33, 20)
+    np.testing.assert_array_equal(large[3].depth[:20, :33], small[3].depth)
+    np.testing.assert_array_equal(large[3].motion[180:200, 320:350], large[3].motion[:20, :30])
+
+
+def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- bench:speed -->\n<!-- /bench -->\n")
+    arguments = ["speed", "--methods", "taa", "--sizes", "32x18", "--threads", "1", "--steps", "1"]
+    result = CliRunner().invoke(
+        app, [*arguments, "--json", str(tmp_path / "speed.json"), "--update", str(page)]
+    )
+    assert result.exit_code == 0, result.output
+    assert "| 32x18 | 1 | taa | host, fp32 |" in page.read_text()
+    assert '"copied"' in (tmp_path / "speed.json").read_text()
