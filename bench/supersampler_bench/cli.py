@@ -44,7 +44,7 @@ def quality(
     methods: Annotated[
         str,
         typer.Option(
-            help="Names of shipped models or model folders, with commas between; NAME:fp32 for that precision."
+            help="Shipped models or model folders, with commas between; NAME:fp32 for that precision."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier",
     ratio: Annotated[
