@@ -11,8 +11,8 @@ from typing import Any
 
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
+from supersampler.files import replacing
 from supersampler.frame import Size
-from supersampler.image_io import replacing
 from supersampler.shot import Shot
 from supersampler_model.data.shots import variant_name
 

@@ -13,7 +13,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 from supersampler.shot import Shot
 from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
 

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from rich.table import Table
 
 from supersampler.errors import ArgumentError
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 from supersampler.shot import Shot
 from supersampler_bench.quality import BORDER, ORACLE, WARM_UP_FRAMES, MeanScores, MethodScores
 

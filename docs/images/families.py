@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from supersampler import display_transform
 from supersampler.display import to_uint8
-from supersampler.image_io import encode_jpeg, replacing
+from supersampler.files import replacing
+from supersampler.image_io import encode_jpeg
 from supersampler_model.data.class_map import overlay
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label

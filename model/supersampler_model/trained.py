@@ -10,7 +10,7 @@ from safetensors.torch import save_file
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 
 
 class Trained(NamedTuple):

@@ -25,8 +25,9 @@ import numpy as np
 
 from supersampler.display import decibels, display_transform, to_uint8
 from supersampler.errors import ArgumentError
+from supersampler.files import replacing
 from supersampler.frame import Array, Float32, Frame, Size
-from supersampler.image_io import Bytes, encode_jpeg, encode_png, replacing
+from supersampler.image_io import Bytes, encode_jpeg, encode_png
 
 ERROR_SCALE = 0.25
 """The error that the false colours end at, in units of the display range."""

@@ -1,13 +1,7 @@
-"""Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic.
+"""Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic."""
 
-A file appears under its name only when it is complete: it is written beside it under a temporary name
-(`.name.partial.exr`), then renamed, so that a run killed at any point leaves no half-written picture.
-"""
-
-import secrets
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -16,12 +10,11 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
+from supersampler.files import NO_ROOM, replacing
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Channel: TypeAlias = NDArray[Any]
 """(h, w), of the type it has in the file: float16, float32 or uint32."""
-
-_PARTIAL = ".partial"
 
 
 def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str, Channel]:
@@ -128,30 +121,6 @@ def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
         return path.read_bytes()
 
 
-@contextmanager
-def replacing(path: Path | str) -> Iterator[Path]:
-    """Give a temporary name beside `path`; rename it to `path` at the end, or remove it where that fails."""
-    path = Path(path)
-    partial = path.with_name(f".{path.stem}.{secrets.token_hex(4)}{_PARTIAL}{path.suffix}")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield partial
-        partial.replace(path)
-    except OSError as error:
-        if isinstance(error, ShotError):
-            raise
-        raise ShotError(path, f"cannot be written ({error})", _NO_ROOM) from error
-    finally:
-        with suppress(OSError):  # whatever went wrong has been raised above
-            partial.unlink(missing_ok=True)
-
-
-def remove_partial_files(folder: Path) -> None:
-    """Remove what killed runs left under temporary names in `folder` and below."""
-    for path in folder.rglob(f".*{_PARTIAL}.*"):
-        path.unlink(missing_ok=True)
-
-
 def _opened(path: Path | str) -> ImageInput:
     if not Path(path).is_file():
         raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
@@ -161,7 +130,6 @@ def _opened(path: Path | str) -> ImageInput:
     return source
 
 
-_NO_ROOM = "Is the disk full or write-protected?"
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 
 
@@ -250,7 +218,7 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
         message = target.geterror()  # the PNG writer says True on a full disk, and leaves a message
         if not (target.close() and done) or message:
             reason = _first_line(message or target.geterror()).replace(partial.name, Path(path).name)
-            raise ShotError(path, f"cannot be written ({reason})", _NO_ROOM)
+            raise ShotError(path, f"cannot be written ({reason})", NO_ROOM)
 
 
 def _first_line(message: str) -> str:

@@ -11,8 +11,9 @@ from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
 from supersampler.display import to_uint8
+from supersampler.files import replacing
 from supersampler.frame import Float32
-from supersampler.image_io import replacing, write_png
+from supersampler.image_io import write_png
 
 _PANELS = (("loss", ("picture", "classes")), ("dB", ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")))
 """Title and columns of the curves; all other columns are shares of classes."""

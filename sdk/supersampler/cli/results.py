@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from supersampler.display import display_transform, to_uint8
 from supersampler.errors import ShotError
+from supersampler.files import remove_partial_files, replacing
 from supersampler.frame import Float32
-from supersampler.image_io import remove_partial_files, replacing, write_exr, write_png
+from supersampler.image_io import write_exr, write_png
 
 FILE_NAME = "upscale.json"
 _PICTURE = re.compile(r"\d{4,}\.(exr|png)")

@@ -21,7 +21,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 
 from supersampler.errors import ShotError
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 
 Call = Callable[..., None]
 

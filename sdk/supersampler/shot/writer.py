@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
+from supersampler.files import remove_partial_files, replacing
 from supersampler.frame import Array, Frame, Size
-from supersampler.image_io import remove_partial_files, replacing
 from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json, shot_json
 from supersampler.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
 from supersampler.shot.shot import Shot, converter_at

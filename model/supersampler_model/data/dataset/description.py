@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, Literal
 
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from supersampler import Frame
-from supersampler.image_io import replacing
+from supersampler.files import replacing
 from supersampler_model.data.errors import DatasetError
 
 _TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
