@@ -1,7 +1,7 @@
 """Atomic writes: a file appears under its name only when it is complete.
 
-It is written beside it under a temporary name (`.name.partial.exr`), then renamed, so that a run killed at any
-point leaves no half-written file.
+It is written beside it under a temporary name (`.name.partial.exr`), then renamed, so that a run killed at
+any point leaves no half-written file.
 """
 
 import secrets

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler_model.color import MAX_HALF
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Alias
@@ -23,6 +24,7 @@ from supersampler_model.sampling import Extent, View
 
 MARGIN = 3  # render pixels around those that a crop's display pixels look at
 CHOICES = 3  # crops to choose the one with most to learn from
+FIREFLIES = 0.03  # share of the frames that have some
 BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
 
 
@@ -138,6 +140,20 @@ def cut_out(frame: TrainingFrame, cut: Cut, *, reset: bool) -> Sample:
     )
 
 
+def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
+    """Make, in a few frames, some samples of any brightness up to the brightest there is.
+
+    Path tracers and broken shaders draw such samples for one frame. Rendered training data has none, and a
+    network that never saw one keeps it for a second.
+    """
+    if random.random() >= FIREFLIES:
+        return sample
+    share, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
+    struck = torch.from_numpy(random.random(sample.depth.shape) < share)
+    light = torch.tensor(2.0**stops, dtype=torch.float32) / sample.exposure
+    return sample._replace(color=torch.where(struck, light.clamp(max=MAX_HALF), sample.color))
+
+
 @dataclass
 class Place:
     """Where a stream is: enough to go on from there."""
@@ -191,7 +207,8 @@ class Stream:
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
-                yield cut_out(frame, cut, reset=frame.reset or index == first)
+                sample = cut_out(frame, cut, reset=frame.reset or index == first)
+                yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
             self.place = Place(self.place.window + 1, 0)
 
 
