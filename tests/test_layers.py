@@ -16,7 +16,7 @@ PACKAGES = {
     "supersampler_export": "export",
     "supersampler_bench": "bench",
 }
-RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "typer", "rich"}  # all that a runtime install has
+RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", "rich"}  # a runtime install
 
 
 def imported(file: Path) -> Iterator[tuple[int, str]]:

@@ -13,7 +13,7 @@ from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.train.rollout import first_state, step
 from supersampler_model.train.validate import frame_tensors
-from supersampler_model.train.windows import Cut, cut_out
+from supersampler_model.train.windows import FIREFLIES, Cut, cut_out, with_fireflies
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -93,3 +93,17 @@ def test_a_gain_of_the_colours_alone_scales_the_picture() -> None:
     cut = Cut(left=31, top=9, size=40, ratio=(2.0, 2.0))
     brighter = dataclasses.replace(cut, gain=4.0)
     assert torch.allclose(cropped(sequence, brighter), 4.0 * cropped(sequence, cut), rtol=1e-3, atol=1e-4)
+
+
+def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> None:
+    frame = frames((48, 32))[0]
+    sample = cut_out(frame, Cut(left=31, top=9, size=40, ratio=(2.0, 2.0)), reset=True)
+    made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
+    struck = [other for other in made if not torch.equal(other.color, sample.color)]
+    assert 0.5 * FIREFLIES < len(struck) / len(made) < 2.0 * FIREFLIES
+    for other in struck:
+        bright = other.color > sample.color
+        assert bright.all(dim=1).sum() == bright.any(dim=1).sum(), "of all channels"
+        assert 0.0 < bright.float().mean() < 0.2
+        assert other.color.max() <= 65504.0
+        assert torch.equal(other.reference, sample.reference)
