@@ -1,5 +1,6 @@
 """Kernels on this processor draw what the graph draws, whatever the number of threads."""
 
+import os
 import subprocess
 import sys
 from dataclasses import replace
@@ -154,11 +155,20 @@ def test_a_damaged_network_is_refused(tmp_path: Path) -> None:
         Model.load(tmp_path)
 
 
-def test_kept_kernels_need_no_compiler() -> None:
-    """The first Model has compiled them, or a run before."""
-    Model.load("taa", executor="host")
-    code = (
-        "import sys; from supersampler import Model; Model.load('taa', executor='host'); "
-        "assert 'numba' not in sys.modules and 'torch' not in sys.modules"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True)
+LOAD = "import sys; from supersampler import Model; Model.load('taa', executor='host'); "
+
+
+def test_kernels_are_compiled_once_and_then_need_no_compiler(tmp_path: Path) -> None:
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", LOAD], check=True, env=environment)
+    kept = {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")}
+    assert {"taa.step_rows.o", "frame.measure.o"} <= {path.name for path in kept}
+    without = LOAD + "assert 'numba' not in sys.modules and 'torch' not in sys.modules"
+    subprocess.run([sys.executable, "-c", without], check=True, env=environment)
+    assert {path: path.stat().st_mtime_ns for path in tmp_path.rglob("*.o")} == kept
+
+
+def test_kernels_that_cannot_be_kept_run_all_the_same(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("no folder")
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file")}
+    subprocess.run([sys.executable, "-c", LOAD], check=True, env=environment)

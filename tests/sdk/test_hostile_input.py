@@ -52,9 +52,9 @@ HOSTILE: dict[str, tuple[str, Spoil]] = {
 }
 
 
-@pytest.fixture(scope="module")
-def models() -> dict[str, Model]:
-    return {name: Model.load(name, threads=1) for name in METHODS}
+@pytest.fixture(scope="module", params=["graph", "auto"])
+def models(request: pytest.FixtureRequest) -> dict[str, Model]:
+    return {name: Model.load(name, threads=1, executor=request.param) for name in METHODS}
 
 
 def still(index: int, **overrides: Any) -> Frame:

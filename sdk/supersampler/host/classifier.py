@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernel
+from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import LINE, address, aligned
-from supersampler.host.network import ALIGNED, ByteNetwork, Encoder
-from supersampler.host.reading import PAD, Planes, Reader, Samples
+from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
+from supersampler.host.reading import PAD, READING, Planes, Reader, Samples
 from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -20,6 +20,12 @@ from supersampler.model_info import ModelInfo
 SEEN, PAST, REST, MIXING = 18, 3, 23, 80  # see kernels.classifier_seen, _gather, _finish
 PIXEL = 8  # values of a pixel that go from frame to frame: colour, count, range, and two of room
 CLASSES, ALL = 6, 255.0
+DISPLAYING = (
+    "classifier_gather.gather_rows",
+    "frame.surfaces",
+    "classifier_seen.around",
+    "classifier_finish.finish_rows",
+)
 
 
 @dataclass(eq=False)
@@ -92,7 +98,8 @@ class ClassifierHost:
     name, precision = "host", "int8"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        self.bands, self.network = bands, ByteNetwork(info.folder / "network.npz")
+        kernels = load_kernels(*DISPLAYING, *READING, *LAYERS)
+        self.bands, self.network = bands, ByteNetwork(info.folder / "network.npz", kernels)
         self._config = c = info.config
         self._filters = [
             Filter(gaussian(c["sample_sigma"]), True, 4),
@@ -100,11 +107,8 @@ class ClassifierHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._window = gaussian(c["kernel_sigma"])
-        self._reader = Reader(bands)
-        self._surfaces = load_kernel("frame", "surfaces")
-        self._gather = load_kernel("classifier_gather", "gather_rows")
-        self._around = load_kernel("classifier_seen", "around")
-        self._finish = load_kernel("classifier_finish", "finish_rows")
+        self._reader = Reader(kernels, bands)
+        self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
         self._spaces = Workspaces(lambda render, display: _Space(self, render, display))
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:

@@ -12,11 +12,12 @@ import inspect
 import os
 import platform
 import sys
-from collections.abc import Callable
-from contextlib import suppress
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
+from subprocess import DEVNULL, Popen
 
 import llvmlite.binding as llvm
 
@@ -41,18 +42,37 @@ _NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise no
 _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kernels may run until the end
 
 
-def load_kernel(module: str, name: str) -> Call:
-    """Return the function `name` of `supersampler.host.kernels.<module>`, compiled.
+def load_kernels(*names: str) -> dict[str, Call]:
+    """Return kernels by name: "module.function" of `supersampler.host.kernels`, compiled where none are kept.
 
-    It takes addresses for pointers (see `memory.address`), in the order of its parameters.
+    They take addresses for pointers (see `memory.address`), in the order of their parameters.
     """
-    path = cache_folder() / f"{module}.{name}.o"
-    content = _kept(path)
-    if content is None:
-        content = _compiled(module, name)
-        with suppress(ShotError), replacing(path) as partial:  # a read-only home: compile anew next time
-            partial.write_bytes(content)
-    return _linked(content)
+    missing = [name for name in names if _kept(name) is None]
+    with _helped(missing):
+        found = {name: _kept(name) or _compile(name) for name in names}
+    return {name: _linked(content) for name, content in found.items()}
+
+
+@contextmanager
+def _helped(missing: Sequence[str]) -> Iterator[None]:
+    """Compile from the other end of the list in a second process, but where a program embeds Python."""
+    if len(missing) < 2 or not Path(sys.executable or "").stem.startswith("python"):
+        yield
+        return
+    command = [sys.executable, "-m", __name__, *reversed(missing)]
+    with Popen(command, stdout=DEVNULL, stderr=DEVNULL) as helper:  # noqa: S603  # ourselves
+        try:
+            yield
+        finally:
+            helper.kill()
+
+
+def _compile(name: str) -> bytes:
+    """Compile, and keep."""
+    content = _compiled(*name.split("."))
+    with suppress(ShotError), replacing(_path(name)) as partial:  # a read-only home: compile anew next time
+        partial.write_bytes(content)
+    return content
 
 
 def cache_folder() -> Path:
@@ -78,9 +98,13 @@ def _made_of() -> str:
     return made.hexdigest()[:16]
 
 
-def _kept(path: Path) -> bytes | None:
+def _path(name: str) -> Path:
+    return cache_folder() / f"{name}.o"
+
+
+def _kept(name: str) -> bytes | None:
     try:
-        return path.read_bytes()
+        return _path(name).read_bytes()
     except OSError:
         return None
 
@@ -140,3 +164,9 @@ def _offer_symbols() -> None:
     for names, functions in ((_CALLED, _CALLED), (_NEVER_CALLED, ["abort"] * len(_NEVER_CALLED))):
         for name, function in zip(names, functions, strict=True):
             llvm.add_symbol(name, ctypes.cast(getattr(library, function), ctypes.c_void_p).value)
+
+
+if __name__ == "__main__":
+    for _name in sys.argv[1:]:
+        if _kept(_name) is None:
+            _compile(_name)

@@ -1,5 +1,6 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -8,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernel
+from supersampler.host.compiler import Call
 from supersampler.host.memory import address
 
 Bytes = NDArray[np.uint8]
@@ -16,6 +17,9 @@ KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder'
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 ROOM = 16  # pixels after a row: kernels do several at once
 RECORD = 20  # words of a record; see kernels.classifier_seen
+
+
+LAYERS = ("network.enter", "network.descend", "network.level")
 
 
 class Layer:
@@ -33,9 +37,10 @@ class ByteNetwork:
 
     Args:
         path: network.npz of a model folder.
+        kernels: LAYERS.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, kernels: Mapping[str, Call]) -> None:
         with np.load(path) as file:
             arrays = {name: np.ascontiguousarray(file[name]) for name in file.files}
         self.levels = [
@@ -44,9 +49,7 @@ class ByteNetwork:
         ]
         self.decoder, self.hidden, self.mixing = (Layer(arrays, n) for n in ("decoder", "hidden", "mixing"))
         self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
-        self.enter, self.descend, self.level = (
-            load_kernel("network", name) for name in ("enter", "descend", "level")
-        )
+        self.enter, self.descend, self.level = (kernels[name] for name in LAYERS)
 
 
 class _Level:

@@ -1,17 +1,19 @@
 """What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
 
 import math
+from collections.abc import Mapping
 from typing import NamedTuple
 
 import numpy as np
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernel
+from supersampler.host.compiler import Call
 from supersampler.host.memory import address
 from supersampler.host.tables import LANES, up_to
 
 PAD = 16  # columns on either side of a plane that neighbourhoods reach into; see kernels.frame
+READING = ("frame.measure", "frame.prepare", "frame.closest")
 KEY, ADAPTATION = 0.18, 0.1  # see supersampler_model.color
 
 
@@ -40,13 +42,16 @@ class Samples:
 
 
 class Reader:
-    """Kernels that every method begins with."""
+    """What every method begins with.
 
-    def __init__(self, bands: Bands) -> None:
+    Args:
+        kernels: READING.
+        bands: threads.
+    """
+
+    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
         self._bands = bands
-        self._measure, self._prepare, self._closest = (
-            load_kernel("frame", name) for name in ("measure", "prepare", "closest")
-        )
+        self._measure, self._prepare, self._closest = (kernels[name] for name in READING)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
         """What the frame says, else 0.18 over its log-average luminance, adapting from `before` where > 0."""

@@ -7,9 +7,9 @@ import numpy as np
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernel
+from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, Planes, Reader
+from supersampler.host.reading import PAD, READING, Planes, Reader
 from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -64,10 +64,10 @@ class TaaHost:
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         self._bands, self._alpha, self._gamma = bands, info.config["alpha"], info.config["gamma"]
-        self._reader = Reader(bands)
-        self._enter, self._boxes, self._step = (
-            load_kernel("taa", name) for name in ("enter", "boxes", "step_rows")
-        )
+        kernels = load_kernels("taa.step_rows", "taa.boxes", "taa.enter", *READING)
+        self._reader = Reader(kernels, bands)
+        self._enter, self._boxes = kernels["taa.enter"], kernels["taa.boxes"]
+        self._step = kernels["taa.step_rows"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors

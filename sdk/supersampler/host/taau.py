@@ -7,9 +7,9 @@ import numpy as np
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernel
+from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, Planes, Reader, Samples
+from supersampler.host.reading import PAD, READING, Planes, Reader, Samples
 from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -85,8 +85,9 @@ class TaauHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._near = gaussian(c["sample_sigma"])
-        self._reader = Reader(bands)
-        self._shade, self._step = (load_kernel("taau", name) for name in ("shade", "step_rows"))
+        kernels = load_kernels("taau.step_rows", "taau.shade", *READING)
+        self._reader = Reader(kernels, bands)
+        self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
     def zeros(self, display: Size, render: Size) -> TaauHistory:
