@@ -150,7 +150,10 @@ class Model:
         left = self._prepared(history_out, display_size, frame.size)
         needed = {self.info.maps[name].output for name in want if name != "carry"}
         needed |= {"weight"} if "carry" in want else set()
-        told = self._executor.step(frame, display_size, history.buffers, left.buffers, image, needed)
+        drawn = image if image.flags.c_contiguous else aligned(image.shape)
+        told = self._executor.step(frame, display_size, history.buffers, left.buffers, drawn, needed)
+        if drawn is not image:
+            np.copyto(image, drawn)
         if "carry" in want:
             left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
         return self._result(image, want, told, left), left

@@ -129,6 +129,10 @@ def test_the_image_goes_into_the_callers_buffer(models: dict[str, Model], name: 
     expected = make(models[name]).step(noise(0))
     out = np.full((36, 64, 3), 7, np.float32)
     assert make(models[name]).step(noise(0), out=out) is out
+    texture = np.zeros((36, 64, 4), np.float32)  # what engines have
+    make(models[name]).step(noise(0), out=texture[..., :3])
+    np.testing.assert_array_equal(texture[..., :3], out)
+    assert not texture[..., 3].any()
     np.testing.assert_array_equal(out, expected)
 
 
