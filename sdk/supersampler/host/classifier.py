@@ -244,7 +244,7 @@ class ClassifierHost:
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
             0 if weight is None else address(weight), int(weight is not None),
-            int(big_w % LANES == 0 and address(image) % LINE == 0),
+            (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip
 
         def rows(y0: int, y1: int, worker: int) -> None:

@@ -150,7 +150,10 @@ def store(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 @intrinsic
 def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
-    """Like `store`, past the caches: for what is not read again soon. At multiples of the vector's bytes."""
+    """Like `store`, past the caches: for what is not read again soon, at multiples of the vector's bytes.
+
+    Other threads see it once a lock was taken, as when a band of rows is reported done.
+    """
     element = pointer.dtype
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
@@ -333,6 +336,17 @@ def sum_of_lanes(_: Any, value: Any) -> Any:
         return builder.extract_element(total, ir.Constant(_I32, 0))
 
     return types.float32(value), make
+
+
+@intrinsic
+def all_lanes(_: Any, mask: Any) -> Any:
+    """Whether all lanes of a mask are set, as a bool."""
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        word = ir.IntType(mask.lanes)
+        return builder.icmp_unsigned("==", builder.bitcast(args[0], word), ir.Constant(word, -1))
+
+    return types.boolean(mask), make
 
 
 @intrinsic

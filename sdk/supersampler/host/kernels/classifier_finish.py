@@ -61,6 +61,7 @@ from supersampler.host.vector import (
 )
 
 SIDE, SHARPEST = 0.01, 2.0
+STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
 SAID = 20  # numbers of a pixel: logarithms of weights, sharpness, cross of the past, kernel of this frame
 SHARPNESS, CROSS, KERNEL = 6, 7, 11
 WIDE = 16  # words of what the hidden layer gives
@@ -303,19 +304,27 @@ def remember(r, g, b, count, least, most, pixel, room, streams, history, image, 
     """Write up to sixteen pixels of the picture, and what goes from frame to frame."""
     zero = count * 0.0
     rows = rows8((r, g, b, count, least, most, zero, zero))
-    if streams:
-        for i in range(8):
-            stream(history, 8 * pixel + 16 * i, rows[i])
-        stream(image, 3 * pixel, first_third(r, g, b))
-        stream(image, 3 * pixel + 16, second_third(r, g, b))
-        stream(image, 3 * pixel + 32, last_third(r, g, b))
-    else:
+    if room < 16:
         for i in range(8):
             store(out, 16 * i, rows[i])
-        for i in range(min(16, room)):
+        for i in range(room):
             store(history, 8 * (pixel + i), load8(out, 8 * i))
             for c in range(3):
                 image[3 * (pixel + i) + c] = out[8 * i + c]
+        return
+    for i in range(8):
+        put(history, 8 * pixel + 16 * i, rows[i], streams & STREAMS_HISTORY)
+    put(image, 3 * pixel, first_third(r, g, b), streams & STREAMS_IMAGE)
+    put(image, 3 * pixel + 16, second_third(r, g, b), streams & STREAMS_IMAGE)
+    put(image, 3 * pixel + 32, last_third(r, g, b), streams & STREAMS_IMAGE)
+
+
+@njit
+def put(pointer, index, vector, past_caches):
+    if past_caches:
+        stream(pointer, index, vector)
+    else:
+        store(pointer, index, vector)
 
 
 def finish_rows(

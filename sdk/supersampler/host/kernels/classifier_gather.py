@@ -33,6 +33,7 @@ from supersampler.host.kernels.warp import (
 from supersampler.host.transposes import gather4, load_columns
 from supersampler.host.vector import (
     absolute,
+    all_lanes,
     floor,
     maximum,
     minimum,
@@ -170,8 +171,10 @@ def gather_rows(
             store(places, x, px)
             store(places, width + x, py)
             aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
-            aim_own(ox, oy, big_w, big_h, 8, slots, weights)
-            warp(history, slots, weights, warped)
+            alone = all_lanes((ox == px) & (oy == py))
+            if not alone:
+                aim_own(ox, oy, big_w, big_h, 8, slots, weights)
+            warp(history, slots, weights, alone, warped)
             q = load_columns(warped, 0)
             past = toned_at(numbers, q[0], q[1], q[2])
             past_root = roots(past)
@@ -180,7 +183,9 @@ def gather_rows(
             if not inside:
                 continue
             soft = toned_at(numbers, q[4], q[5], q[6])
-            moved = toned_at(numbers, q[12], q[13], q[14])
+            moved = soft
+            if not alone:
+                moved = toned_at(numbers, q[12], q[13], q[14])
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
             count = select(on, q[7], 0.0)
             put_all(past_planes, (y * width + x) * PAST, past)

@@ -105,10 +105,10 @@ def cubic4(h, at, weights, i):
 
 
 @njit
-def warp(history, at, weights, out):
+def warp(history, at, weights, alone, out):
     """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's.
 
-    history (H, W, 8).
+    history (H, W, 8). `alone`: own motion leads to the same places, and is left out.
     """
     h = history
     one = np.float32(1.0)
@@ -119,6 +119,9 @@ def warp(history, at, weights, out):
         upper8 = load8(h, k + b) * (one - t) + load8(h, k + c) * t
         lower8 = load8(h, m + b) * (one - t) + load8(h, m + c) * t
         store(out, 16 * i + 4, upper8 * (one - u) + lower8 * u)
+    if alone:
+        return
+    for i in range(16):
         a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
         t, u = weights[160 + i], weights[176 + i]
         upper = load4(h, j + a) * (one - t) + load4(h, j + b) * t
