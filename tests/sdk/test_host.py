@@ -13,6 +13,7 @@ import pytest
 from noise import Size, noise
 from supersampler import ArgumentError, Frame, Model, ModelError, Upscaler, display_transform, shipped_shot
 from supersampler.frame import Float32
+from supersampler.host.workspaces import KEPT, Workspaces
 from supersampler.model import ExecutorName
 
 METHODS = ["taa", "taau", "classifier"]
@@ -172,3 +173,22 @@ def test_kernels_that_cannot_be_kept_run_all_the_same(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "file")}
     subprocess.run([sys.executable, "-c", LOAD], check=True, env=environment)
+
+
+def test_buffers_of_sizes_long_past_are_given_up() -> None:
+    made: list[Size] = []
+
+    def make(size: Size) -> int:
+        made.append(size)
+        return len(made)
+
+    spaces = Workspaces(make)
+    for _ in range(2):
+        with spaces.borrow((2, 1)) as first, spaces.borrow((2, 1)) as second:
+            assert first != second, "lent to one at a time"
+    assert len(made) == 2
+    for width in range(10, 10 + KEPT):
+        with spaces.borrow((width, 1)):
+            pass
+    with spaces.borrow((2, 1)):
+        assert made[-1] == (2, 1)

@@ -1,6 +1,6 @@
 """`classifier` on a processor: gather, network in bytes and finish, row by row on several threads."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -49,17 +49,30 @@ class ClassifierHistory:
     exposure: float = 0.0
 
 
-class _Space:
-    """Buffers for frames of one size."""
+class _View:
+    """How a display looks at frames of one size, and their samples."""
 
-    def __init__(self, host: "ClassifierHost", render: Size, display: Size) -> None:
-        (w, h), (big_w, big_h) = render, display
+    def __init__(self, render: Size, display: Size, threads: int) -> None:
+        self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
+        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
+        self.samples = Samples(render)
+        self.lines = np.zeros((threads, self.samples.stride, LANES), np.float32)
+
+    def look(self, jitter: tuple[float, float], filters: Sequence[Filter]) -> None:
+        """Look at a frame with this jitter."""
+        for axis, lanes, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
+            axis.look(offset)
+            axis.fill(lanes, filters)
+
+
+class _Space:
+    """Buffers for displays of one size."""
+
+    def __init__(self, host: "ClassifierHost", display: Size) -> None:
+        big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
         self.half_stride = up_to(half[0], LANES) + 2 * PAD
-        self.x, self.y = Axis(big_w, w), Axis(big_h, h)
-        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
-        self.samples = Samples(render)
         self.past = aligned((big_h * width + LANES, PAST))
         self.rest = aligned((big_h * width, REST), np.uint16)
         self.means = np.zeros((half[1], 2, self.half_stride), np.float32)
@@ -72,7 +85,6 @@ class _Scratch:
 
     def __init__(self, space: _Space) -> None:
         width, half_w = space.width, space.half[0] + LANES
-        self.line = np.zeros((space.samples.stride, LANES), np.float32)
         self.filtered = np.zeros((width, LANES), np.float32)
         self.ring = np.zeros((3, width + 2 * PAD), np.float32)
         self.slots, self.weights = np.zeros((12, LANES), np.int32), np.zeros((12, LANES), np.float32)
@@ -109,7 +121,8 @@ class ClassifierHost:
         self._window = gaussian(c["kernel_sigma"])
         self._reader = Reader(kernels, bands)
         self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
-        self._spaces = Workspaces(lambda render, display: _Space(self, render, display))
+        self._spaces = Workspaces(lambda display: _Space(self, display))
+        self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:
         """See `Executor`."""
@@ -138,18 +151,14 @@ class ClassifierHost:
         planes = Planes.of(frame)
         exposure = self._reader.exposure(frame, planes.color, past.exposure)
         left.jitter, left.exposure = frame.jitter, exposure
-        with self._spaces.borrow(frame.size, display) as space:
-            for axis, lanes, jitter in zip(
-                (space.x, space.y), (space.across, space.down), frame.jitter, strict=True
-            ):
-                axis.look(jitter)
-                axis.fill(lanes, self._filters)
-            self._reader.read(planes, exposure, space.samples)
-            self._gather_all(space, past, left)
+        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
+            view.look(frame.jitter, self._filters)
+            self._reader.read(planes, exposure, view.samples)
+            self._gather_all(space, view, past, left)
             self._enter(space)
             space.encoder.run()
             weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
-            self._compose(space, left, image, weight)
+            self._compose(space, view, left, image, weight)
         return {} if weight is None else {"weight": weight[..., : display[0]]}
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
@@ -178,10 +187,12 @@ class ClassifierHost:
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
-    def _gather_all(self, space: _Space, past: ClassifierHistory, left: ClassifierHistory) -> None:
+    def _gather_all(
+        self, space: _Space, view: _View, past: ClassifierHistory, left: ClassifierHistory
+    ) -> None:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
-        s, c, read = space, self._config, space.samples
-        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
+        s, c, v, read = space, self._config, view, view.samples
+        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (v.x.display, v.y.display)
         numbers = np.array(
             [
                 left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
@@ -192,8 +203,8 @@ class ClassifierHost:
         inputs = (
             address(read.color), address(read.front), address(read.own), read.stride,
             address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
-            *(address(a) for a in (s.y.samples, s.down, s.x.samples, s.across)),
-            *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
+            *(address(a) for a in (v.y.samples, v.down, v.x.samples, v.across)),
+            *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip
         outputs = (
@@ -203,7 +214,17 @@ class ClassifierHost:
 
         def rows(y0: int, y1: int, worker: int) -> None:
             k = s.scratch[worker]
-            own = (k.line, k.filtered, k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart)
+            own = (
+                v.lines[worker],
+                k.filtered,
+                k.ring,
+                k.slots,
+                k.weights,
+                k.warped,
+                k.places,
+                k.seen,
+                k.apart,
+            )
             self._gather(*inputs, y0, y1, *(address(a) for a in own), *outputs)
 
         self.bands.run(big_h, rows, multiple=2)
@@ -225,12 +246,12 @@ class ClassifierHost:
         self.bands.run(s.encoder.rows, rows, multiple=ALIGNED)
 
     def _compose(
-        self, space: _Space, left: ClassifierHistory, image: Float32, weight: Float32 | None
+        self, space: _Space, view: _View, left: ClassifierHistory, image: Float32, weight: Float32 | None
     ) -> None:
         """The last layers, and the picture that they make of what was gathered."""
-        s, n, c, e, read = space, self.network, self._config, space.encoder, space.samples
-        (w, h), (big_w, big_h) = left.render, (s.x.display, s.y.display)
-        across, down = columns_of(s.x.window(self._window)), s.y.window(self._window)
+        s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
+        (w, h), (big_w, big_h) = left.render, (v.x.display, v.y.display)
+        across, down = columns_of(v.x.window(self._window)), v.y.window(self._window)
         decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
         layers = (
             address(e.records), e.records.shape[1] * e.records.shape[2],
@@ -239,7 +260,7 @@ class ClassifierHost:
         last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
         gathered = (
             address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
-            read.stride, w, h, address(s.x.near), address(s.y.near), address(across), address(down),
+            read.stride, w, h, address(v.x.near), address(v.y.near), address(across), address(down),
         )  # fmt: skip
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),

@@ -9,34 +9,33 @@ from typing import Generic, TypeVar
 from supersampler.frame import Size
 
 Space = TypeVar("Space")
-KEPT = 8  # pairs of sizes: what dynamic resolution goes through in a while
+KEPT = 4  # sizes: what a dynamic resolution goes back and forth between
 
 
 class Workspaces(Generic[Space]):
     """Makes buffers where none are free; several threads may borrow.
 
     Args:
-        make: of a render and a display size.
+        make: of the sizes that `borrow` is called with.
     """
 
-    def __init__(self, make: Callable[[Size, Size], Space]) -> None:
+    def __init__(self, make: Callable[..., Space]) -> None:
         self._make = make
         self._lock = threading.Lock()
-        self._free: OrderedDict[tuple[Size, Size], list[Space]] = OrderedDict()
+        self._free: OrderedDict[tuple[Size, ...], list[Space]] = OrderedDict()
 
     @contextmanager
-    def borrow(self, render: Size, display: Size) -> Iterator[Space]:
+    def borrow(self, *sizes: Size) -> Iterator[Space]:
         """Lend buffers; those of sizes that have not been asked for in a while are given up."""
-        key = render, display
         with self._lock:
-            free = self._free.get(key)
+            free = self._free.get(sizes)
             space = free.pop() if free else None
-        space = self._make(render, display) if space is None else space
+        space = self._make(*sizes) if space is None else space
         try:
             yield space
         finally:
             with self._lock:
-                self._free.setdefault(key, []).append(space)
-                self._free.move_to_end(key)
+                self._free.setdefault(sizes, []).append(space)
+                self._free.move_to_end(sizes)
                 while len(self._free) > KEPT:
                     self._free.popitem(last=False)
