@@ -12,7 +12,7 @@ from supersampler.image_io import write_png
 from supersampler_model.data.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier"]
+METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
 RENDER, DISPLAY, FRAME = (64, 36), (128, 72), 12
 
 

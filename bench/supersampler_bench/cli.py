@@ -46,7 +46,7 @@ def quality(
         typer.Option(
             help="Shipped models or model folders, with commas between; NAME:fp32 for that precision."
         ),
-    ] = "bilinear,bicubic,taa,taau,classifier",
+    ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     ratio: Annotated[
         str, typer.Option(help="Of the test shots: display over render size, with commas between.")
     ] = "2",
@@ -96,7 +96,7 @@ def cost(
     methods: Annotated[
         str,
         typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
-    ] = "classifier",
+    ] = "classifier,classifier-small",
     display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
     update: Annotated[
         Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
@@ -120,7 +120,7 @@ def cost(
 def speed(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
-    ] = "taa,taau,classifier",
+    ] = "taa,taau,classifier-small,classifier",
     sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
     executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
     threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",

@@ -16,7 +16,7 @@ from supersampler.frame import Float32
 from supersampler.host.workspaces import KEPT, Workspaces
 from supersampler.model import ExecutorName
 
-METHODS = ["taa", "taau", "classifier"]
+METHODS = ["taa", "taau", "classifier", "classifier-small"]
 SIZES = [
     ((32, 18), (64, 36)),
     ((33, 17), (50, 26)),

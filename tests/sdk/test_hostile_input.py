@@ -13,7 +13,7 @@ from supersampler.frame import Float32
 from supersampler_model.data.analytic import Plane, checker
 
 SIZE, DISPLAY = (32, 18), (64, 36)
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier"]
+METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
 RECOVERY = 48  # clean frames, one and a half jitter periods
 
 Spoil = Callable[[Float32], None]

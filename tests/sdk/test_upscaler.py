@@ -13,8 +13,8 @@ from supersampler import ArgumentError, FrameError, Model, ModelError, ProviderE
 from supersampler.frame import Float32
 
 DISPLAY = (64, 36)
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier"]
-TEMPORAL = ["taa", "taau", "classifier"]
+METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
+TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]
 
 
 @pytest.fixture(scope="session")

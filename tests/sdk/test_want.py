@@ -15,7 +15,7 @@ from supersampler.image_io import read_exr
 from supersampler.maps import CLASS_COLORS, class_colors, map_layers
 
 DISPLAY = (64, 36)
-TEMPORAL = ["taa", "taau", "classifier"]
+TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]
 
 
 @pytest.fixture(scope="module", params=TEMPORAL)
