@@ -360,42 +360,13 @@ def ramp16(_: Any) -> Any:
     return vector(), make
 
 
-def _spreader(lanes: int) -> Callable[..., Any]:
-    def spread(_: Any, value: Any) -> Any:
-        vector = Vector("f32" if isinstance(value, types.Float) else "i32", lanes)
-        scalar = types.float32 if vector.kind == "f32" else types.int32
+@intrinsic
+def spread16(_: Any, value: Any) -> Any:
+    """A scalar in all of sixteen lanes."""
+    vector = Vector("f32" if isinstance(value, types.Float) else "i32", 16)
+    scalar = types.float32 if vector.kind == "f32" else types.int32
 
-        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            return _spread(builder, args[0], vector.llvm)
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        return _spread(builder, args[0], vector.llvm)
 
-        return vector(scalar), make
-
-    return intrinsic(spread)
-
-
-spread16, spread8, spread4 = _spreader(16), _spreader(8), _spreader(4)
-
-
-def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
-    def shuffle(_: Any, first: Any, second: Any) -> Any:
-        lanes = order(first.lanes)
-        vector = Vector(first.kind, len(lanes))
-
-        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-            return builder.shuffle_vector(*args, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
-
-        return vector(first, second), make
-
-    return intrinsic(shuffle)
-
-
-joined = _shuffler(lambda n: list(range(2 * n)))  # the lanes of both, one after the other
-zipped = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)])  # in turns
-evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
-odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
-low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
-high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
-shifted_in = _shuffler(
-    lambda n: list(range(n - 1, 2 * n - 1))
-)  # the last lane of one, then all but the other's last
-shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
+    return vector(scalar), make

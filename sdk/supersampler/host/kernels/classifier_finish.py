@@ -30,13 +30,16 @@ from supersampler.host.kernels.colors import (
 )
 from supersampler.host.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
-from supersampler.host.transposes import (
+from supersampler.host.shuffles import (
     first_third,
     last_third,
     load_columns,
     load_columns4,
     rows8,
     second_third,
+    shifted_in,
+    shifted_out,
+    zipped,
 )
 from supersampler.host.vector import (
     absolute,
@@ -50,14 +53,11 @@ from supersampler.host.vector import (
     minimum,
     ramp16,
     select,
-    shifted_in,
-    shifted_out,
     spread16,
     store,
     stream,
     to_float,
     to_int,
-    zipped,
 )
 
 SIDE, SHARPEST = 0.01, 2.0
@@ -148,7 +148,7 @@ def factor(value):
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
     past_planes = floor(x + 0.5)
     f = x - past_planes
-    p = (((f * 9.5801966e-3 + 5.5041548e-2) * f + 2.4024747e-1) * f + 6.9315311e-1) * f + 1.0
+    p = (((f * 9.58285e-3 + 5.590642e-2) * f + 2.4024099e-1) * f + 6.9312419e-1) * f + 1.0
     return p * float_of((to_int(past_planes) + np.int32(127)) << np.int32(23))
 
 

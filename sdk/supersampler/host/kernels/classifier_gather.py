@@ -30,7 +30,7 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp,
 )
-from supersampler.host.transposes import gather4, load_columns
+from supersampler.host.shuffles import gather4, load_columns
 from supersampler.host.vector import (
     absolute,
     all_lanes,

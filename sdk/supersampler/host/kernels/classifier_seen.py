@@ -10,21 +10,18 @@ from numba import njit
 from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import PAD, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
-from supersampler.host.transposes import transposed
+from supersampler.host.shuffles import evens, odds, transposed, zipped
 from supersampler.host.vector import (
     absolute,
-    evens,
     load8,
     load16,
     maximum,
     minimum,
-    odds,
     packed,
     store,
     store_pairs,
     to_float,
     to_int,
-    zipped,
 )
 
 (

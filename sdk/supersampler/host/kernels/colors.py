@@ -8,13 +8,11 @@ from numba import njit
 from supersampler.host.vector import (
     bits_of,
     float_of,
-    floor,
     maximum,
     minimum,
     select,
     square_root,
     to_float,
-    to_int,
 )
 
 MAX_HALF = 65504.0
@@ -70,16 +68,6 @@ def root(c: Any) -> Any:
 @njit
 def clamped(c: Any, low: float, high: float) -> Any:
     return minimum(maximum(c, low), high)
-
-
-@njit
-def exponential(x: Any) -> Any:
-    """e^x for |x| <= 80, to 2e-7 of it."""
-    whole = floor(x * 1.4426950408889634 + 0.5)
-    f = x - whole * 0.693359375 + whole * 2.12194440e-4
-    p = (((f * 1.9875691500e-4 + 1.3981999507e-3) * f + 8.3334519073e-3) * f + 4.1665795894e-2) * f
-    p = ((p + 1.6666665459e-1) * f + 5.0000001201e-1) * f * f + f + 1.0
-    return p * float_of((to_int(whole) + np.int32(127)) << np.int32(23))
 
 
 @njit

@@ -13,7 +13,7 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
-from supersampler.host.transposes import rows4, transposed
+from supersampler.host.shuffles import rows4, transposed, zipped
 from supersampler.host.vector import (
     absolute,
     gather,
@@ -25,7 +25,6 @@ from supersampler.host.vector import (
     spread16,
     store,
     sum_of_lanes,
-    zipped,
 )
 
 PAD = 16  # columns before and after a plane that 3x3 neighbourhoods reach into

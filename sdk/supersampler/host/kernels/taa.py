@@ -7,7 +7,7 @@ from supersampler.host.kernels.colors import linear_of, quarantined, rgb, toned,
 from supersampler.host.kernels.frame import PAD, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import aim, cubic4, followed, on_screen
-from supersampler.host.transposes import load_columns4, transposed
+from supersampler.host.shuffles import load_columns4, transposed
 from supersampler.host.vector import (
     absolute,
     gather,

@@ -26,7 +26,7 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp5,
 )
-from supersampler.host.transposes import gather4, load_columns, load_columns4, load_columns8, transposed
+from supersampler.host.shuffles import gather4, load_columns, load_columns4, load_columns8, transposed
 from supersampler.host.vector import (
     absolute,
     floor,

@@ -1,4 +1,4 @@
-"""Vectors of pixels to vectors of channels and back, by perfect shuffles.
+"""Lanes in other places: vectors of pixels to vectors of channels and back, by perfect shuffles.
 
 A round of `low_zip` and `high_zip` over the halves of n vectors moves the highest bit of a value's place, the
 one that tells vectors apart, to the lowest; a few rounds turn rows into columns.
@@ -11,9 +11,34 @@ from llvmlite import ir
 from numba import njit
 from numba.extending import intrinsic
 
-from supersampler.host.vector import high_zip, joined, load4, load16, low_zip
+from supersampler.host.vector import Vector, load4, load16
 
 _I32 = ir.IntType(32)
+
+
+def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
+    def shuffle(_: Any, first: Any, second: Any) -> Any:
+        lanes = order(first.lanes)
+        vector = Vector(first.kind, len(lanes))
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            return builder.shuffle_vector(*args, ir.Constant(ir.VectorType(_I32, len(lanes)), lanes))
+
+        return vector(first, second), make
+
+    return intrinsic(shuffle)
+
+
+joined = _shuffler(lambda n: list(range(2 * n)))  # the lanes of both, one after the other
+zipped = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)])  # in turns
+evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
+odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
+low_zip = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(n)])  # halves of `zipped`
+high_zip = _shuffler(lambda n: [n // 2 + i // 2 + n * (i % 2) for i in range(n)])
+shifted_in = _shuffler(
+    lambda n: list(range(n - 1, 2 * n - 1))
+)  # the last lane of one, then all but the other's last
+shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
 
 
 def _thirds(part: int) -> Callable[..., Any]:
@@ -65,14 +90,9 @@ def load_columns(pointer: Any, index: int) -> Any:
 
 
 @njit
-def load_columns8(pointer: Any, index: int) -> Any:
-    """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
-    p = pointer
-    rows = (
-        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
-        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
-    )  # fmt: skip
-    for _ in range(4):
+def shuffled8(rows: Any, rounds: int) -> Any:
+    """Eight vectors, some rounds on."""
+    for _ in range(rounds):
         a, b, c, d, e, f, g, h = rows
         rows = (
             low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
@@ -82,12 +102,29 @@ def load_columns8(pointer: Any, index: int) -> Any:
 
 
 @njit
-def columns4(rows: Any) -> Any:
-    """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
-    for _ in range(4):
+def shuffled4(rows: Any, rounds: int) -> Any:
+    """Four vectors, some rounds on."""
+    for _ in range(rounds):
         a, b, c, d = rows
         rows = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
     return rows
+
+
+@njit
+def load_columns8(pointer: Any, index: int) -> Any:
+    """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
+    p = pointer
+    rows = (
+        load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48),
+        load16(p, index + 64), load16(p, index + 80), load16(p, index + 96), load16(p, index + 112),
+    )  # fmt: skip
+    return shuffled8(rows, 4)
+
+
+@njit
+def columns4(rows: Any) -> Any:
+    """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
+    return shuffled4(rows, 4)
 
 
 @njit
@@ -117,19 +154,10 @@ def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> A
 @njit
 def rows4(columns: Any) -> Any:
     """Four vectors of a channel each as four vectors of four pixels each."""
-    for _ in range(2):
-        a, b, c, d = columns
-        columns = low_zip(a, c), high_zip(a, c), low_zip(b, d), high_zip(b, d)
-    return columns
+    return shuffled4(columns, 2)
 
 
 @njit
 def rows8(columns: Any) -> Any:
     """Eight vectors of a channel each as sixteen pixels of eight channels each."""
-    for _ in range(3):
-        a, b, c, d, e, f, g, h = columns
-        columns = (
-            low_zip(a, e), high_zip(a, e), low_zip(b, f), high_zip(b, f),
-            low_zip(c, g), high_zip(c, g), low_zip(d, h), high_zip(d, h),
-        )  # fmt: skip
-    return columns
+    return shuffled8(columns, 3)
