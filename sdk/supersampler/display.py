@@ -79,6 +79,11 @@ def auto_exposure(color: NDArray[Any]) -> float:
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 
 
+def adapted_exposure(target: float, before: float) -> float:
+    """Return an exposure a tenth of the way, in stops, from that of the frame before to a measured one."""
+    return float(before ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
+
+
 class ExposureMeter:
     """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
 
@@ -108,4 +113,4 @@ class ExposureMeter:
         target = auto_exposure(color)
         if self._before is None:
             return target
-        return float(self._before ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
+        return adapted_exposure(target, self._before)

@@ -1,6 +1,6 @@
 """`classifier` on a processor: gather, network in bytes and finish, row by row on several threads."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,8 +12,8 @@ from supersampler.host.bands import Bands
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
-from supersampler.host.reading import PAD, READING, Planes, Reader, Samples
-from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, columns_of, gaussian, up_to
+from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.tables import LANES, Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 
@@ -49,20 +49,12 @@ class ClassifierHistory:
     exposure: float = 0.0
 
 
-class _View:
-    """How a display looks at frames of one size, and their samples."""
+class _View(View):
+    """With rows that each thread filters samples in."""
 
     def __init__(self, render: Size, display: Size, threads: int) -> None:
-        self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
-        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
-        self.samples = Samples(render)
+        super().__init__(render, display)
         self.lines = np.zeros((threads, self.samples.stride, LANES), np.float32)
-
-    def look(self, jitter: tuple[float, float], filters: Sequence[Filter]) -> None:
-        """Look at a frame with this jitter."""
-        for axis, lanes, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
-            axis.look(offset)
-            axis.fill(lanes, filters)
 
 
 class _Space:
@@ -151,15 +143,15 @@ class ClassifierHost:
         planes = Planes.of(frame)
         exposure = self._reader.exposure(frame, planes.color, past.exposure)
         left.jitter, left.exposure = frame.jitter, exposure
+        weight = Weight(told, display)
         with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
             view.look(frame.jitter, self._filters)
             self._reader.read(planes, exposure, view.samples)
             self._gather_all(space, view, past, left)
             self._enter(space)
             space.encoder.run()
-            weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
             self._compose(space, view, left, image, weight)
-        return {} if weight is None else {"weight": weight[..., : display[0]]}
+        return weight.told()
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
         """See `Executor`."""
@@ -176,14 +168,12 @@ class ClassifierHost:
 
     def load(self, buffers: ClassifierHistory, tensors: Mapping[str, Float32]) -> None:
         """See `Executor`."""
-        (w, _), pixels = buffers.render, buffers.pixels
+        pixels = buffers.pixels
         pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
         shares = np.round(tensors["history.classes"][0].transpose(1, 2, 0) * ALL)
         buffers.classes[..., :CLASSES] = np.clip(shares, 0.0, ALL)
-        depth = tensors["history.depth"][0].transpose(1, 2, 0)
-        room = PAD, buffers.surfaces.shape[1] - w - PAD
-        buffers.surfaces[:] = np.pad(depth, ((0, 0), room, (0, 0)), "edge")
+        buffers.surfaces[:] = bordered(tensors["history.depth"][0], buffers.surfaces.shape[1])
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -215,16 +205,8 @@ class ClassifierHost:
         def rows(y0: int, y1: int, worker: int) -> None:
             k = s.scratch[worker]
             own = (
-                v.lines[worker],
-                k.filtered,
-                k.ring,
-                k.slots,
-                k.weights,
-                k.warped,
-                k.places,
-                k.seen,
-                k.apart,
-            )
+                v.lines[worker], k.filtered, k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart,
+            )  # fmt: skip
             self._gather(*inputs, y0, y1, *(address(a) for a in own), *outputs)
 
         self.bands.run(big_h, rows, multiple=2)
@@ -246,7 +228,7 @@ class ClassifierHost:
         self.bands.run(s.encoder.rows, rows, multiple=ALIGNED)
 
     def _compose(
-        self, space: _Space, view: _View, left: ClassifierHistory, image: Float32, weight: Float32 | None
+        self, space: _Space, view: _View, left: ClassifierHistory, image: Float32, weight: Weight
     ) -> None:
         """The last layers, and the picture that they make of what was gathered."""
         s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
@@ -264,7 +246,7 @@ class ClassifierHost:
         )  # fmt: skip
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
-            0 if weight is None else address(weight), int(weight is not None),
+            *weight.arguments,
             (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip
 

@@ -1,20 +1,20 @@
 """What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from typing import NamedTuple
 
 import numpy as np
 
+from supersampler.display import EXPOSURE_KEY, adapted_exposure
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import Call
 from supersampler.host.memory import address
-from supersampler.host.tables import LANES, up_to
+from supersampler.host.tables import LANES, Axis, Filter, up_to
 
 PAD = 16  # columns on either side of a plane that neighbourhoods reach into; see kernels.frame
 READING = ("frame.measure", "frame.prepare", "frame.closest")
-KEY, ADAPTATION = 0.18, 0.1  # see supersampler_model.color
 
 
 class Planes(NamedTuple):
@@ -41,6 +41,51 @@ class Samples:
         self.front, self.own = np.zeros((2, h, stride, 4), np.float32)
 
 
+class View:
+    """How a display looks at frames of one size, and their samples.
+
+    Attributes:
+        x, y: its axes.
+        across, down: (W, 4, LANES) and (H, 4, LANES) weights of the samples around, channel by channel.
+        samples: of the frame that is looked at.
+    """
+
+    def __init__(self, render: Size, display: Size) -> None:
+        self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
+        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
+        self.samples = Samples(render)
+
+    def look(self, jitter: tuple[float, float], filters: Sequence[Filter]) -> None:
+        """Look at a frame with this jitter."""
+        for axis, lanes, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
+            axis.look(offset)
+            axis.fill(lanes, filters)
+
+
+class Weight:
+    """The share of the past, in rows of whole LANES, where it is asked for; else nothing is written."""
+
+    def __init__(self, told: Collection[str], display: Size) -> None:
+        self._width, asked = display[0], "weight" in told
+        shape = (1, 1, display[1], up_to(display[0], LANES))
+        self._rows = np.empty(shape, np.float32) if asked else None
+
+    @property
+    def arguments(self) -> tuple[int, int]:
+        """Address, and whether it is one."""
+        return (0, 0) if self._rows is None else (address(self._rows), 1)
+
+    def told(self) -> dict[str, Float32]:
+        """What an executor returns."""
+        return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
+
+
+def bordered(plane: Float32, wide: int) -> Float32:
+    """(k, h, w) as (h, wide, k) with PAD columns before and at least as many after that repeat the border."""
+    room = PAD, wide - plane.shape[2] - PAD
+    return np.pad(plane.transpose(1, 2, 0), ((0, 0), room, (0, 0)), "edge")
+
+
 class Reader:
     """What every method begins with.
 
@@ -61,9 +106,9 @@ class Reader:
         rows = np.zeros((h, 2), np.float32)
         self._bands.run(h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
-        target = KEY * math.exp(-logs / max(count, 1.0))
+        target = EXPOSURE_KEY * math.exp(-logs / max(count, 1.0))
         if before > 0.0:
-            target = before ** (1.0 - ADAPTATION) * target**ADAPTATION if count else before
+            target = adapted_exposure(target, before) if count else before
         return float(np.float32(target))
 
     def read(self, planes: Planes, exposure: float, to: Samples) -> None:

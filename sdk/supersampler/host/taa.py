@@ -9,7 +9,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, READING, Planes, Reader
+from supersampler.host.reading import PAD, READING, Planes, Reader, Weight
 from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -90,13 +90,13 @@ class TaaHost:
         """See `Executor`."""
         planes = Planes.of(frame)
         left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
+        weight = Weight(told, display)
         with self._spaces.borrow(frame.size, display) as space:
             space.x.look(frame.jitter[0])
             space.y.look(frame.jitter[1])
             self._read(space, planes, left.exposure)
-            weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
             self._draw(space, past, left, image, weight)
-        return {} if weight is None else {"weight": weight[..., : display[0]]}
+        return weight.told()
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
         """See `Executor`."""
@@ -118,7 +118,7 @@ class TaaHost:
         self._bands.run(h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
 
     def _draw(
-        self, space: _Space, past: TaaHistory, left: TaaHistory, image: Float32, weight: Float32 | None
+        self, space: _Space, past: TaaHistory, left: TaaHistory, image: Float32, weight: Weight
     ) -> None:
         s, display = space, left.display
         alpha = self._alpha if past.exposure > 0.0 else 1.0
@@ -132,10 +132,7 @@ class TaaHost:
             *(address(a) for a in (rows_[1], rows_[2], down[1], down[2], s.y.near, given)),
             *display, s.width,
         )  # fmt: skip
-        outputs = (
-            address(left.pixels), address(image), 0 if weight is None else address(weight),
-            int(weight is not None),
-        )  # fmt: skip
+        outputs = address(left.pixels), address(image), *weight.arguments
 
         def rows(y0: int, y1: int, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)

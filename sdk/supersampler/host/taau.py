@@ -9,8 +9,8 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, READING, Planes, Reader, Samples
-from supersampler.host.tables import LANES, Axis, Filter, catmull_rom, gaussian, up_to
+from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.tables import LANES, Filter, catmull_rom, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 
@@ -41,15 +41,12 @@ class TaauHistory:
     exposure: float = 0.0
 
 
-class _Space:
+class _Space(View):
     """Buffers for frames of one size; `scratch`: rows that one thread works on."""
 
     def __init__(self, render: Size, display: Size, threads: int) -> None:
-        (w, h), (big_w, big_h) = render, display
-        self.width = width = up_to(big_w, LANES)
-        self.x, self.y = Axis(big_w, w), Axis(big_h, h)
-        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
-        self.samples = Samples(render)
+        super().__init__(render, display)
+        self.width = width = up_to(display[0], LANES)
         stride = self.samples.stride
         self.lines = np.zeros((threads, 3, stride + 2 * PAD), np.float32)
         self.scratch = [
@@ -113,16 +110,13 @@ class TaauHost:
         planes = Planes.of(frame)
         exposure = self._reader.exposure(frame, planes.color, past.exposure)
         left.jitter, left.exposure = frame.jitter, exposure
+        weight = Weight(told, display)
         with self._spaces.borrow(frame.size, display) as space:
-            space.x.look(frame.jitter[0])
-            space.y.look(frame.jitter[1])
-            space.x.fill(space.across, self._filters)
-            space.y.fill(space.down, self._filters)
+            space.look(frame.jitter, self._filters)
             self._reader.read(planes, exposure, space.samples)
             self._leave(space, left)
-            weight = np.empty((1, 1, display[1], space.width), np.float32) if "weight" in told else None
             self._draw(space, past, left, image, weight)
-        return {} if weight is None else {"weight": weight[..., : display[0]]}
+        return weight.told()
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
         """See `Executor`."""
@@ -140,9 +134,7 @@ class TaauHost:
         """See `Executor`."""
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
-        surface, w = tensors["history.surface"][0].transpose(1, 2, 0), buffers.render[0]
-        room = PAD, buffers.surface.shape[1] - w - PAD
-        buffers.surface[..., :3] = np.pad(surface, ((0, 0), room, (0, 0)), "edge")
+        buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -158,7 +150,7 @@ class TaauHost:
         )
 
     def _draw(
-        self, space: _Space, past: TaauHistory, left: TaauHistory, image: Float32, weight: Float32 | None
+        self, space: _Space, past: TaauHistory, left: TaauHistory, image: Float32, weight: Weight
     ) -> None:
         s, read, c = space, space.samples, self._config
         (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
@@ -178,10 +170,7 @@ class TaauHost:
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip
-        outputs = (
-            address(left.pixels), address(image), 0 if weight is None else address(weight),
-            int(weight is not None),
-        )  # fmt: skip
+        outputs = address(left.pixels), address(image), *weight.arguments
 
         def rows(y0: int, y1: int, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)
