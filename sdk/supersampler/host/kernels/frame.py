@@ -31,16 +31,32 @@ PAD = 16  # columns before and after a plane that 3x3 neighbourhoods reach into
 DARKEST = 1e-4
 
 
+@njit
+def places_of(x, y, w):
+    """Sixteen samples of a row from x on, the last repeated."""
+    return minimum(ramp16() + np.int32(x), np.int32(w - 1)) + np.int32(y * w)
+
+
+@njit
+def color_at(color, at):
+    return gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
+
+
+@njit
+def motion_at(motion, at):
+    """Usable motion: what is not a number, or longer than any display, is none."""
+    mx, my = gather(motion, at * 2), gather(motion, at * 2 + 1)
+    return select(absolute(mx) <= 1e6, mx, 0.0), select(absolute(my) <= 1e6, my, 0.0)
+
+
 def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
     """Sums of rows y0 to y1: of the logarithms of luminance of usable samples, and of how many there are."""
     zero = spread16(np.float32(0.0))
     for y in range(y0, y1):
         logs = count = zero
         for x in range(0, w, 16):
-            lane = ramp16() + np.int32(x)
-            at = minimum(lane, np.int32(w - 1)) + np.int32(y * w)
-            r, g, b = gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
-            good = usable(r, g, b) & (lane < np.int32(w))
+            r, g, b = color_at(color, places_of(x, y, w))
+            good = usable(r, g, b) & (ramp16() + np.int32(x) < np.int32(w))
             luma = luminance(quarantined(r), quarantined(g), quarantined(b))
             logs = logs + select(good, logarithm(maximum(luma, DARKEST)), zero)
             count = count + select(good, spread16(np.float32(1.0)), zero)
@@ -61,8 +77,8 @@ def prepare(
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         for x in range(0, w, 16):
-            at = minimum(ramp16() + np.int32(x), np.int32(w - 1)) + np.int32(y * w)
-            r, g, b = gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
+            at = places_of(x, y, w)
+            r, g, b = color_at(color, at)
             good = select(usable(r, g, b), 1.0, zero)
             r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
             r, g, b = r * good, g * good, b * good
@@ -74,21 +90,22 @@ def prepare(
             to = (y * stride + x) * 16
             for i in range(16):
                 store(samples, to + 16 * i, rows[i])
-            d, mx, my = gather(depth, at), gather(motion, at * 2), gather(motion, at * 2 + 1)
+            d, (mx, my) = gather(depth, at), motion_at(motion, at)
             to = y * wide + PAD + x
             store(depths, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
-            store(across, to, select(absolute(mx) <= 1e6, mx, 0.0))
-            store(down, to, select(absolute(my) <= 1e6, my, 0.0))
+            store(across, to, mx)
+            store(down, to, my)
         for plane in (depths, across, down):
             repeat_ends(plane, y * wide + PAD, w)
 
 
 @njit
-def repeat_ends(plane, first, count):
-    """Fill the padding before and after `count` values from `first` on."""
+def repeat_ends(plane, first, count, channels=1):
+    """Fill the padding before and after `count` samples, of `channels` values each, from `first` on."""
     for x in range(PAD):
-        plane[first - 1 - x] = plane[first]
-        plane[first + count + x] = plane[first + count - 1]
+        for c in range(channels):
+            plane[channels * (first - 1 - x) + c] = plane[channels * first + c]
+            plane[channels * (first + count + x) + c] = plane[channels * (first + count - 1) + c]
 
 
 def closest(
@@ -152,7 +169,4 @@ def surfaces(
         for x in range(0, w, 16):
             opened = opened_at(eroded, above, here, below, x)
             store(left, 2 * (here + x), zipped(load16(depths, here + x), opened))
-        for x in range(PAD):
-            for c in range(2):
-                left[2 * (here - 1 - x) + c] = left[2 * here + c]
-                left[2 * (here + w + x) + c] = left[2 * (here + w - 1) + c]
+        repeat_ends(left, here, w, 2)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
-from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.frame import PAD, color_at, motion_at, places_of, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import aim, cubic4, followed, on_screen
 from supersampler.host.shuffles import load_columns4, transposed
@@ -34,12 +34,11 @@ def enter(
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         for x in range(0, w, 16):
-            at = minimum(ramp16() + np.int32(x), np.int32(w - 1)) + np.int32(y * w)
-            r, g, b = gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
+            at = places_of(x, y, w)
+            r, g, b = color_at(color, at)
             r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
             luma, orange, green = ycocg(r, g, b)
-            mx, my = gather(motion, at * 2), gather(motion, at * 2 + 1)
-            mx, my = select(absolute(mx) <= 1e6, mx, 0.0), select(absolute(my) <= 1e6, my, 0.0)
+            mx, my = motion_at(motion, at)
             for c, value in enumerate((luma, orange, green, mx, my)):
                 store(planes, (5 * y + c) * wide + PAD + x, value)
         for c in range(5):

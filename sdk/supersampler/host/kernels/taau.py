@@ -13,7 +13,7 @@ from supersampler.host.kernels.colors import (
     toned,
     ycocg,
 )
-from supersampler.host.kernels.frame import PAD, fours, opened_at
+from supersampler.host.kernels.frame import PAD, fours, opened_at, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import (
     aim,
@@ -90,10 +90,7 @@ def shade(
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
             fours(surface, 4 * (here + x), opened, mean, select(seen > 9.0 * UNSEEN, deviation, 1.0))
-        for x in range(PAD):
-            for c in range(4):
-                surface[4 * (here - 1 - x) + c] = surface[4 * here + c]
-                surface[4 * (here + w + x) + c] = surface[4 * (here + w - 1) + c]
+        repeat_ends(surface, here, w, 4)
 
 
 @njit

@@ -105,6 +105,15 @@ def cubic4(h, at, weights, i):
 
 
 @njit
+def linear4(h, a, b, c, d, t, u):
+    """Four values between four places: upper left and right, lower left and right."""
+    one = np.float32(1.0)
+    upper = load4(h, a) * (one - t) + load4(h, b) * t
+    lower = load4(h, c) * (one - t) + load4(h, d) * t
+    return upper * (one - u) + lower * u
+
+
+@njit
 def warp(history, at, weights, alone, out):
     """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's.
 
@@ -123,24 +132,19 @@ def warp(history, at, weights, alone, out):
         return
     for i in range(16):
         a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
-        t, u = weights[160 + i], weights[176 + i]
-        upper = load4(h, j + a) * (one - t) + load4(h, j + b) * t
-        lower = load4(h, k + a) * (one - t) + load4(h, k + b) * t
-        store(out, 16 * i + 12, upper * (one - u) + lower * u)
+        moved = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
+        store(out, 16 * i + 12, moved)
 
 
 @njit
 def warp5(history, at, weights, out):
     """Sixteen pixels of a past of five values, (16, 8): the first four by a cubic; the last four, linear."""
     h = history
-    one = np.float32(1.0)
     for i in range(16):
         store(out, 8 * i, cubic4(h, at, weights, i))
         b, c, k, m = at[16 + i] + 1, at[32 + i] + 1, at[80 + i], at[96 + i]
-        t, u = weights[128 + i], weights[144 + i]
-        upper = load4(h, k + b) * (one - t) + load4(h, k + c) * t
-        lower = load4(h, m + b) * (one - t) + load4(h, m + c) * t
-        store(out, 8 * i + 4, upper * (one - u) + lower * u)
+        soft = linear4(h, k + b, k + c, m + b, m + c, weights[128 + i], weights[144 + i])
+        store(out, 8 * i + 4, soft)
 
 
 @njit
