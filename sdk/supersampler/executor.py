@@ -3,6 +3,8 @@
 from collections.abc import Collection, Mapping
 from typing import Any, Protocol
 
+from numpy.typing import NDArray
+
 from supersampler.frame import Float32, Frame, Size
 
 Buffers = Any
@@ -27,7 +29,15 @@ class Executor(Protocol):
         """Whether what a frame of this size leaves may be written there."""
 
     def step(
-        self, frame: Frame, display: Size, past: Buffers, left: Buffers, image: Float32, told: Collection[str]
+        self,
+        frame: Frame,
+        display: Size,
+        past: Buffers,
+        left: Buffers,
+        image: Float32,
+        told: Collection[str],
+        *,
+        skips: bool,
     ) -> Mapping[str, Float32]:
         """Upscale a checked frame.
 
@@ -38,6 +48,7 @@ class Executor(Protocol):
             left: where this one leaves it; not `past`.
             image: (H, W, 3), written to.
             told: names of tensors, of those that model.json lists as told.
+            skips: tiles that stand still may keep what they show; else all is drawn.
 
         Returns:
             The told tensors, NCHW.
@@ -46,5 +57,14 @@ class Executor(Protocol):
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """A history tensor of the contract, NCHW, in memory."""
 
-    def load(self, buffers: Buffers, tensors: Mapping[str, Float32]) -> None:
-        """Fill buffers with all history tensors of the contract; shapes are as they must be."""
+    def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
+        """Copies of what else goes from frame to frame, by names of the executor's own."""
+
+    def work(self, buffers: Buffers, display: Size) -> Float32:
+        """Share of a whole step's work that the step that left these did: (rows, columns) of tiles."""
+
+    def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """Fill buffers with all history tensors of the contract; shapes are as they must be.
+
+        What `memory` copied may lie among them, of this executor or of another.
+        """

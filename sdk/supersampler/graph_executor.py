@@ -1,9 +1,11 @@
 """The whole step as one graph in ONNX Runtime; the history stays on its device."""
 
 from collections.abc import Collection, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 import onnxruntime as ort
+from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
@@ -51,7 +53,15 @@ class GraphExecutor:
         return [list(t.shape()) for t in buffers.values()] == [list(shape) for shape in shapes]
 
     def step(
-        self, frame: Frame, display: Size, past: Tensors, left: Tensors, image: Float32, told: Collection[str]
+        self,
+        frame: Frame,
+        display: Size,
+        past: Tensors,
+        left: Tensors,
+        image: Float32,
+        told: Collection[str],
+        *,
+        skips: bool,  # noqa: ARG002  # a graph draws all
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
@@ -76,7 +86,15 @@ class GraphExecutor:
         """See `Executor`."""
         return np.asarray(buffers[name].numpy())
 
-    def load(self, buffers: Tensors, tensors: Mapping[str, Float32]) -> None:
+    def memory(self, buffers: Tensors) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # nothing
+        """See `Executor`."""
+        return {}
+
+    def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # all of it
+        """See `Executor`."""
+        return np.ones((1, 1), np.float32)
+
+    def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
         for name, tensor in buffers.items():
             tensor.update_inplace(np.ascontiguousarray(tensors[name], np.float32))

@@ -6,6 +6,7 @@ from supersampler.executor import Buffers
 from supersampler.frame import Float32, Size
 
 CARRY = "history.carry"
+WORK = "work"
 
 
 @dataclass(eq=False)
@@ -36,6 +37,8 @@ class Result:
             past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
         weight: (H, W) float32 share of the past in the image, [0, 1].
         count: (H, W) float32 how many samples the image is worth.
+        work: (rows, columns) float32 share of a whole step's work that was done in each tile of the image.
+            Tiles are equal squares, the last ones cut off; a single one where nothing is ever skipped.
     """
 
     image: Float32
@@ -43,3 +46,4 @@ class Result:
     class_map: Float32 | None = None
     weight: Float32 | None = None
     count: Float32 | None = None
+    work: Float32 | None = None

@@ -2,10 +2,11 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import onnxruntime as ort
+from numpy.typing import NDArray
 
 from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
@@ -13,7 +14,7 @@ from supersampler.executor import Executor
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of
-from supersampler.history import CARRY, History, Result
+from supersampler.history import CARRY, WORK, History, Result
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
@@ -21,6 +22,7 @@ from supersampler.providers import CPU, resolve_providers
 
 ExecutorName = Literal["auto", "graph", "host"]
 Precision = Literal["auto", "fp32", "int8"]
+Skip = Literal["auto", "exact"]
 
 
 class Model:
@@ -132,10 +134,19 @@ class Model:
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
+        skip: Skip = "exact",
     ) -> tuple[Result, History]:
         """Upscale as `run` does, and return what `want` names of `Result` with the image.
 
         What is not named costs nothing.
+
+        Args:
+            frame: see `run`.
+            history: see `run`.
+            want: names of `Result`'s.
+            out: see `run`.
+            history_out: see `run`.
+            skip: "exact" draws every pixel; see `Upscaler` for "auto".
 
         Raises:
             FrameError: as `run`; or the frame carries nothing, or other channels than the one before, and
@@ -148,23 +159,38 @@ class Model:
         display_size = history.display_size
         image = _checked_out(out, (*display_size[::-1], 3))
         left = self._prepared(history_out, display_size, frame.size)
-        needed = {self.info.maps[name].output for name in want if name != "carry"}
+        needed = {self.info.maps[name].output for name in want if name in self.info.maps}
         needed |= {"weight"} if "carry" in want else set()
         drawn = image if image.flags.c_contiguous else aligned(image.shape)
-        told = self._executor.step(frame, display_size, history.buffers, left.buffers, drawn, needed)
+        skips = skip == "auto" and "carry" not in want  # what is carried may change where nothing else does
+        told = self._executor.step(
+            frame, display_size, history.buffers, left.buffers, drawn, needed, skips=skips
+        )
         if drawn is not image:
             np.copyto(image, drawn)
         if "carry" in want:
             left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
         return self._result(image, want, told, left), left
 
-    def save_history(self, history: History) -> dict[str, Float32]:
-        """Copies of all history tensors of the contract; any executor of the model can load them."""
+    def save_history(self, history: History) -> dict[str, NDArray[Any]]:
+        """Copies of all history tensors of the contract, and of what else the executor goes by.
+
+        Any executor of the model can load them.
+        """
         names = [h.input.name for h in self.info.history]
-        copies = {name: np.array(self._executor.tensor(history.buffers, name)) for name in names}
+        copies: dict[str, NDArray[Any]] = {
+            name: np.array(self._executor.tensor(history.buffers, name)) for name in names
+        }
+        copies |= self._executor.memory(history.buffers)
         return copies if history.carry is None else {**copies, CARRY: history.carry.copy()}
 
-    def load_history(self, display_size: Size, render_size: Size, arrays: Mapping[str, Float32]) -> History:
+    def work(self, history: History) -> Float32:
+        """Return what `Result.work` is for the step that left this history."""
+        return self._executor.work(history.buffers, history.display_size)
+
+    def load_history(
+        self, display_size: Size, render_size: Size, arrays: Mapping[str, NDArray[Any]]
+    ) -> History:
         """Make a history of copies by `save_history`.
 
         Raises:
@@ -206,7 +232,7 @@ class Model:
         if frame.color is None:
             raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
         self._check_ratio(frame, display_size)
-        known = ["carry", *self.info.maps]
+        known = ["carry", WORK, *self.info.maps]
         if isinstance(want, str) or not set(want) <= set(known):
             raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
         if "carry" in want:
@@ -230,13 +256,15 @@ class Model:
     ) -> Result:
         inputs = {h.output: h.input.name for h in self.info.history}
         maps: dict[str, Float32] = {}
-        for name in set(want) - {"carry"}:
+        for name in set(want) & set(self.info.maps):
             where = self.info.maps[name]
             planes = told.get(where.output)
             if planes is None:
                 planes = self._executor.tensor(left.buffers, inputs[where.output])
             maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
         carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
+        if WORK in want:
+            maps[WORK] = self.work(left).copy()
         return Result(image, carry=carry, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:

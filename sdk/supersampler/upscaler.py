@@ -5,15 +5,16 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, overload
+from typing import Any, Literal, overload
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
-from supersampler.model import ExecutorName, Model, Precision
+from supersampler.model import ExecutorName, Model, Precision, Skip
 
 
 @dataclass(frozen=True)
@@ -23,7 +24,7 @@ class State:
     method: str
     display_size: Size | None
     render_size: Size | None
-    history: Mapping[str, Float32] | None
+    history: Mapping[str, NDArray[Any]] | None
 
 
 @dataclass(frozen=True)
@@ -34,11 +35,25 @@ class Stats:
         frames: frames stepped.
         resets: times that the history was dropped, the first frame's included.
         seconds: wall time spent in `step`.
+        work: of the work that drawing every pixel of every frame is, how many frames' worth was done; a
+            `frames - work` was skipped.
+        full_frames: frames of which every pixel was drawn.
+        full_seconds: wall time spent on those.
     """
 
     frames: int = 0
     resets: int = 0
     seconds: float = 0.0
+    work: float = 0.0
+    full_frames: int = 0
+    full_seconds: float = 0.0
+
+    @property
+    def saved_seconds(self) -> float:
+        """What all frames would have taken at the pace of the full ones, less what they took."""
+        if not self.full_frames:
+            return 0.0
+        return self.full_seconds / self.full_frames * self.frames - self.seconds
 
 
 class Upscaler:
@@ -58,6 +73,9 @@ class Upscaler:
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
         threads, executor, precision: see `Model.load`; not with a `Model`.
+        skip: "auto" leaves those tiles of the image as they are in which the scene stands still: nothing
+            moves, and for a period of the jitter each frame was, bit for bit, what it was one period before.
+            A frame without other tiles is a copy. "exact" draws every pixel, as graphs always do.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
 
@@ -77,6 +95,7 @@ class Upscaler:
         threads: int = 0,
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
+        skip: Skip = "auto",
         validate: Literal["off", "warn", "strict"] = "warn",
     ) -> None:
         if (display_size is None) == (scale is None):
@@ -86,6 +105,7 @@ class Upscaler:
         self._scale = 1.0 if scale is None else _checked_scale(scale)
         self._render_size = None if render_size is None else _checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
+        self._skip = _checked_skip(skip)
         if isinstance(model, Model):
             if threads or (providers, executor, precision) != ("auto",) * 3:
                 name = "providers, threads, executor or precision"
@@ -122,8 +142,9 @@ class Upscaler:
             frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
             out: (H, W, 3) float32 to write the image to.
             want: what else to return: "carry", and what tells why the image is as it is, "class_map",
-                "weight", "count", as far as the method knows it. What is not named costs nothing; what
-                frames carry along must be asked for from one frame to the next, or begins anew.
+                "weight", "count", "work", as far as the method knows it. What is not named costs nothing.
+                What frames carry along must be asked for from one frame to the next, or begins anew, and
+                while it is, nothing is skipped.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -143,14 +164,12 @@ class Upscaler:
         self._checker.check(frame, display_size)
         fresh = history is None
         history = history or self.model.first_history(display_size, frame.size)
-        result, left = self.model.run_wanted(frame, history, want, out=out, history_out=self._spare)
+        result, left = self.model.run_wanted(
+            frame, history, want, out=out, history_out=self._spare, skip=self._skip
+        )
         self._display_size = display_size
         self._history, self._spare = left, history
-        self.stats = Stats(
-            self.stats.frames + 1,
-            self.stats.resets + fresh,
-            self.stats.seconds + time.perf_counter() - started,
-        )
+        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
         return result if want else result.image
 
     def reset(self) -> None:
@@ -215,8 +234,25 @@ class Upscaler:
     ) -> None:
         self.close()
 
+    def _count(self, fresh: bool, work: float, seconds: float) -> None:
+        s, full = self.stats, work == 1.0
+        self.stats = Stats(
+            frames=s.frames + 1,
+            resets=s.resets + fresh,
+            seconds=s.seconds + seconds,
+            work=s.work + work,
+            full_frames=s.full_frames + full,
+            full_seconds=s.full_seconds + (seconds if full else 0.0),
+        )
+
     def _scaled(self, render_size: Size) -> Size:
         return round(render_size[0] * self._scale), round(render_size[1] * self._scale)
+
+
+def _checked_skip(skip: Skip) -> Skip:
+    if skip not in ("auto", "exact"):
+        raise ArgumentError("skip", got=repr(skip), want="'auto' or 'exact'")
+    return skip
 
 
 def _checked_scale(scale: float) -> float:

@@ -1,14 +1,24 @@
-"""Rows of an image shared out among threads."""
+"""Parts of an image shared out among threads."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 Work = Callable[[int, int, int], None]
 """Does rows from the first to before the second, as the worker of the third number."""
 
 
+class Box(NamedTuple):
+    """Rows y0 to before y1, columns x0 to before x1."""
+
+    y0: int
+    y1: int
+    x0: int
+    x1: int
+
+
 class Bands:
-    """Threads that do a band of rows each; the caller's own is one of them.
+    """Threads that do bands of rows; the caller's own is one of them.
 
     Kernels let other threads run, so Python's lock is no limit. What a row becomes must not depend on the
     band that it is in: then the number of threads changes no bit.
@@ -23,14 +33,28 @@ class Bands:
 
     def run(self, rows: int, work: Work, *, multiple: int = 1) -> None:
         """Do all rows; bands begin at multiples of `multiple`."""
-        height = -(-rows // (self.threads * multiple)) * multiple
-        starts = range(0, rows, height)
+        self.cover([Box(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker), multiple=multiple)
+
+    def cover(self, boxes: Sequence[Box], work: Callable[[Box, int], None], *, multiple: int = 1) -> None:
+        """Do all boxes, cut where the threads' shares end.
+
+        Args:
+            boxes: do not overlap.
+            work: does a box, as the worker of this number.
+            multiple: of rows, after a box's first, at which it may be cut.
+        """
+        shares = shared(boxes, self.threads, multiple)
+
+        def do(share: Sequence[Box], worker: int) -> None:
+            for box in share:
+                work(box, worker)
+
         waiting = [
-            self._others.submit(work, first, min(first + height, rows), worker)
-            for worker, first in enumerate(starts)
+            self._others.submit(do, share, worker)
+            for worker, share in enumerate(shares)
             if worker and self._others is not None
         ]
-        work(0, min(height, rows), 0)
+        do(shares[0], 0)
         for future in waiting:
             future.result()
 
@@ -38,3 +62,22 @@ class Bands:
         """Stop the threads."""
         if self._others is not None:
             self._others.shutdown()
+
+
+def shared(boxes: Sequence[Box], count: int, multiple: int) -> list[list[Box]]:
+    """Cut boxes into at most `count` shares of about the same area."""
+    left = sum((y1 - y0) * (x1 - x0) for y0, y1, x0, x1 in boxes)
+    shares: list[list[Box]] = [[]]
+    room = -(-left // count)
+    for box in boxes:
+        y, width = box.y0, box.x1 - box.x0
+        while y < box.y1:
+            if room <= 0 and len(shares) < count:
+                shares.append([])
+                room = -(-left // (count - len(shares) + 1))
+            rows = box.y1 - y
+            if len(shares) < count:
+                rows = min(rows, max(-(-room // (width * multiple)), 1) * multiple)
+            shares[-1].append(Box(y, y + rows, box.x0, box.x1))
+            y, room, left = y + rows, room - rows * width, left - rows * width
+    return shares

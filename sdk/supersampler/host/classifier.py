@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.host.bands import Bands
+from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.skipping import TILE, Skipping, Tiles, Trail
 from supersampler.host.tables import LANES, Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -38,6 +39,7 @@ class ClassifierHistory:
         classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
         surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
         jitter: of that frame.
+        trail: what tells which tiles may stay as they are.
         exposure: of that frame; 0 where there is none.
     """
 
@@ -45,6 +47,7 @@ class ClassifierHistory:
     pixels: Float32
     classes: NDArray[np.uint8]
     surfaces: Float32
+    trail: Trail
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
 
@@ -111,7 +114,7 @@ class ClassifierHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._window = gaussian(c["kernel_sigma"])
-        self._reader = Reader(kernels, bands)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
         self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
         self._spaces = Workspaces(lambda display: _Space(self, display))
         self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))
@@ -124,6 +127,7 @@ class ClassifierHost:
             aligned((big_h, big_w, PIXEL)),
             np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
             np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
+            Trail.of(display),
         )
 
     def fits(self, buffers: ClassifierHistory, display: Size, render: Size) -> bool:
@@ -138,19 +142,19 @@ class ClassifierHost:
         left: ClassifierHistory,
         image: Float32,
         told: Collection[str],
+        *,
+        skips: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes = Planes.of(frame)
-        exposure = self._reader.exposure(frame, planes.color, past.exposure)
-        left.jitter, left.exposure = frame.jitter, exposure
-        weight = Weight(told, display)
-        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
-            view.look(frame.jitter, self._filters)
-            self._reader.read(planes, exposure, view.samples)
-            self._gather_all(space, view, past, left)
-            self._enter(space)
-            space.encoder.run()
-            self._compose(space, view, left, image, weight)
+        planes, weight = Planes.of(frame), Weight(told, display)
+        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        if tiles.any:
+            self._draw(planes, frame, display, past, left, image, weight, tiles)
+        else:
+            left.jitter, left.exposure = past.jitter, past.exposure
+            left.surfaces[:] = past.surfaces
+        kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
+        self._skipping.keep(tiles, past.trail, left.trail, kept, image)
         return weight.told()
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
@@ -166,8 +170,17 @@ class ClassifierHost:
         }
         return np.ascontiguousarray(tensors[name], np.float32)
 
-    def load(self, buffers: ClassifierHistory, tensors: Mapping[str, Float32]) -> None:
+    def memory(self, buffers: ClassifierHistory) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""
+        return buffers.trail.arrays()
+
+    def work(self, buffers: ClassifierHistory, display: Size) -> Float32:  # noqa: ARG002  # known
+        """See `Executor`."""
+        return buffers.trail.work
+
+    def load(self, buffers: ClassifierHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.trail.load(tensors)
         pixels = buffers.pixels
         pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
@@ -177,8 +190,29 @@ class ClassifierHost:
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
+    def _draw(
+        self,
+        planes: Planes,
+        frame: Frame,
+        display: Size,
+        past: ClassifierHistory,
+        left: ClassifierHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        exposure = self._reader.exposure(frame, planes.color, past.exposure)
+        left.jitter, left.exposure = frame.jitter, exposure
+        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
+            view.look(frame.jitter, self._filters)
+            self._reader.read(planes, exposure, view.samples)
+            self._gather_all(space, view, past, left, tiles)
+            self._enter(space, tiles)
+            space.encoder.run(tiles)
+            self._compose(space, view, left, image, weight, tiles)
+
     def _gather_all(
-        self, space: _Space, view: _View, past: ClassifierHistory, left: ClassifierHistory
+        self, space: _Space, view: _View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
     ) -> None:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
         s, c, v, read = space, self._config, view, view.samples
@@ -202,33 +236,39 @@ class ClassifierHost:
             address(s.encoder.records), s.half_stride, address(s.means),
         )  # fmt: skip
 
-        def rows(y0: int, y1: int, worker: int) -> None:
+        def gather(box: Box, worker: int) -> None:
             k = s.scratch[worker]
             own = (
                 v.lines[worker], k.filtered, k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart,
             )  # fmt: skip
-            self._gather(*inputs, y0, y1, *(address(a) for a in own), *outputs)
+            self._gather(*inputs, *box, *(address(a) for a in own), *outputs)
 
-        self.bands.run(big_h, rows, multiple=2)
+        self.bands.cover(tiles.boxes(TILE, (s.width, big_h), halo=True), gather, multiple=2)
         depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
         self.bands.run(h, lambda y0, y1, _: self._surfaces(depths, eroded, w, h, read.stride, y0, y1, to))
 
-    def _enter(self, space: _Space) -> None:
+    def _enter(self, space: _Space, tiles: Tiles) -> None:
         """What is known around each pixel, and the first layer, which sees it."""
         s, (half_w, half_h), records = space, space.half, space.encoder.records
 
-        def rows(y0: int, y1: int, worker: int) -> None:
+        def enter(box: Box, worker: int) -> None:
             k = s.scratch[worker]
             self._around(
-                address(s.means), half_w, half_h, s.half_stride, records.shape[1], y0, min(y1, half_h),
-                address(k.tall), address(k.tent), address(records),
+                address(s.means), half_h, s.half_stride, records.shape[1], box.y0, min(box.y1, half_h),
+                box.x0, min(box.x1, half_w), address(k.tall), address(k.tent), address(records),
             )  # fmt: skip
-            s.encoder.enter(y0, y1)
+            s.encoder.enter(box)
 
-        self.bands.run(s.encoder.rows, rows, multiple=ALIGNED)
+        self.bands.cover(s.encoder.boxes(tiles), enter, multiple=ALIGNED)
 
     def _compose(
-        self, space: _Space, view: _View, left: ClassifierHistory, image: Float32, weight: Weight
+        self,
+        space: _Space,
+        view: _View,
+        left: ClassifierHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
     ) -> None:
         """The last layers, and the picture that they make of what was gathered."""
         s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
@@ -250,13 +290,13 @@ class ClassifierHost:
             (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip
 
-        def rows(y0: int, y1: int, worker: int) -> None:
+        def finish(box: Box, worker: int) -> None:
             k = s.scratch[worker]
             seen, decoded, said = address(k.read), address(k.decoded), address(k.hidden)
             self._finish(
                 *e.kept, address(e.pitches), seen, seen, decoder.weights, decoder.scale, decoder.bias,
                 decoded, decoded, *layers, said, said, *last, address(k.mixing),
-                *gathered, address(k.near), address(k.factors), address(k.out), *outputs, y0, y1,
+                *gathered, address(k.near), address(k.factors), address(k.out), *outputs, *box,
             )  # fmt: skip
 
-        self.bands.run(s.half[1], rows)
+        self.bands.cover(tiles.boxes(TILE // 2, s.half), finish)

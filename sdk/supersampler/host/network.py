@@ -8,9 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Size
-from supersampler.host.bands import Bands
+from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
 from supersampler.host.memory import address
+from supersampler.host.skipping import TILE, Tiles
 
 Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
@@ -91,24 +92,31 @@ class Encoder:
         rows = [level.row_of(level.out) for level in self._levels]
         self.pitches = np.array([*pitches, *rows], np.int32)
 
-    def enter(self, y0: int, y1: int) -> None:
-        """The first layer, of packed rows y0 to y1; bands of whole ALIGNED."""
+    def boxes(self, tiles: Tiles, depth: int = 0) -> list[Box]:
+        """What a level has to do for these tiles."""
+        level = self._levels[depth]
+        return tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
+
+    def enter(self, box: Box) -> None:
+        """The first layer, of packed pixels; bands of whole ALIGNED."""
         level, layer, records = self._levels[0], self._levels[0].first, self.records
         self._network.enter(
             address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
             layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width,
-            *self._half, y0, y1,
+            *self._half, *box,
         )  # fmt: skip
 
-    def run(self) -> None:
+    def run(self, tiles: Tiles) -> None:
         """All layers after the first."""
-        for depth, level in enumerate(self._levels):
+        for depth in range(len(self._levels)):
+            boxes = self.boxes(tiles, depth)
             if depth:
-                self._descend(self._levels[depth - 1], level, KEPT[depth - 1] * 4 ** (depth - 1))
-            self._run_level(level)
+                self._descend(depth, boxes)
+            self._run_level(self._levels[depth], boxes)
 
-    def _descend(self, above: _Level, level: _Level, first: int) -> None:
-        layer = level.first
+    def _descend(self, depth: int, boxes: list[Box]) -> None:
+        above, level = self._levels[depth - 1 : depth + 1]
+        layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
         arguments = (
             address(above.out), above.last.outputs, above.row_of(above.out), first, level.given,
         )  # fmt: skip
@@ -117,13 +125,13 @@ class Encoder:
             layer.outputs, level.row_of(level.x), level.width,
         )  # fmt: skip
 
-        def rows(y0: int, y1: int, worker: int) -> None:
+        def do(box: Box, worker: int) -> None:
             line = address(self._lines[worker])
-            self._network.descend(*arguments, line, line, *more, y0, y1)
+            self._network.descend(*arguments, line, line, *more, *box)
 
-        self._bands.run(level.height, rows)
+        self._bands.cover(boxes, do)
 
-    def _run_level(self, level: _Level) -> None:
+    def _run_level(self, level: _Level, boxes: list[Box]) -> None:
         spatial, last = level.spatial, level.last
         arguments = (
             address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
@@ -131,11 +139,11 @@ class Encoder:
         )  # fmt: skip
         more = (
             last.weights, last.blocks, last.scale, last.bias, address(level.out), last.outputs,
-            level.row_of(level.out), level.width,
+            level.row_of(level.out),
         )  # fmt: skip
 
-        def rows(y0: int, y1: int, worker: int) -> None:
+        def do(box: Box, worker: int) -> None:
             line = address(self._lines[worker])
-            self._network.level(*arguments, line, line, *more, y0, y1)
+            self._network.level(*arguments, line, line, *more, *box)
 
-        self._bands.run(level.height, rows)
+        self._bands.cover(boxes, do)

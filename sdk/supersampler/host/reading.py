@@ -63,12 +63,12 @@ class View:
 
 
 class Weight:
-    """The share of the past, in rows of whole LANES, where it is asked for; else nothing is written."""
+    """The share of the past, in rows of whole LANES, where it is asked for; 1 where nothing is drawn."""
 
     def __init__(self, told: Collection[str], display: Size) -> None:
         self._width, asked = display[0], "weight" in told
         shape = (1, 1, display[1], up_to(display[0], LANES))
-        self._rows = np.empty(shape, np.float32) if asked else None
+        self._rows = np.ones(shape, np.float32) if asked else None
 
     @property
     def arguments(self) -> tuple[int, int]:

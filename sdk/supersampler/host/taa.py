@@ -2,14 +2,17 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.host.bands import Bands
+from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
 from supersampler.host.reading import PAD, READING, Planes, Reader, Weight
+from supersampler.host.skipping import TILE, Skipping, Tiles, Trail
 from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -24,6 +27,7 @@ class TaaHistory:
 
     display: Size
     pixels: Float32
+    trail: Trail
     exposure: float = 0.0
 
     @property
@@ -65,14 +69,15 @@ class TaaHost:
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         self._bands, self._alpha, self._gamma = bands, info.config["alpha"], info.config["gamma"]
         kernels = load_kernels("taa.step_rows", "taa.boxes", "taa.enter", *READING)
-        self._reader = Reader(kernels, bands)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
         self._enter, self._boxes = kernels["taa.enter"], kernels["taa.boxes"]
         self._step = kernels["taa.step_rows"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
         """See `Executor`."""
-        return TaaHistory(display, np.zeros(3 * display[0] * display[1] + 1, np.float32))
+        pixels = np.zeros(3 * display[0] * display[1] + 1, np.float32)
+        return TaaHistory(display, pixels, Trail.of(display))
 
     def fits(self, buffers: TaaHistory, display: Size, render: Size) -> bool:  # noqa: ARG002
         """See `Executor`."""
@@ -86,16 +91,21 @@ class TaaHost:
         left: TaaHistory,
         image: Float32,
         told: Collection[str],
+        *,
+        skips: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes = Planes.of(frame)
-        left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
-        weight = Weight(told, display)
-        with self._spaces.borrow(frame.size, display) as space:
-            space.x.look(frame.jitter[0])
-            space.y.look(frame.jitter[1])
-            self._read(space, planes, left.exposure)
-            self._draw(space, past, left, image, weight)
+        planes, weight = Planes.of(frame), Weight(told, display)
+        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        left.exposure = past.exposure
+        if tiles.any:
+            left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
+            with self._spaces.borrow(frame.size, display) as space:
+                space.x.look(frame.jitter[0])
+                space.y.look(frame.jitter[1])
+                self._read(space, planes, left.exposure)
+                self._draw(space, past, left, image, weight, tiles)
+        self._skipping.keep(tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image)
         return weight.told()
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
@@ -104,8 +114,17 @@ class TaaHost:
             return np.array([buffers.exposure], np.float32)
         return np.ascontiguousarray(buffers.image.transpose(2, 0, 1)[None])
 
-    def load(self, buffers: TaaHistory, tensors: Mapping[str, Float32]) -> None:
+    def memory(self, buffers: TaaHistory) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""
+        return buffers.trail.arrays()
+
+    def work(self, buffers: TaaHistory, display: Size) -> Float32:  # noqa: ARG002  # known
+        """See `Executor`."""
+        return buffers.trail.work
+
+    def load(self, buffers: TaaHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.trail.load(tensors)
         buffers.image[:] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.exposure = float(tensors["history.exposure"][0])
 
@@ -118,7 +137,13 @@ class TaaHost:
         self._bands.run(h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
 
     def _draw(
-        self, space: _Space, past: TaaHistory, left: TaaHistory, image: Float32, weight: Weight
+        self,
+        space: _Space,
+        past: TaaHistory,
+        left: TaaHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
     ) -> None:
         s, display = space, left.display
         alpha = self._alpha if past.exposure > 0.0 else 1.0
@@ -134,7 +159,7 @@ class TaaHost:
         )  # fmt: skip
         outputs = address(left.pixels), address(image), *weight.arguments
 
-        def rows(y0: int, y1: int, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)
+        def draw(box: Box, worker: int) -> None:
+            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.run(display[1], rows)
+        self._bands.cover(tiles.boxes(TILE, display), draw)

@@ -2,14 +2,17 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.host.bands import Bands
+from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
 from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.skipping import TILE, Skipping, Tiles, Trail
 from supersampler.host.tables import LANES, Filter, catmull_rom, gaussian, up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -30,6 +33,7 @@ class TaauHistory:
         render: size of that frame.
         pixels: (H, W, PIXEL).
         surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
+        trail: what tells which tiles may stay as they are.
         jitter: of that frame.
         exposure: of that frame; 0 where there is none.
     """
@@ -37,6 +41,7 @@ class TaauHistory:
     render: Size
     pixels: Float32
     surface: Float32
+    trail: Trail
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
 
@@ -83,7 +88,7 @@ class TaauHost:
         ]
         self._near = gaussian(c["sample_sigma"])
         kernels = load_kernels("taau.step_rows", "taau.shade", *READING)
-        self._reader = Reader(kernels, bands)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
@@ -91,7 +96,8 @@ class TaauHost:
         """See `Executor`."""
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, PIXEL), np.float32)
-        return TaauHistory(render, pixels, np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32))
+        surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
+        return TaauHistory(render, pixels, surface, Trail.of(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -105,17 +111,25 @@ class TaauHost:
         left: TaauHistory,
         image: Float32,
         told: Collection[str],
+        *,
+        skips: bool,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes = Planes.of(frame)
-        exposure = self._reader.exposure(frame, planes.color, past.exposure)
-        left.jitter, left.exposure = frame.jitter, exposure
-        weight = Weight(told, display)
-        with self._spaces.borrow(frame.size, display) as space:
-            space.look(frame.jitter, self._filters)
-            self._reader.read(planes, exposure, space.samples)
-            self._leave(space, left)
-            self._draw(space, past, left, image, weight)
+        planes, weight = Planes.of(frame), Weight(told, display)
+        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        if tiles.any:
+            exposure = self._reader.exposure(frame, planes.color, past.exposure)
+            left.jitter, left.exposure = frame.jitter, exposure
+            with self._spaces.borrow(frame.size, display) as space:
+                space.look(frame.jitter, self._filters)
+                self._reader.read(planes, exposure, space.samples)
+                self._leave(space, left)
+                self._draw(space, past, left, image, weight, tiles)
+        else:
+            left.jitter, left.exposure = past.jitter, past.exposure
+            left.surface[:] = past.surface
+        kept = [(TILE, past.pixels, left.pixels)]
+        self._skipping.keep(tiles, past.trail, left.trail, kept, image)
         return weight.told()
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
@@ -130,8 +144,17 @@ class TaauHost:
         }
         return np.ascontiguousarray(tensors[name], np.float32)
 
-    def load(self, buffers: TaauHistory, tensors: Mapping[str, Float32]) -> None:
+    def memory(self, buffers: TaauHistory) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""
+        return buffers.trail.arrays()
+
+    def work(self, buffers: TaauHistory, display: Size) -> Float32:  # noqa: ARG002  # known
+        """See `Executor`."""
+        return buffers.trail.work
+
+    def load(self, buffers: TaauHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.trail.load(tensors)
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
@@ -150,7 +173,13 @@ class TaauHost:
         )
 
     def _draw(
-        self, space: _Space, past: TaauHistory, left: TaauHistory, image: Float32, weight: Weight
+        self,
+        space: _Space,
+        past: TaauHistory,
+        left: TaauHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
     ) -> None:
         s, read, c = space, space.samples, self._config
         (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
@@ -172,7 +201,7 @@ class TaauHost:
         )  # fmt: skip
         outputs = address(left.pixels), address(image), *weight.arguments
 
-        def rows(y0: int, y1: int, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, y0, y1)
+        def draw(box: Box, worker: int) -> None:
+            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.run(big_h, rows)
+        self._bands.cover(tiles.boxes(TILE, (big_w, big_h)), draw)

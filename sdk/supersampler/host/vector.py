@@ -186,8 +186,8 @@ def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> An
 
 @intrinsic
 def gather(_: Any, pointer: Any, index: Any) -> Any:
-    """Read one float32 for each lane, where the i32 lanes of `index` say; a load for each."""
-    vector = index.of("f32")
+    """Read one float32 or int32 for each lane, where the i32 lanes of `index` say; a load for each."""
+    vector = index.of("i32" if pointer.dtype == types.int32 else "f32")
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
         value = ir.Constant(vector.llvm, ir.Undefined)

@@ -68,14 +68,12 @@ WIDE = 16  # words of what the hidden layer gives
 
 
 @njit
-def mix_row(
-    hidden, words, weights, scales, biases, half_width, pitch, columns, out, logits, scale, classes, to
-):
-    """The last layer of a row of packed pixels, (4 SAID, pitch), and the shares of their classes.
+def mix_row(hidden, words, weights, scales, biases, p0, p1, pitch, columns, out, logits, scale, classes, to):
+    """The last layer of packed pixels p0 to p1 of a row, (4 SAID, pitch), and the shares of their classes.
 
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
     """
-    for p in range(0, half_width, 16):
+    for p in range(p0, p1, 16):
         rows = load_columns(hidden, WIDE * p)
         for k in range(WIDE):
             store(columns, 16 * k, rows[k])
@@ -83,7 +81,7 @@ def mix_row(
             sums = eight_sums(columns, words, weights, c * words)
             for i in range(8):
                 store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
-        hold(columns, logits, scale, half_width - p, classes, to + 8 * p)
+        hold(columns, logits, scale, p1 - p, classes, to + 8 * p)
 
 
 @njit
@@ -229,12 +227,12 @@ def added(sums, weight, color):
 def compose_row(
     y, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near, row_near, across,
     down, near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image, weight,
-    tells, streams,
+    tells, streams, x0, x1,
 ):  # fmt: skip
-    """Compose a row, count, and go back to linear RGB."""
+    """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
     zero = spread16(np.float32(0.0))
     above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
-    for x in range(0, width, 16):
+    for x in range(x0, x1, 16):
         at, half = (y * width + x) * PAST, (y * width + x) * REST
         m, pixels = 2 * SAID * (y % 2), x // 2
         # the past
@@ -338,8 +336,9 @@ def finish_rows(
     columns_near: Words, rows_near: Words, across: Floats, down: Floats, near: Words, factors: Floats,
     out: Floats, big_w: int, big_h: int, exposure: float, most_samples: float, contraction: float,
     history: Floats, image: Floats, weight: Floats, tells: int, streams: int, y0: int, y1: int,
+    p0: int, p1: int,
 ):  # fmt: skip
-    """Decode, compose and remember packed rows y0 to y1.
+    """Decode, compose and remember packed rows y0 to y1, packed pixels p0 to p1.
 
     kept0 to kept3: what the levels gave; read, decoded, hidden (each also as words), mixing, near, factors,
     out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
@@ -347,14 +346,16 @@ def finish_rows(
     half_w = (big_w + 1) // 2
     mixing_pitch = (half_w + 15) // 16 * 16
     for y in range(y0, y1):
-        concatenate_row(kept0, kept1, kept2, kept3, pitches, y, half_w, read)
-        pointwise_row(read_words, 0, 8, 8, decoder, 1, decoder_scale, decoder_bias, decoded, 0, 32, half_w)
+        concatenate_row(kept0, kept1, kept2, kept3, pitches, y, p0, p1, read)
+        pointwise_row(
+            read_words, 8 * p0, 8, 8, decoder, 1, decoder_scale, decoder_bias, decoded, 32 * p0, 32, p1 - p0
+        )
         pointwise_row_of_two(
-            records, y * record_row, RECORD, SEEN, decoded_words, 8, 8, hidden_weights, blocks, hidden_scale,
-            hidden_bias, hidden, 4 * WIDE, half_w,
+            records, y * record_row + RECORD * p0, RECORD, SEEN, decoded_words, 8 * p0, 8, 8, hidden_weights,
+            blocks, hidden_scale, hidden_bias, hidden, 4 * WIDE * p0, 4 * WIDE, p1 - p0,
         )  # fmt: skip
         mix_row(
-            hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, half_w, mixing_pitch, near,
+            hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, p0, p1, mixing_pitch, near,
             mixing, logits, logits_scale, classes, 8 * y * half_w,
         )  # fmt: skip
         for row in range(2 * y, min(2 * y + 2, big_h)):
@@ -362,5 +363,5 @@ def finish_rows(
                 row, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near,
                 rows_near[row], across, down, near, factors, out, big_w, big_h, exposure, most_samples,
                 contraction,
-                history, image, weight, tells, streams,
+                history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
             )  # fmt: skip

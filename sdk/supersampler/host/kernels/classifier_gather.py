@@ -141,26 +141,30 @@ def gather_rows(
     samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
     old_wide: int, rows: Words, row_weights: Floats,
     columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
-    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, line: Floats,
-    filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats,
-    seen: Bytes, apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes, half_row: int,
-    records: Words, half_stride: int, means: Floats,
+    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, x0: int,
+    x1: int, line: Floats, filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats,
+    places: Floats, seen: Bytes, apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes,
+    half_row: int, records: Words, half_stride: int, means: Floats,
 ):  # fmt: skip
-    """All that is known of rows y0 to y1 before the network speaks.
+    """All that is known of rows y0 to y1, columns x0 to x1, before the network speaks.
 
     samples, front, own, surfaces: of `frame`, the last of the frame before; history (H, W, 8); rows to
     rows_near: where display pixels look; line to apart: scratch; past_planes (H, width / 16, PAST, 16),
-    rest (H, width / 16, REST, 16), records, means (H / 2, 2, half_stride): what is found. y0 is even.
+    rest (H, width / 16, REST, 16), records, means (H / 2, 2, half_stride): what is found.
+    y0 is even; x0 and x1 are where tiles begin, or x1 is `width`.
+
     """
     w_big, h_big = numbers[BIG_W], numbers[BIG_H]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide = width + 2 * PAD
+    wide, x_end = width + 2 * PAD, min(x1, big_w)
     for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
         inside = y0 <= y < y1
         ring_row = (y % 4) * SEEN * width
         if inside:
-            filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
-        for x in range(0, width, 16):
+            filter_row(
+                samples, rows, row_weights, columns, column_weights, line, stride, x0, x_end, y, filtered
+            )
+        for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
             mx, my = mx * scale_x, my * scale_y
@@ -218,14 +222,17 @@ def gather_rows(
             put(seen, see.EDGE * width + to, edge)
         if inside and y % 2 == 0:
             half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
-            recall(classes, places, width, half_w, half_h, records, y // 2 * half_row * see.RECORD)
-        repeat_ends(ring, (y % 3) * wide + PAD, big_w)
+            to = y // 2 * half_row * see.RECORD
+            recall(classes, places, width, half_w, half_h, x0 // 2, (x_end + 1) // 2, records, to)
+        repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
         if y - 1 >= y0:
             complete(
-                ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row, half_stride
-            )
+                ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row, half_stride,
+                x0, x1,
+            )  # fmt: skip
     if y1 == big_h:
         last = big_h - 1
         complete(
-            ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row, half_stride
-        )
+            ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row, half_stride,
+            x0, x1,
+        )  # fmt: skip

@@ -40,9 +40,9 @@ def put(seen, at, value):
 
 
 @njit
-def contrast_row(ring, above, here, below, wide, seen, seen_row, width):
+def contrast_row(ring, above, here, below, wide, seen, seen_row, width, x0, x1):
     """How much the past differs around each pixel, and how far this frame's sample is outside of that."""
-    for x in range(0, width, 16):
+    for x in range(x0, x1, 16):
         low = high = load16(ring, here * wide + PAD + x)
         for line in (above, here, below):
             for column in range(-1, 2):
@@ -62,9 +62,9 @@ def words_of(seen, upper, lower):
 
 
 @njit
-def pack_rows(seen, upper, lower, width, half_width, records, to):
-    """Put two rows of bytes into records."""
-    for x in range(0, half_width, 16):
+def pack_rows(seen, upper, lower, width, p0, p1, records, to):
+    """Put two rows of bytes into records p0 to p1."""
+    for x in range(p0, p1, 16):
         u, v, w = upper + 2 * x, lower + 2 * x, width
         rows = transposed((
             words_of(seen, u, v), words_of(seen, u + w, v + w),
@@ -83,10 +83,10 @@ def pack_rows(seen, upper, lower, width, half_width, records, to):
 
 
 @njit
-def recall(classes, places, width, half_w, half_h, records, to):
-    """What a row of packed pixels was held for, (half_h, half_w, 8) bytes, as two words of each record."""
+def recall(classes, places, width, half_w, half_h, p0, p1, records, to):
+    """What packed pixels p0 to p1 of a row were held for, (half_h, half_w, 8) bytes: two of its words."""
     half = np.float32(0.5)
-    for x in range(half_w):
+    for x in range(p0, p1):
         px, py = half * places[2 * x], half * places[width + 2 * x]
         left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
         t, u = px - np.float32(left), py - np.float32(top)
@@ -101,9 +101,9 @@ def recall(classes, places, width, half_w, half_h, records, to):
 
 
 @njit
-def halve(apart, upper, lower, half_w, means, row, half_stride):
+def halve(apart, upper, lower, p0, p1, means, row, half_stride):
     """Means of four pixels of how far past and frame are apart: signed, and not."""
-    for x in range(0, half_w, 16):
+    for x in range(p0, p1, 16):
         a, b = load16(apart, upper + 2 * x), load16(apart, upper + 2 * x + 16)
         c, d = load16(apart, lower + 2 * x), load16(apart, lower + 2 * x + 16)
         i, j, k, m = evens(a, b), odds(a, b), evens(c, d), odds(c, d)
@@ -111,22 +111,22 @@ def halve(apart, upper, lower, half_w, means, row, half_stride):
         store(means, at, (i + j + k + m) * 0.25)
         i, j, k, m = absolute(i), absolute(j), absolute(k), absolute(m)
         store(means, at + half_stride, (i + j + k + m) * 0.25)
-    repeat_ends(means, row * 2 * half_stride + PAD, half_w)
-    repeat_ends(means, (row * 2 + 1) * half_stride + PAD, half_w)
+    repeat_ends(means, row * 2 * half_stride + PAD + p0, p1 - p0)
+    repeat_ends(means, (row * 2 + 1) * half_stride + PAD + p0, p1 - p0)
 
 
 def around(
-    means: Floats, half_w: int, half_h: int, half_stride: int, half_row: int, y0: int, y1: int,
+    means: Floats, half_h: int, half_stride: int, half_row: int, y0: int, y1: int, p0: int, p1: int,
     tall: Floats, line: Floats, records: Words,
 ):  # fmt: skip
-    """Drift and grain of packed rows y0 to y1: bytes 6 and 7 of the half-size words.
+    """Drift and grain of packed rows y0 to y1, pixels p0 to p1: bytes 6 and 7 of the half-size words.
 
     means (half_h, 2, half_stride), with PAD on either side; tall and line (half_stride,) are scratch. A tent
     of 5 x 5 is two means of 3 x 3; what is beyond the border repeats it both times.
     """
     for y in range(y0, y1):
         for plane in range(2):
-            for x in range(0, half_stride, 16):
+            for x in range(p0, p1 + 2 * PAD, 16):
                 total = load16(means, plane * half_stride + x) * 0.0
                 for first in range(-1, 2):
                     middle = min(max(y + first, 0), half_h - 1)
@@ -134,30 +134,33 @@ def around(
                         other = min(max(middle + second, 0), half_h - 1)
                         total = total + load16(means, (other * 2 + plane) * half_stride + x)
                 store(tall, x, total)
-            for x in range(0, half_w, 16):
+            for x in range(p0, p1, 16):
                 at = PAD + x
                 store(line, at, load16(tall, at - 1) + load16(tall, at) + load16(tall, at + 1))
-            repeat_ends(line, PAD, half_w)
-            for x in range(0, half_w, 16):
+            repeat_ends(line, PAD + p0, p1 - p0)
+            for x in range(p0, p1, 16):
                 at = PAD + x
                 mean = (load16(line, at - 1) + load16(line, at) + load16(line, at + 1)) * (1.0 / 81.0)
                 store(tall, at, root(absolute(mean)) * 255.0 + 0.5)
-            for x in range(half_w):
+            for x in range(p0, p1):
                 value = np.int32(min(tall[PAD + x], np.float32(255.0))) << np.int32(16 + 8 * plane)
                 at = (y * half_row + x) * RECORD + CLASSES + 1
                 records[at] = np.int32(records[at]) | np.int32(value)
 
 
 @njit
-def complete(ring, seen, apart, records, means, y, below, wide, width, big_w, big_h, half_row, half_stride):
-    """Finish row y, whose rows around are known now; pack it with the one above where it is the second."""
+def complete(
+    ring, seen, apart, records, means, y, below, wide, width, big_w, big_h, half_row, half_stride, x0, x1
+):
+    """Finish columns x0 to x1 of row y, whose rows around are known now; pack a second row with its first."""
     row = (y % 4) * SEEN * width
-    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, seen, row, width)
+    contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, seen, row, width, x0, x1)
     if big_w % 2:
         for c in range(SEEN):
             seen[row + c * width + big_w] = seen[row + c * width + big_w - 1]
         apart[(y % 4) * width + big_w] = apart[(y % 4) * width + big_w - 1]
     if y % 2 or y == big_h - 1:
-        first, half_w = y - y % 2, (big_w + 1) // 2
-        pack_rows(seen, (first % 4) * SEEN * width, row, width, half_w, records, (y // 2) * half_row * RECORD)
-        halve(apart, (first % 4) * width, (y % 4) * width, half_w, means, y // 2, half_stride)
+        first, p0, p1 = y - y % 2, x0 // 2, (min(x1, big_w) + 1) // 2
+        upper, to = (first % 4) * SEEN * width, (y // 2) * half_row * RECORD
+        pack_rows(seen, upper, row, width, p0, p1, records, to)
+        halve(apart, (first % 4) * width, (y % 4) * width, p0, p1, means, y // 2, half_stride)

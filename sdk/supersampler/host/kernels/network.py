@@ -2,7 +2,8 @@
 
 Images are rows of pixels of channels, bytes, within a border of one pixel where 3x3 convolutions reach. A
 layer's sums of products become bytes again by a scale and a bias for each channel. Four bytes are multiplied
-and added at once: a word is what a processor takes in, 32 sums of six pixels what its registers hold.
+and added at once: a word is what a processor takes in, 32 sums of six pixels what its registers hold. Kernels
+do rows y0 to y1 and pixels x0 to x1 of an image.
 """
 
 import numpy as np
@@ -74,15 +75,15 @@ def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to,
 
 @njit
 def pointwise_row_of_two(
-    x, at, pitch, words, y, y_pitch, y_words, weights, blocks, scales, biases, out, out_pitch, width
+    x, at, pitch, words, y, y_at, y_pitch, y_words, weights, blocks, scales, biases, out, to, out_pitch, width
 ):
     """The same of pixels whose channels lie in two places."""
     for p in range(0, width, SIX):
         for block in range(blocks):
             w = 32 * (words + y_words) * block
             sums = two_by_six(x, pitch, words, weights, w, at + p * pitch, nothing())
-            sums = two_by_six(y, y_pitch, y_words, weights, w + 32 * words, p * y_pitch, sums)
-            put_six(sums, scales, biases, 32 * block, out, p * out_pitch, out_pitch)
+            sums = two_by_six(y, y_pitch, y_words, weights, w + 32 * words, y_at + p * y_pitch, sums)
+            put_six(sums, scales, biases, 32 * block, out, to + p * out_pitch, out_pitch)
 
 
 @njit
@@ -139,57 +140,75 @@ def pool_row(x, at, pitch, row, channels, out, width):
 def enter(
     records: Words, pitch: int, row: int, words: int, weights: Words, blocks: int, scales: Floats,
     biases: Floats, out: Bytes, out_pitch: int, out_row: int, width: int, half_width: int,
-    half_height: int, y0: int, y1: int,
+    half_height: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
     """The first layer of all, of records; beyond the picture its last row and column are repeated."""
     for y in range(y0, y1):
         at = min(y, half_height - 1) * row
-        for p in range(half_width, width + SIX):
-            for k in range(pitch):
-                records[at + p * pitch + k] = records[at + (half_width - 1) * pitch + k]
-        to = (y + 1) * out_row + out_pitch
-        pointwise_row(records, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width)
-        clear(out, to + width * out_pitch, out_pitch)
+        if x1 == width:
+            for p in range(half_width, width + SIX):
+                for k in range(pitch):
+                    records[at + p * pitch + k] = records[at + (half_width - 1) * pitch + k]
+        to = (y + 1) * out_row + (x0 + 1) * out_pitch
+        pointwise_row(
+            records,
+            at + x0 * pitch,
+            pitch,
+            words,
+            weights,
+            blocks,
+            scales,
+            biases,
+            out,
+            to,
+            out_pitch,
+            x1 - x0,
+        )
+        if x1 == width:
+            clear(out, (y + 1) * out_row + (width + 1) * out_pitch, out_pitch)
 
 
 def descend(
     above: Bytes, above_pitch: int, above_row: int, first: int, channels: int, pooled: Bytes,
     pooled_words: Words, words: int, weights: Words, blocks: int, scales: Floats, biases: Floats,
-    out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int,
+    out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
     """The first layer of a deeper level: channels from `first` on of the level above, pooled.
 
     pooled and pooled_words: the same scratch row.
     """
     for y in range(y0, y1):
-        at = 2 * y * above_row + first
-        pool_row(above, at, above_pitch, above_row, channels, pooled, width)
-        to = (y + 1) * out_row + out_pitch
+        at = 2 * y * above_row + 2 * x0 * above_pitch + first
+        pool_row(above, at, above_pitch, above_row, channels, pooled, x1 - x0)
+        to = (y + 1) * out_row + (x0 + 1) * out_pitch
         pitch = channels // 4
         pointwise_row(
-            pooled_words, 0, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width
+            pooled_words, 0, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, x1 - x0
         )
-        clear(out, to + width * out_pitch, out_pitch)
+        if x1 == width:
+            clear(out, (y + 1) * out_row + (width + 1) * out_pitch, out_pitch)
 
 
 def level(
     x: Bytes, pitch: int, row: int, channels: int, spatial_weights: Words, spatial_scales: Floats,
     spatial_biases: Floats, line: Bytes, line_words: Words, weights: Words, blocks: int, scales: Floats,
-    biases: Floats, out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int,
+    biases: Floats, out: Bytes, out_pitch: int, out_row: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
     """The second and third layer of a level; line and line_words: the same scratch row."""
     words = channels // 4
     for y in range(y0, y1):
         depthwise_row(
-            x, y * row, pitch, row, spatial_weights, channels, spatial_scales, spatial_biases, line, width
-        )
+            x, y * row + x0 * pitch, pitch, row, spatial_weights, channels, spatial_scales, spatial_biases,
+            line, x1 - x0,
+        )  # fmt: skip
         pointwise_row(
-            line_words, 0, words, words, weights, blocks, scales, biases, out, y * out_row, out_pitch, width
-        )
+            line_words, 0, words, words, weights, blocks, scales, biases, out, y * out_row + x0 * out_pitch,
+            out_pitch, x1 - x0,
+        )  # fmt: skip
 
 
 @njit
-def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, width, out):
+def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, p0, p1, out):
     """What the levels hand to the decoder, 16 + 8 + 4 + 4 bytes, pixels shuffled into place.
 
     Bytes of a level lie as its pixels unpack: sub-pixel by sub-pixel. pitches: bytes a pixel and a row of
@@ -197,7 +216,7 @@ def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, width, out):
     """
     row0, row1 = y * pitches[4], (y >> 1) * pitches[5] + 16 * (y & 1)
     row2, row3 = (y >> 2) * pitches[6] + 16 * (y & 3), (y >> 3) * pitches[7] + 32 * (y & 7)
-    for p in range(width):
+    for p in range(p0, p1):
         store(out, 32 * p, load16(kept0, row0 + p * pitches[0]))
         store(out, 32 * p + 16, load8(kept1, row1 + (p >> 1) * pitches[1] + 8 * (p & 1)))
         store(out, 32 * p + 24, load4(kept2, row2 + (p >> 2) * pitches[2] + 4 * (p & 3)))

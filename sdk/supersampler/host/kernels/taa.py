@@ -133,16 +133,16 @@ def step_rows(
     left_weights: Floats, right_weights: Floats, columns_near: Words, tops: Words, bottoms: Words,
     top_weights: Floats, bottom_weights: Floats, rows_near: Words, numbers: Floats, big_w: int, big_h: int,
     width: int, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
-    weight: Floats, tells: int, y0: int, y1: int,
+    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 of the picture; history and left (H, W, PIXEL)."""
+    """Rows y0 to y1 and columns x0 to x1 of the picture; history and left (H, W, PIXEL)."""
     w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         rows = np.int32(tops[y] * 5 * wide + PAD), np.int32(bottoms[y] * 5 * wide + PAD)
         down = top_weights[y], bottom_weights[y]
-        for x in range(0, width, 16):
+        for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             at = load16(columns_near, x) + np.int32(rows_near[y] * BOX * stride)
             mx = gather(box, at + np.int32(6 * stride)) * scale_x
@@ -182,7 +182,7 @@ def step_rows(
             ))  # fmt: skip
             for i in range(16):
                 store(out, 16 * i, found[i])
-            for i in range(min(16, big_w - x)):
+            for i in range(min(16, x1 - x)):
                 pixel = 3 * (y * big_w + x + i)
                 for c in range(3):
                     left[pixel + c] = image[pixel + c] = out[16 * i + c]

@@ -182,9 +182,9 @@ def step_rows(
     column_weights: Floats, column_near: Floats, lefts: Words, columns_near: Words, tops: Words,
     rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats, filtered: Floats,
     near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
-    weight: Floats, tells: int, y0: int, y1: int,
+    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 of the picture, and what the next frame looks back on.
+    """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
 
     samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history (H, W,
     PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
@@ -195,9 +195,9 @@ def step_rows(
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     wide = stride + 2 * PAD
     for y in range(y0, y1):
-        filter_row(samples, rows, row_weights, columns, column_weights, line, stride, big_w, y, filtered)
-        filter_row4(samples, rows, row_near, columns, column_near, line, stride, big_w, y, near)
-        for x in range(0, width, 16):
+        filter_row(samples, rows, row_weights, columns, column_weights, line, stride, x0, x1, y, filtered)
+        filter_row4(samples, rows, row_near, columns, column_near, line, stride, x0, x1, y, near)
+        for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
             mx, my = mx * scale_x, my * scale_y
@@ -239,7 +239,7 @@ def step_rows(
             ))  # fmt: skip
             for i in range(16):
                 store(out, 16 * i, columns_[i])
-            for i in range(min(16, big_w - x)):
+            for i in range(min(16, x1 - x)):
                 pixel = y * big_w + x + i
                 store(left, PIXEL * pixel, load4(out, 16 * i))
                 left[PIXEL * pixel + 4] = out[16 * i + 4]

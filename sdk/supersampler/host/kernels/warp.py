@@ -9,21 +9,21 @@ from supersampler.host.vector import floor, load4, load8, load16, maximum, minim
 
 
 @njit
-def filter_row(samples, rows, down, columns, across, line, stride, width, y, out):
-    """Separable filters of the samples around each display pixel of a row, a vector of channels at a time.
+def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
+    """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
 
     rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 16) and across (W, 4, 16) with what weight
-    for each channel; line (stride, 16) is scratch; out (width, 16).
+    for each channel; line (stride, 16) is scratch; out (W, 16).
     """
     a, b, c, d = rows[4 * y], rows[4 * y + 1], rows[4 * y + 2], rows[4 * y + 3]
     pitch = stride * 16
     wa, wb = load16(down, y * 64), load16(down, y * 64 + 16)
     wc, wd = load16(down, y * 64 + 32), load16(down, y * 64 + 48)
-    for x in range(0, pitch, 16):
+    for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
         upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
         lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
         store(line, x, upper + lower)
-    for x in range(width):
+    for x in range(x0, x1):
         i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
         w = 64 * x
         near = load16(line, 16 * i) * load16(across, w) + load16(line, 16 * j) * load16(across, w + 16)
@@ -32,14 +32,14 @@ def filter_row(samples, rows, down, columns, across, line, stride, width, y, out
 
 
 @njit
-def filter_row4(samples, rows, down, columns, across, line, stride, width, y, out):
-    """The same of the first four channels: down (H, 4), across (W, 4), line (stride, 4), out (width, 4)."""
-    for x in range(stride):
+def filter_row4(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
+    """The same of the first four channels: down (H, 4), across (W, 4), line (stride, 4), out (W, 4)."""
+    for x in range(columns[4 * x0], columns[4 * x1 - 1] + 1):
         total = load4(samples, 16 * (rows[4 * y] * stride + x)) * down[4 * y]
         for k in range(1, 4):
             total = total + load4(samples, 16 * (rows[4 * y + k] * stride + x)) * down[4 * y + k]
         store(line, 4 * x, total)
-    for x in range(width):
+    for x in range(x0, x1):
         total = load4(line, 4 * columns[4 * x]) * across[4 * x]
         for k in range(1, 4):
             total = total + load4(line, 4 * columns[4 * x + k]) * across[4 * x + k]

@@ -1,0 +1,80 @@
+"""Which parts of a scene stand still: what each jitter saw of them is what it saw one period before."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Sums = NDArray[np.uint64]
+Jitter = tuple[float, float]
+
+MOVING = 0
+"""The sum of a tile in which anything moves."""
+SETTLED = 16
+"""Frames that a picture settles in at least, also where jitter repeats sooner or there is none."""
+PHASES = 256
+"""Of a jitter sequence; of a longer one, or one that never repeats, nothing counts as still."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stillness:
+    """What a frame knows of the frames before: not changed by anything, so it can be kept and shared.
+
+    Attributes:
+        frames: how many frames it has seen.
+        phases: by jitter, when it was last seen and the sums of the frame's tiles, the longest ago first.
+        matched: (tiles) frames in a row in which a tile was as one period before; None before the first.
+        still: (tiles) those that have been so for a period.
+    """
+
+    frames: int = 0
+    phases: Mapping[Jitter, tuple[int, Sums]] = field(default_factory=dict)
+    matched: NDArray[np.int32] | None = None
+    still: NDArray[np.bool_] | None = None
+
+    def after(self, jitter: Jitter, sums: Sums) -> "Stillness":
+        """Return what is known after one more frame.
+
+        Two periods without a change make a tile still: the second finds that nothing changed since the first,
+        and by then the picture is the mean of both.
+
+        Args:
+            jitter: of the frame.
+            sums: (rows, columns) of its tiles.
+        """
+        begun = self if self.matched is not None and self.matched.shape == sums.shape else Stillness()
+        when, before = begun.phases.get(jitter, (begun.frames, None))
+        period = begun.frames - when
+        same = (sums == before) & (sums != MOVING) if before is not None else np.zeros(sums.shape, bool)
+        ago = np.zeros(sums.shape, np.int32) if begun.matched is None else begun.matched
+        matched = np.where(same, ago + 1, 0).astype(np.int32)
+        phases = {key: seen for key, seen in begun.phases.items() if key != jitter}
+        while len(phases) >= PHASES:
+            del phases[next(iter(phases))]
+        phases[jitter] = begun.frames, sums
+        return Stillness(begun.frames + 1, phases, matched, matched >= max(period, SETTLED))
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Copies, for `of_arrays`; none before the first frame."""
+        if self.matched is None or self.still is None:
+            return {}
+        return {
+            "still.frames": np.array(self.frames),
+            "still.jitter": np.array(list(self.phases), np.float64),
+            "still.when": np.array([when for when, _ in self.phases.values()]),
+            "still.sums": np.stack([sums for _, sums in self.phases.values()]),
+            "still.matched": self.matched.copy(),
+            "still.tiles": self.still.copy(),
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Stillness":
+        """Continue from copies by `arrays`, which may lie among others; from nothing where there are none."""
+        if "still.frames" not in arrays:
+            return cls()
+        jitter, when, sums = (arrays[f"still.{name}"] for name in ("jitter", "when", "sums"))
+        keys = [(float(x), float(y)) for x, y in jitter]
+        phases = {key: (int(frame), seen) for key, frame, seen in zip(keys, when, sums, strict=True)}
+        return cls(int(arrays["still.frames"]), phases, arrays["still.matched"], arrays["still.tiles"])
