@@ -37,7 +37,7 @@ class Executor(Protocol):
         image: Float32,
         told: Collection[str],
         *,
-        skips: bool,
+        tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """Upscale a checked frame.
 
@@ -48,7 +48,9 @@ class Executor(Protocol):
             left: where this one leaves it; not `past`.
             image: (H, W, 3), written to.
             told: names of tensors, of those that model.json lists as told.
-            skips: tiles that stand still may keep what they show; else all is drawn.
+            tolerance: how far a pixel may be from where it was one period of the jitter before, of what a
+                screen shows, in tiles that stay as they are while the scene there stands still; None: all is
+                drawn.
 
         Returns:
             The told tensors, NCHW.

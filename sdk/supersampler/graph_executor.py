@@ -61,7 +61,7 @@ class GraphExecutor:
         image: Float32,
         told: Collection[str],
         *,
-        skips: bool,  # noqa: ARG002  # a graph draws all
+        tolerance: float | None,  # noqa: ARG002  # a graph draws all
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)

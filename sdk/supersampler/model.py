@@ -22,7 +22,9 @@ from supersampler.providers import CPU, resolve_providers
 
 ExecutorName = Literal["auto", "graph", "host"]
 Precision = Literal["auto", "fp32", "int8"]
-Skip = Literal["auto", "exact"]
+Skip = Literal["auto", "exact"] | float
+TOLERANCE = 1.0 / 255.0
+"""Of skip="auto"."""
 
 
 class Model:
@@ -146,7 +148,7 @@ class Model:
             want: names of `Result`'s.
             out: see `run`.
             history_out: see `run`.
-            skip: "exact" draws every pixel; see `Upscaler` for "auto".
+            skip: see `Upscaler`.
 
         Raises:
             FrameError: as `run`; or the frame carries nothing, or other channels than the one before, and
@@ -162,9 +164,14 @@ class Model:
         needed = {self.info.maps[name].output for name in want if name in self.info.maps}
         needed |= {"weight"} if "carry" in want else set()
         drawn = image if image.flags.c_contiguous else aligned(image.shape)
-        skips = skip == "auto" and "carry" not in want  # what is carried may change where nothing else does
         told = self._executor.step(
-            frame, display_size, history.buffers, left.buffers, drawn, needed, skips=skips
+            frame,
+            display_size,
+            history.buffers,
+            left.buffers,
+            drawn,
+            needed,
+            tolerance=_tolerance(skip, want),
         )
         if drawn is not image:
             np.copyto(image, drawn)
@@ -272,6 +279,13 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers)
         return self.first_history(display, render)
+
+
+def _tolerance(skip: Skip, want: Collection[str]) -> float | None:
+    """Of what is left as it is; None where all is to be drawn."""
+    if skip == "exact" or "carry" in want:  # what is carried may change where nothing else does
+        return None
+    return TOLERANCE if skip == "auto" else float(skip)
 
 
 def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:

@@ -73,9 +73,10 @@ class Upscaler:
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
         threads, executor, precision: see `Model.load`; not with a `Model`.
-        skip: "auto" leaves those tiles of the image as they are in which the scene stands still: nothing
-            moves, and for a period of the jitter each frame was, bit for bit, what it was one period before.
-            A frame without other tiles is a copy. "exact" draws every pixel, as graphs always do.
+        skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
+            moves, and each frame is, bit for bit, what it was one period of the jitter before) and no pixel
+            has changed by more than this in that period, in [0, 1] as a screen shows it. A frame without
+            other tiles is a copy. "auto" is 1/255; "exact" draws every pixel, as graphs always do.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
 
@@ -250,9 +251,9 @@ class Upscaler:
 
 
 def _checked_skip(skip: Skip) -> Skip:
-    if skip not in ("auto", "exact"):
-        raise ArgumentError("skip", got=repr(skip), want="'auto' or 'exact'")
-    return skip
+    if skip in ("auto", "exact") or (isinstance(skip, (int, float)) and 0.0 <= skip <= 1.0):
+        return skip
+    raise ArgumentError("skip", got=repr(skip), want="'auto', 'exact' or a number in [0, 1]")
 
 
 def _checked_scale(scale: float) -> float:

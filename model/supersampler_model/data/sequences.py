@@ -78,6 +78,37 @@ class StagedSequence(Sequence):
         return self._cameras[shot](index / self.spec.frame_rate)
 
 
+class HeldSequence(StagedSequence):
+    """The same, seen by a camera that stands where frame `at` has it, at the exposure of that frame.
+
+    Args:
+        spec: of the sequence.
+        at: number of the frame.
+        time_stands: nothing moves at all.
+    """
+
+    def __init__(self, spec: SequenceSpec, at: int, *, time_stands: bool) -> None:
+        super().__init__(spec)
+        self.check_index(at)
+        self._at, self._time_stands = at, time_stands
+
+    def scene(self, index: int) -> Scene:
+        """See `Sequence.scene`."""
+        self.check_index(index)
+        frames = (self._at, self._at) if self._time_stands else (index, index - 1)
+        now, before = (frame / self.spec.frame_rate for frame in frames)
+        camera = self._camera(self._at)
+        return self._stage.scene(now, before, camera, camera)
+
+    def cut(self, index: int) -> bool:
+        """See `Sequence.cut`."""
+        return index == 0
+
+    def exposure(self, index: int) -> float | None:  # noqa: ARG002  # always the same
+        """See `Sequence.exposure`."""
+        return self._camera(self._at).exposure
+
+
 def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
     """Return the first frames of the shots: one shot mostly, sometimes two or three."""
     starts, cuts = [0], int(random.choice(3, p=(0.6, 0.28, 0.12)))

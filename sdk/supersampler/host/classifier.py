@@ -127,7 +127,7 @@ class ClassifierHost:
             aligned((big_h, big_w, PIXEL)),
             np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
             np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
-            Trail.of(display),
+            Trail(display),
         )
 
     def fits(self, buffers: ClassifierHistory, display: Size, render: Size) -> bool:
@@ -143,18 +143,23 @@ class ClassifierHost:
         image: Float32,
         told: Collection[str],
         *,
-        skips: bool,
+        tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
-        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        tiles = self._skipping.begin(
+            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+        )
         if tiles.any:
             self._draw(planes, frame, display, past, left, image, weight, tiles)
         else:
             left.jitter, left.exposure = past.jitter, past.exposure
             left.surfaces[:] = past.surfaces
         kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
-        self._skipping.keep(tiles, past.trail, left.trail, kept, image)
+        self._skipping.end(
+            tiles, past.trail, left.trail, kept, image,
+            exposure=left.exposure, tolerance=tolerance or 0.0,
+        )  # fmt: skip
         return weight.told()
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:

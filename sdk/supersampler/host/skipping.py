@@ -2,7 +2,7 @@
 
 import itertools
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import partial
 from typing import Any
 
@@ -28,56 +28,107 @@ HALO = 2
 """Tiles around those that are drawn: the network sees 36 pixels far."""
 GAP = 3
 """Tiles between boxes of a row: kernels may write 5 pixels too many, 80 of the display at the last level."""
+LEAST = 0.1
+"""Share of the tiles below which it is not worth while to leave them out."""
+SETTLED = 16
+"""Frames between two looks at a tile, at least, also where jitter repeats sooner or there is none."""
 NEIGHBOUR = 0.5
 """Share of the work in a tile that is only gathered, for the network to see from its neighbours."""
 
 _STAMPS = itertools.count(1)
 
 
-@dataclass(eq=False)
 class Trail:
     """What goes from frame to frame beside a picture.
 
+    Args:
+        display: size of the picture.
+
     Attributes:
-        stillness: of the scene.
         stamps: of each tile; where two histories have the same, they hold the same. 0: nothing.
+        stillness: of the frames.
+        matched: of each tile, frames in a row in which all that it looks at was as one period before.
+        still: tiles whose picture is as it was one period before, too.
+        looks: what the picture was; shared with the histories before.
+        looked: of each tile, the stamp that it has there.
         work: of each tile, the share that the step did.
     """
 
-    stillness: Stillness
-    stamps: NDArray[np.int64]
-    work: Float32 = field(init=False)
+    def __init__(self, display: Size) -> None:
+        shape = -(-display[1] // TILE), -(-display[0] // TILE)
+        self.stamps = np.zeros(shape, np.int64)
+        self.stillness = Stillness()
+        self.matched = np.zeros(shape, np.int32)
+        self.still = np.zeros(shape, bool)
+        self.looks: Looks | None = None
+        self.looked = np.zeros(shape, np.int64)
+        self.work = np.ones(shape, np.float32)
 
-    def __post_init__(self) -> None:
-        self.work = np.ones(self.stamps.shape, np.float32)
+    def follow(self, past: "Trail", stillness: Stillness, same: Bool) -> None:
+        """Know what the past knew, and that these tiles look at what they looked at one period before."""
+        self.stillness = stillness
+        self.matched = np.where(same, past.matched + 1, 0).astype(np.int32)
+        self.still = past.still & same
+        self.looks, self.looked = past.looks, past.looked.copy()
 
-    @classmethod
-    def of(cls, display: Size) -> "Trail":
-        """Of a picture that nothing is known of."""
-        return cls(Stillness(), np.zeros((-(-display[1] // TILE), -(-display[0] // TILE)), np.int64))
+    def forget(self) -> None:
+        """Know nothing."""
+        self.stillness, self.looks = Stillness(), None
+        self.matched[:], self.still[:] = 0, False
 
     def arrays(self) -> Mapping[str, NDArray[Any]]:
         """Copies, for `load`."""
-        return self.stillness.arrays()
+        arrays = self.stillness.arrays()
+        if arrays:
+            arrays |= {"still.matched": self.matched.copy(), "still.tiles": self.still.copy()}
+        if self.looks is not None:
+            arrays["still.looks"] = self.looks.pixels.copy()
+            arrays["still.looked"] = self.looked == self.looks.stamps
+        return arrays
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
         """Continue from there; the picture has been loaded, too."""
-        self.stillness = Stillness.of_arrays(arrays)
         self.stamps[:] = next(_STAMPS)
+        self.stillness = Stillness.of_arrays(arrays)
+        if "still.matched" in arrays:
+            self.matched, self.still = arrays["still.matched"].copy(), arrays["still.tiles"].copy()
+        if "still.looks" in arrays:
+            self.looked = np.where(arrays["still.looked"], next(_STAMPS), 0)
+            self.looks = Looks(arrays["still.looks"].copy(), self.looked.copy())
+
+
+@dataclass(eq=False)
+class Looks:
+    """What tiles of the picture were when they were last looked at.
+
+    Attributes:
+        pixels: (H, W, 3) linear RGB.
+        stamps: of each tile, which look it is.
+    """
+
+    pixels: Float32
+    stamps: NDArray[np.int64]
 
 
 class Tiles:
     """Tiles of a picture that a step draws.
 
     Args:
-        drawn: (rows, columns).
+        wanted: (rows, columns) those that it must.
+
+    Attributes:
+        drawn: those that it does: small gaps in rows are closed.
+        any, all: whether it draws any, all of them.
+        seen: those that the network sees.
     """
 
-    def __init__(self, drawn: Bool) -> None:
-        self.drawn = drawn
-        self.any, self.all = bool(drawn.any()), bool(drawn.all())
-        self.seen = drawn if self.all or not self.any else grown(drawn, HALO)
-        self._runs = {halo: _runs(self.seen if halo else drawn) for halo in (False, True)}
+    def __init__(self, wanted: Bool) -> None:
+        runs = _runs(wanted, GAP)
+        self.drawn = _covered(runs, wanted.shape)
+        self.any, self.all = bool(self.drawn.any()), bool(self.drawn.all())
+        around = runs if self.all else _runs(grown(self.drawn, HALO), GAP)
+        self.seen = _covered(around, wanted.shape)
+        self._runs = {False: runs, True: around}
 
     def boxes(self, unit: int, size: Size, *, halo: bool = False) -> list[Box]:
         """Return rectangles of pixels that cover them.
@@ -103,33 +154,40 @@ class Skipping:
 
     def __init__(self, bands: Bands) -> None:
         self._bands = bands
-        kernels = load_kernels("stillness.fingerprints", "stillness.show")
-        self._sum, self._show = kernels.values()
+        kernels = load_kernels("stillness.fingerprints", "stillness.show", "stillness.look")
+        self._sum, self._show, self._look = kernels.values()
 
     def begin(
         self, planes: Planes, jitter: Jitter, display: Size, past: Trail, left: Trail, *, skips: bool
     ) -> Tiles:
-        """Say what is to be drawn, and that `left` does not hold it yet."""
+        """Say what is to be drawn, and that `left` does not hold it yet; `skips`: not necessarily all."""
         drawn = np.ones(past.stamps.shape, bool)
-        left.stillness = Stillness()
+        left.forget()
         if skips:
-            left.stillness = past.stillness.after(jitter, self._sums(planes))
-            if left.stillness.still is not None and left.stillness.still.any():
-                drawn = _seen_from(~left.stillness.still, display, planes.depth.shape[1::-1])
+            stillness = past.stillness.after(jitter, self._sums(planes))
+            same = np.zeros(drawn.shape, bool)
+            if stillness.same is not None and stillness.same.any():
+                same = ~_seen_from(~stillness.same, display, planes.depth.shape[1::-1])
+            left.follow(past, stillness, same)
+            if left.still.mean() >= LEAST:
+                drawn = ~left.still
         tiles = Tiles(drawn)
-        left.stamps[drawn] = next(_STAMPS)
+        left.stamps[tiles.drawn] = next(_STAMPS)
         left.work = tiles.work()
         return tiles
 
-    def keep(
+    def end(
         self,
         tiles: Tiles,
         past: Trail,
         left: Trail,
         kept: Sequence[tuple[int, NDArray[Any], NDArray[Any]]],
         image: Float32,
+        *,
+        exposure: float,
+        tolerance: float,
     ) -> None:
-        """Let the other tiles show what they did, and go on with it.
+        """Let the other tiles show what they did, and go on with it; see which of those drawn have settled.
 
         Args:
             tiles: what was drawn.
@@ -138,7 +196,11 @@ class Skipping:
             kept: for each image of the histories, pixels of a tile's side, and (H, W, ...) the past's and
                 where it is left; the first holds the picture in its first channels.
             image: (H, W, 3).
+            exposure: of the frame.
+            tolerance: how far a pixel of a tile that has settled may be from where it was one period before,
+                of what a screen shows.
         """
+        self._settle(tiles, left, kept[0][2], exposure, tolerance)
         if tiles.all:
             return
         stale = ~tiles.drawn & (left.stamps != past.stamps)
@@ -152,6 +214,27 @@ class Skipping:
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(_runs(~tiles.drawn), TILE, (width, height))
         self._bands.cover(boxes, lambda box, _: self._show(*arguments, *box, address(image)))
+
+    def _settle(
+        self, tiles: Tiles, left: Trail, pixels: NDArray[Any], exposure: float, tolerance: float
+    ) -> None:
+        """Once a period, look at tiles of a scene that stands still; those that have not changed may rest."""
+        interval = left.stillness.period * -(-SETTLED // max(left.stillness.period, 1))
+        if not interval:
+            return
+        due = tiles.drawn & (left.matched > 0) & ((left.matched - 1) % interval == 0)
+        if not due.any():
+            return
+        height, width = pixels.shape[:2]
+        if left.looks is None:
+            left.looks = Looks(np.zeros((height, width, 3), np.float32), np.zeros(due.shape, np.int64))
+        changes = np.zeros(due.shape, np.float32)
+        arguments = address(pixels), pixels.shape[2], width, height, due.shape[1], exposure
+        places = address(left.looks.pixels), address(changes)
+        self._bands.cover(_runs(due), lambda box, _: self._look(*arguments, *box, *places))
+        known = (left.looked == left.looks.stamps) & (left.matched > interval)
+        left.still |= due & known & (changes <= tolerance)
+        left.looked[due] = left.looks.stamps[due] = next(_STAMPS)
 
     def _sums(self, planes: Planes) -> Sums:
         h, w = planes.depth.shape
@@ -183,14 +266,14 @@ def scaled(runs: Sequence[Box], unit: int, size: Size) -> list[Box]:
     return [box for box in boxes if box.y0 < box.y1 and box.x0 < box.x1]
 
 
-def _runs(mask: Bool) -> list[Box]:
-    """Boxes of tiles that cover a mask; those of a row are GAP apart, equal rows are one."""
+def _runs(mask: Bool, gap: int = 1) -> list[Box]:
+    """Boxes of tiles that cover a mask; those of a row are at least `gap` apart, equal rows are one."""
     runs: list[Box] = []
     above: list[Box] = []
     for y, row in enumerate(mask):
         spans: list[tuple[int, int]] = []
         for x in np.flatnonzero(row).tolist():
-            if spans and x - spans[-1][1] < GAP:
+            if spans and x - spans[-1][1] < gap:
                 spans[-1] = spans[-1][0], x + 1
             else:
                 spans.append((x, x + 1))
@@ -200,6 +283,13 @@ def _runs(mask: Bool) -> list[Box]:
             runs += above
             above = [Box(y, y + 1, *span) for span in spans]
     return runs + above
+
+
+def _covered(runs: Sequence[Box], shape: tuple[int, ...]) -> Bool:
+    mask = np.zeros(shape, bool)
+    for y0, y1, x0, x1 in runs:
+        mask[y0:y1, x0:x1] = True
+    return mask
 
 
 def _seen_from(changed: Bool, display: Size, render: Size) -> Bool:

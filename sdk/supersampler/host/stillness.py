@@ -1,4 +1,4 @@
-"""Which parts of a scene stand still: what each jitter saw of them is what it saw one period before."""
+"""Which parts of a frame are what the same jitter saw of them one period before."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -12,8 +12,6 @@ Jitter = tuple[float, float]
 
 MOVING = 0
 """The sum of a tile in which anything moves."""
-SETTLED = 16
-"""Frames that a picture settles in at least, also where jitter repeats sooner or there is none."""
 PHASES = 256
 """Of a jitter sequence; of a longer one, or one that never repeats, nothing counts as still."""
 
@@ -25,48 +23,41 @@ class Stillness:
     Attributes:
         frames: how many frames it has seen.
         phases: by jitter, when it was last seen and the sums of the frame's tiles, the longest ago first.
-        matched: (tiles) frames in a row in which a tile was as one period before; None before the first.
-        still: (tiles) those that have been so for a period.
+        period: frames since this frame's jitter was last seen; 0 where it was not.
+        same: (tiles of the frame) as they were then, and nothing moves; None before the first frame.
     """
 
     frames: int = 0
     phases: Mapping[Jitter, tuple[int, Sums]] = field(default_factory=dict)
-    matched: NDArray[np.int32] | None = None
-    still: NDArray[np.bool_] | None = None
+    period: int = 0
+    same: NDArray[np.bool_] | None = None
 
     def after(self, jitter: Jitter, sums: Sums) -> "Stillness":
         """Return what is known after one more frame.
-
-        Two periods without a change make a tile still: the second finds that nothing changed since the first,
-        and by then the picture is the mean of both.
 
         Args:
             jitter: of the frame.
             sums: (rows, columns) of its tiles.
         """
-        begun = self if self.matched is not None and self.matched.shape == sums.shape else Stillness()
+        begun = self if self.same is not None and self.same.shape == sums.shape else Stillness()
         when, before = begun.phases.get(jitter, (begun.frames, None))
-        period = begun.frames - when
         same = (sums == before) & (sums != MOVING) if before is not None else np.zeros(sums.shape, bool)
-        ago = np.zeros(sums.shape, np.int32) if begun.matched is None else begun.matched
-        matched = np.where(same, ago + 1, 0).astype(np.int32)
         phases = {key: seen for key, seen in begun.phases.items() if key != jitter}
         while len(phases) >= PHASES:
             del phases[next(iter(phases))]
         phases[jitter] = begun.frames, sums
-        return Stillness(begun.frames + 1, phases, matched, matched >= max(period, SETTLED))
+        return Stillness(begun.frames + 1, phases, begun.frames - when, same)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Copies, for `of_arrays`; none before the first frame."""
-        if self.matched is None or self.still is None:
+        if self.same is None:
             return {}
         return {
             "still.frames": np.array(self.frames),
             "still.jitter": np.array(list(self.phases), np.float64),
             "still.when": np.array([when for when, _ in self.phases.values()]),
             "still.sums": np.stack([sums for _, sums in self.phases.values()]),
-            "still.matched": self.matched.copy(),
-            "still.tiles": self.still.copy(),
+            "still.same": self.same.copy(),
         }
 
     @classmethod
@@ -77,4 +68,4 @@ class Stillness:
         jitter, when, sums = (arrays[f"still.{name}"] for name in ("jitter", "when", "sums"))
         keys = [(float(x), float(y)) for x, y in jitter]
         phases = {key: (int(frame), seen) for key, frame, seen in zip(keys, when, sums, strict=True)}
-        return cls(int(arrays["still.frames"]), phases, arrays["still.matched"], arrays["still.tiles"])
+        return cls(int(arrays["still.frames"]), phases, same=arrays["still.same"])

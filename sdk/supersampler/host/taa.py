@@ -77,7 +77,7 @@ class TaaHost:
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
         """See `Executor`."""
         pixels = np.zeros(3 * display[0] * display[1] + 1, np.float32)
-        return TaaHistory(display, pixels, Trail.of(display))
+        return TaaHistory(display, pixels, Trail(display))
 
     def fits(self, buffers: TaaHistory, display: Size, render: Size) -> bool:  # noqa: ARG002
         """See `Executor`."""
@@ -92,11 +92,13 @@ class TaaHost:
         image: Float32,
         told: Collection[str],
         *,
-        skips: bool,
+        tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
-        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        tiles = self._skipping.begin(
+            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+        )
         left.exposure = past.exposure
         if tiles.any:
             left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
@@ -105,7 +107,10 @@ class TaaHost:
                 space.y.look(frame.jitter[1])
                 self._read(space, planes, left.exposure)
                 self._draw(space, past, left, image, weight, tiles)
-        self._skipping.keep(tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image)
+        self._skipping.end(
+            tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image,
+            exposure=left.exposure, tolerance=tolerance or 0.0,
+        )  # fmt: skip
         return weight.told()
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:

@@ -97,7 +97,7 @@ class TaauHost:
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
-        return TaauHistory(render, pixels, surface, Trail.of(display))
+        return TaauHistory(render, pixels, surface, Trail(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -112,11 +112,13 @@ class TaauHost:
         image: Float32,
         told: Collection[str],
         *,
-        skips: bool,
+        tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
-        tiles = self._skipping.begin(planes, frame.jitter, display, past.trail, left.trail, skips=skips)
+        tiles = self._skipping.begin(
+            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+        )
         if tiles.any:
             exposure = self._reader.exposure(frame, planes.color, past.exposure)
             left.jitter, left.exposure = frame.jitter, exposure
@@ -129,7 +131,10 @@ class TaauHost:
             left.jitter, left.exposure = past.jitter, past.exposure
             left.surface[:] = past.surface
         kept = [(TILE, past.pixels, left.pixels)]
-        self._skipping.keep(tiles, past.trail, left.trail, kept, image)
+        self._skipping.end(
+            tiles, past.trail, left.trail, kept, image,
+            exposure=left.exposure, tolerance=tolerance or 0.0,
+        )  # fmt: skip
         return weight.told()
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:

@@ -18,6 +18,7 @@ from supersampler.host.vector import (
 
 TILE = 16  # samples
 STILL = 1e-3  # of a sample: what a matrix leaves of no motion
+SHOWN = 32  # pixels of a tile of the display
 FACTOR = np.int32(0x2C1B3C6D)  # odd: a change of one word is never lost
 
 
@@ -77,3 +78,27 @@ def show(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x
             image[to] = pixels[at]
             image[to + 1] = pixels[at + 1]
             image[to + 2] = pixels[at + 2]
+
+
+def look(
+    pixels: Floats, channels: int, big_w: int, big_h: int, columns: int, exposure: float, y0: int, y1: int,
+    x0: int, x1: int, looks: Floats, changes: Floats,
+):  # fmt: skip
+    """How far tiles are from what they were when last looked at, as a screen shows it; remember them.
+
+    Rows y0 to y1 and columns x0 to x1 of tiles, `columns` in a row; looks (big_h, big_w, 3).
+    """
+    for ty in range(y0, y1):
+        for tx in range(x0, x1):
+            most = np.float32(0.0)
+            for y in range(ty * SHOWN, min(ty * SHOWN + SHOWN, big_h)):
+                for x in range(tx * SHOWN, min(tx * SHOWN + SHOWN, big_w)):
+                    at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
+                    off = bright = np.float32(0.0)
+                    for c in range(3):
+                        now, then = pixels[at + c], looks[to + c]
+                        off = max(off, abs(now - then))
+                        bright = max(bright, max(now, then))
+                        looks[to + c] = now
+                    most = max(most, off * exposure / (np.float32(1.0) + bright * exposure))
+            changes[ty * columns + tx] = most
