@@ -162,6 +162,47 @@ def speed(
         update_block(update, "speed", table)
 
 
+@app.command()
+def skip(
+    scenes: Annotated[
+        str, typer.Option(help="Families of test shots, with commas between.")
+    ] = "court,gallery,market",
+    methods: Annotated[str, typer.Option(help="That have kernels, with commas between.")] = "taau,classifier",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
+    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+    update: Annotated[
+        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+    ] = None,
+) -> None:
+    """Measure what skipping saves and costs, in test shots whose camera stands: rendered here, with OpenGL.
+
+    Quiet machines measure well: nothing else should run.
+
+    Example:
+      supersampler bench skip --scenes court --methods classifier --update docs/executors.md
+    """
+    from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
+
+    if update is not None:
+        find_block(update, "skip")
+    families, names, size = _listed(scenes), _listed(methods), parse_size(display_size)
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=2 * len(families) * frame_count(ratio))
+        results = measure_skipping(
+            families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
+        )
+    made = setting()
+    machine = made["machine"]
+    table = markdown_table(results, size, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    Console().print(table, markup=False, soft_wrap=True)
+    if json is not None:
+        write_json({**skip_record(results), **made}, json)
+    if update is not None:
+        update_block(update, "skip", table)
+
+
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
 

@@ -4,7 +4,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
-SKIPS: tuple[Skip, ...] = ("exact", "auto")
+SKIPS: tuple[Literal["exact", "auto"], ...] = ("exact", "auto")
 AT = 12  # frame of the test shot that the camera is held at
 SCORED = 16  # frames at the end, after four periods of the jitter
 

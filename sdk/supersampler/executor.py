@@ -48,8 +48,8 @@ class Executor(Protocol):
             left: where this one leaves it; not `past`.
             image: (H, W, 3), written to.
             told: names of tensors, of those that model.json lists as told.
-            tolerance: how far a pixel may be from where it was one period of the jitter before, of what a
-                screen shows, in tiles that stay as they are while the scene there stands still; None: all is
+            tolerance: how far a tile that stays as it is, where the scene stands still, may be from what it
+                was one period of the jitter before: root mean square of what a screen shows. None: all is
                 drawn.
 
         Returns:

@@ -23,7 +23,7 @@ from supersampler.providers import CPU, resolve_providers
 ExecutorName = Literal["auto", "graph", "host"]
 Precision = Literal["auto", "fp32", "int8"]
 Skip = Literal["auto", "exact"] | float
-TOLERANCE = 1.0 / 255.0
+TOLERANCE = 0.5 / 255.0
 """Of skip="auto"."""
 
 

@@ -74,9 +74,10 @@ class Upscaler:
         providers: see `Model.load`; not with a `Model`.
         threads, executor, precision: see `Model.load`; not with a `Model`.
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
-            moves, and each frame is, bit for bit, what it was one period of the jitter before) and no pixel
-            has changed by more than this in that period, in [0, 1] as a screen shows it. A frame without
-            other tiles is a copy. "auto" is 1/255; "exact" draws every pixel, as graphs always do.
+            moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
+            pixels have changed by no more than this in that period, root mean square of what a screen shows,
+            in [0, 1]. A frame without other tiles is a copy. "auto" is half a step of an 8-bit picture;
+            "exact" draws every pixel, as graphs always do.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
 

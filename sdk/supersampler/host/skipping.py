@@ -197,8 +197,8 @@ class Skipping:
                 where it is left; the first holds the picture in its first channels.
             image: (H, W, 3).
             exposure: of the frame.
-            tolerance: how far a pixel of a tile that has settled may be from where it was one period before,
-                of what a screen shows.
+            tolerance: how far a tile that has settled may be from what it was one period before, of what a
+                screen shows, root mean square of its pixels.
         """
         self._settle(tiles, left, kept[0][2], exposure, tolerance)
         if tiles.all:
@@ -233,7 +233,7 @@ class Skipping:
         places = address(left.looks.pixels), address(changes)
         self._bands.cover(_runs(due), lambda box, _: self._look(*arguments, *box, *places))
         known = (left.looked == left.looks.stamps) & (left.matched > interval)
-        left.still |= due & known & (changes <= tolerance)
+        left.still |= due & known & (changes <= tolerance * tolerance)
         left.looked[due] = left.looks.stamps[due] = next(_STAMPS)
 
     def _sums(self, planes: Planes) -> Sums:

@@ -84,15 +84,17 @@ def look(
     pixels: Floats, channels: int, big_w: int, big_h: int, columns: int, exposure: float, y0: int, y1: int,
     x0: int, x1: int, looks: Floats, changes: Floats,
 ):  # fmt: skip
-    """How far tiles are from what they were when last looked at, as a screen shows it; remember them.
+    """Mean square of how far tiles are from what they were when last looked at, as a screen shows it.
 
-    Rows y0 to y1 and columns x0 to x1 of tiles, `columns` in a row; looks (big_h, big_w, 3).
+    Rows y0 to y1 and columns x0 to x1 of tiles, `columns` in a row; looks (big_h, big_w, 3) is what they
+    were, and then what they are. A pixel is as far as its farthest channel.
     """
     for ty in range(y0, y1):
         for tx in range(x0, x1):
-            most = np.float32(0.0)
-            for y in range(ty * SHOWN, min(ty * SHOWN + SHOWN, big_h)):
-                for x in range(tx * SHOWN, min(tx * SHOWN + SHOWN, big_w)):
+            total = np.float32(0.0)
+            bottom, right = min(ty * SHOWN + SHOWN, big_h), min(tx * SHOWN + SHOWN, big_w)
+            for y in range(ty * SHOWN, bottom):
+                for x in range(tx * SHOWN, right):
                     at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
                     off = bright = np.float32(0.0)
                     for c in range(3):
@@ -100,5 +102,6 @@ def look(
                         off = max(off, abs(now - then))
                         bright = max(bright, max(now, then))
                         looks[to + c] = now
-                    most = max(most, off * exposure / (np.float32(1.0) + bright * exposure))
-            changes[ty * columns + tx] = most
+                    off = off * exposure / (np.float32(1.0) + bright * exposure)
+                    total += off * off
+            changes[ty * columns + tx] = total / np.float32((bottom - ty * SHOWN) * (right - tx * SHOWN))
