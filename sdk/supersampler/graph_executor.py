@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
+from supersampler.history import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.providers import check_provider_in_use
 
@@ -92,7 +93,7 @@ class GraphExecutor:
 
     def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # all of it
         """See `Executor`."""
-        return np.ones((1, 1), np.float32)
+        return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
 
     def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""

@@ -7,6 +7,8 @@ from supersampler.frame import Float32, Size
 
 CARRY = "history.carry"
 WORK = "work"
+TILE = 32
+"""Display pixels of a tile's side: what a step does or leaves undone."""
 
 
 @dataclass(eq=False)
@@ -37,8 +39,8 @@ class Result:
             past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
         weight: (H, W) float32 share of the past in the image, [0, 1].
         count: (H, W) float32 how many samples the image is worth.
-        work: (rows, columns) float32 share of a whole step's work that was done in each tile of the image.
-            Tiles are equal squares, the last ones cut off; a single one where nothing is ever skipped.
+        work: (H / 32, W / 32) float32, sizes rounded up: share of a whole step's work that was done in each
+            tile of 32x32 pixels.
     """
 
     image: Float32

@@ -1,4 +1,4 @@
-"""Pictures of what a method tells beside its image: classes, weight of the past, count of samples."""
+"""Pictures of what a method tells beside its image: classes, weight of the past, count of samples, work."""
 
 from collections.abc import Mapping
 
@@ -6,7 +6,7 @@ import numpy as np
 
 from supersampler.compare import Legend, false_color, false_color_legend
 from supersampler.frame import Float32
-from supersampler.history import Result
+from supersampler.history import TILE, Result
 from supersampler.image_io import Bytes
 
 NO_CLASS = (24, 24, 24)
@@ -27,14 +27,15 @@ LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
     "weight": false_color_legend("this frame", "the past"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
+    "work": false_color_legend("left as it is", "drawn"),
 }
 """By layer, for `compare.About`."""
 
 
 def map_layers(result: Result) -> dict[str, Bytes]:
-    """Return the layers classes, weight and count of a `ComparePage`, those that `result` has.
+    """Return the layers classes, weight, count and work of a `ComparePage`, those that `result` has.
 
-    Each is (h, w, 3) uint8 sRGB, of the size of its map.
+    Each is (h, w, 3) uint8 sRGB, of the size of its map; work is of the image's.
     """
     layers = {}
     if result.class_map is not None:
@@ -43,7 +44,14 @@ def map_layers(result: Result) -> dict[str, Bytes]:
         layers["weight"] = false_color(result.weight)
     if result.count is not None:
         layers["count"] = false_color(np.log1p(result.count) / np.log1p(MOST_SAMPLES))
+    if result.work is not None:
+        layers["work"] = false_color(_spread(result.work, *result.image.shape[:2]))
     return layers
+
+
+def _spread(tiles: Float32, height: int, width: int) -> Float32:
+    """(rows, columns) of tiles, the last of which are cut off, as pixels."""
+    return np.kron(tiles, np.ones((TILE, TILE), np.float32))[:height, :width]
 
 
 def class_colors(shares: Float32) -> Bytes:

@@ -18,8 +18,8 @@ from supersampler import (
     jitter_phase_count,
 )
 from supersampler.frame import Float32
-from supersampler.history import Result
-from supersampler.host.skipping import TILE, Tiles
+from supersampler.history import TILE, Result
+from supersampler.host.tiles import Tiles
 
 METHODS = ["taa", "taau", "classifier"]
 RENDER: Size = (160, 112)

@@ -3,7 +3,7 @@
 import re
 from enum import StrEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
 
@@ -11,6 +11,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
+    from supersampler.model import Skip
     from supersampler.shot import Shot
 
 ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
@@ -67,6 +68,16 @@ def parse_size(text: str) -> Size:
     if found is None:
         raise ArgumentError("--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, 1920x1080 say")
     return int(found[1]), int(found[2])
+
+
+def parse_skip(text: str) -> "Skip":
+    """Read "auto", "exact" or a number, which `Upscaler` checks."""
+    if text in ("auto", "exact"):
+        return cast("Skip", text)
+    try:
+        return float(text)
+    except ValueError:
+        raise ArgumentError("--skip", got=repr(text), want="auto, exact or a number in [0, 1]") from None
 
 
 def size_text(size: Size | None) -> str:

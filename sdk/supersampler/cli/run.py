@@ -38,7 +38,7 @@ from supersampler.errors import FrameError, FrameWarning, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
-from supersampler.model import Model, Precision
+from supersampler.model import Model, Precision, Skip
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
@@ -72,6 +72,7 @@ class UpscaleJob:
     providers: str | Sequence[str] = "auto"
     threads: int = 0
     precision: Precision = "auto"
+    skip: Skip = "auto"
     validate: Literal["off", "warn", "strict"] = "warn"
     overwrite: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
@@ -108,6 +109,7 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
         display_size=size,
         scale=None if size else job.scale or 2.0,
         render_size=job.shot.render_size,
+        skip=job.skip,
         validate=job.validate,
     )
 
@@ -124,6 +126,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "providers": list(upscaler.model.providers),
         "executor": upscaler.model.executor,
         "precision": upscaler.model.precision,
+        "skip": job.skip,
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }
@@ -152,11 +155,13 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     stats, seconds = upscaler.stats, time.perf_counter() - began
     rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
     job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
+    if stats.work < stats.frames:
+        job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was left out: nothing moved.")
 
 
 def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> Result:
     """Step, and ask for what the pictures and the page show."""
-    maps = [name for name in upscaler.model.info.maps if job.maps]
+    maps = [*upscaler.model.info.maps, "work"] if job.maps else []
     result = upscaler.step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
     return result if isinstance(result, Result) else Result(result)
 

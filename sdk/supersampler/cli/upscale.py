@@ -5,7 +5,15 @@ from typing import Annotated
 
 import typer
 
-from supersampler.cli.arguments import Format, PrecisionName, ShotArgument, Validate, open_shot, parse_size
+from supersampler.cli.arguments import (
+    Format,
+    PrecisionName,
+    ShotArgument,
+    Validate,
+    open_shot,
+    parse_size,
+    parse_skip,
+)
 from supersampler.errors import ArgumentError
 
 
@@ -37,7 +45,7 @@ def upscale(
         bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
     ] = False,
     maps: Annotated[
-        bool, typer.Option("--maps", help="With --compare: also classes, weight of the past, samples.")
+        bool, typer.Option("--maps", help="With --compare: also classes, weight of the past, samples, work.")
     ] = False,
     providers: Annotated[
         str,
@@ -52,6 +60,12 @@ def upscale(
             help="int8: what is learned in bytes, fast on a CPU. fp32: exactly the graph that ships."
         ),
     ] = PrecisionName.auto,
+    skip: Annotated[
+        str,
+        typer.Option(
+            help="exact: draw every pixel. auto, or how far a tile may be off: keep what stands still."
+        ),
+    ] = "auto",
     validate: Annotated[
         Validate,
         typer.Option(
@@ -92,6 +106,7 @@ def upscale(
         providers=names[0] if len(names) == 1 else names,
         threads=threads,
         precision=precision.value,
+        skip=parse_skip(skip),
         validate=validate.value,
         overwrite=overwrite,
     )

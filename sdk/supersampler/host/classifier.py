@@ -8,13 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
+from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
-from supersampler.host.skipping import TILE, Skipping, Tiles, Trail
+from supersampler.host.skipping import Skipping
 from supersampler.host.tables import LANES, Filter, catmull_rom, columns_of, gaussian, up_to
+from supersampler.host.tiles import Tiles
+from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 

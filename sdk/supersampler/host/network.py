@@ -8,10 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Size
+from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
 from supersampler.host.memory import address
-from supersampler.host.skipping import TILE, Tiles
+from supersampler.host.tiles import Tiles
 
 Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32

@@ -1,0 +1,93 @@
+"""What tells, from frame to frame, which tiles of a picture may stay as they are."""
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Float32, Size
+from supersampler.history import TILE
+from supersampler.host.stillness import Stillness
+from supersampler.host.tiles import Bool
+
+_STAMPS = itertools.count(1)
+
+
+def new_stamp() -> int:
+    """A number that no tile has had."""
+    return next(_STAMPS)
+
+
+class Trail:
+    """What goes from frame to frame beside a picture.
+
+    Args:
+        display: size of the picture.
+
+    Attributes:
+        stamps: of each tile; where two histories have the same, they hold the same. 0: nothing.
+        stillness: of the frames.
+        matched: of each tile, frames in a row in which all that it looks at was as one period before.
+        still: tiles whose picture is as it was one period before, too.
+        looks: what the picture was; shared with the histories before.
+        looked: of each tile, the stamp that it has there.
+        work: of each tile, the share that the step did.
+    """
+
+    def __init__(self, display: Size) -> None:
+        shape = -(-display[1] // TILE), -(-display[0] // TILE)
+        self.stamps = np.zeros(shape, np.int64)
+        self.stillness = Stillness()
+        self.matched = np.zeros(shape, np.int32)
+        self.still = np.zeros(shape, bool)
+        self.looks: Looks | None = None
+        self.looked = np.zeros(shape, np.int64)
+        self.work = np.ones(shape, np.float32)
+
+    def follow(self, past: "Trail", stillness: Stillness, same: Bool) -> None:
+        """Know what the past knew, and that these tiles look at what they looked at one period before."""
+        self.stillness = stillness
+        self.matched = np.where(same, past.matched + 1, 0).astype(np.int32)
+        self.still = past.still & same
+        self.looks, self.looked = past.looks, past.looked.copy()
+
+    def forget(self) -> None:
+        """Know nothing."""
+        self.stillness, self.looks = Stillness(), None
+        self.matched[:], self.still[:] = 0, False
+
+    def arrays(self) -> Mapping[str, NDArray[Any]]:
+        """Copies, for `load`."""
+        arrays = self.stillness.arrays()
+        if arrays:
+            arrays |= {"still.matched": self.matched.copy(), "still.tiles": self.still.copy()}
+        if self.looks is not None:
+            arrays["still.looks"] = self.looks.pixels.copy()
+            arrays["still.looked"] = self.looked == self.looks.stamps
+        return arrays
+
+    def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from there; the picture has been loaded, too."""
+        self.stamps[:] = new_stamp()
+        self.stillness = Stillness.of_arrays(arrays)
+        if "still.matched" in arrays:
+            self.matched, self.still = arrays["still.matched"].copy(), arrays["still.tiles"].copy()
+        if "still.looks" in arrays:
+            self.looked = np.where(arrays["still.looked"], new_stamp(), 0)
+            self.looks = Looks(arrays["still.looks"].copy(), self.looked.copy())
+
+
+@dataclass(eq=False)
+class Looks:
+    """What tiles of the picture were when they were last looked at.
+
+    Attributes:
+        pixels: (H, W, 3) linear RGB.
+        stamps: of each tile, which look it is.
+    """
+
+    pixels: Float32
+    stamps: NDArray[np.int64]
