@@ -145,7 +145,7 @@ def test_a_picture_that_has_yet_to_forget_a_spike_of_light_is_not_kept(models: d
     upscaler.step(replace(frame, color=color))
     for k in range(index + 2, index + 2 + MOST):
         image = upscaler.step(scene(k))
-    assert np.abs(shown(image) - shown(calm)).max() < 0.05
+    assert np.abs(shown(image) - shown(calm)).max() < 0.1
 
 
 @pytest.mark.parametrize("method", METHODS)
@@ -196,7 +196,7 @@ def test_the_number_of_threads_changes_no_bit_of_what_is_skipped() -> None:
 
 def test_a_larger_tolerance_settles_sooner(models: dict[str, Model]) -> None:
     works = []
-    for skip in (0.0, 1.0 / 255.0, 0.05):
+    for skip in (0.0, 2e-4, 0.05):
         upscaler = Upscaler(models["taau"], display_size=DISPLAY, validate="off", skip=skip)
         for index in range(5 * PERIOD):
             upscaler.step(scene(index))
