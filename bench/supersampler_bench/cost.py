@@ -5,15 +5,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
 import onnx
-import onnxruntime as ort
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.model_info import find_model
-
-_COUNTED = ("Conv", "MatMul", "Gemm")
+from supersampler_export.count import multiply_adds
 
 
 @dataclass(frozen=True)
@@ -44,19 +41,10 @@ def measure_cost(name_or_path: str, display_size: Size) -> Cost:
     if not path.is_file():
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
     model = onnx.load(path)
-    weights = {tensor.name: list(tensor.dims) for tensor in model.graph.initializer}
-    shapes = _shapes(
-        model, [node.output[0] for node in model.graph.node if node.op_type in _COUNTED], display_size
-    )
-    total = 0
-    for node in model.graph.node:
-        if node.op_type in _COUNTED:
-            weight = weights[node.input[1]]
-            inner = math.prod(weight[1:]) if node.op_type == "Conv" else weight[0]
-            total += math.prod(shapes[node.output[0]]) * inner
-    pixels = display_size[0] * display_size[1]
-    parameters = sum(math.prod(dims) for dims in weights.values())
-    return Cost(Path(name_or_path).name, total / pixels, parameters, len(model.graph.node))
+    weights = [list(tensor.dims) for tensor in model.graph.initializer]
+    parameters = sum(math.prod(dims) for dims in weights)
+    counted = multiply_adds(model, display_size)
+    return Cost(Path(name_or_path).name, counted, parameters, len(model.graph.node))
 
 
 def markdown_table(costs: Sequence[Cost], display_size: Size) -> str:
@@ -69,18 +57,3 @@ def markdown_table(costs: Sequence[Cost], display_size: Size) -> str:
         f"The network alone (`network.onnx`), at {display_size[0]}x{display_size[1]}.",
     ]
     return "\n".join(rows)
-
-
-def _shapes(model: onnx.ModelProto, names: Sequence[str], display_size: Size) -> dict[str, tuple[int, ...]]:
-    """Run a graph on zeros, and return the shapes of some of its tensors."""
-    half = {"half_width": (display_size[0] + 1) // 2, "half_height": (display_size[1] + 1) // 2}
-    zeros = {
-        value.name: np.zeros(
-            [d.dim_value or half[d.dim_param] for d in value.type.tensor_type.shape.dim], np.float32
-        )
-        for value in model.graph.input
-    }
-    del model.graph.output[:]
-    model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)
-    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
-    return {name: array.shape for name, array in zip(names, session.run(names, zeros), strict=True)}

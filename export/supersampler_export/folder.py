@@ -13,6 +13,7 @@ import torch
 
 from supersampler import __version__
 from supersampler.model_info import CONTRACT
+from supersampler_export.count import multiply_adds
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.host import host_network
 from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_fused, check_parity
@@ -153,7 +154,8 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
 
 def _network(fused: Fused) -> dict[str, Any]:
     tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
-    return {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
+    described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
+    return {**described, "multiply_adds": multiply_adds(export_fused(fused))}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

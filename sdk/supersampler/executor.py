@@ -56,6 +56,9 @@ class Executor(Protocol):
             The told tensors, NCHW.
         """
 
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """Bytes of what a frame leaves, and of all that a step works in; None where that is not known."""
+
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """A history tensor of the contract, NCHW, in memory."""
 

@@ -1,5 +1,6 @@
 """The whole step as one graph in ONNX Runtime; the history stays on its device."""
 
+import math
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -82,6 +83,13 @@ class GraphExecutor:
         self._session.run_with_iobinding(binding)
         np.copyto(image, planes[0].transpose(1, 2, 0))
         return outputs
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        shapes = (
+            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
+        )
+        return sum(math.prod(shape) * np.float32().itemsize for shape in shapes), None
 
     def tensor(self, buffers: Tensors, name: str) -> Float32:
         """See `Executor`."""

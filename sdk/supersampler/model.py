@@ -18,6 +18,7 @@ from supersampler.history import CARRY, WORK, History, Result
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
+from supersampler.plan import Plan
 from supersampler.providers import CPU, resolve_providers
 
 ExecutorName = Literal["auto", "graph", "host"]
@@ -179,6 +180,21 @@ class Model:
             left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
         return self._result(image, want, told, left), left
 
+    def plan(self, render_size: Size, display_size: Size) -> Plan:
+        """Return what frames of this size need; nothing of it is made.
+
+        Args:
+            render_size: (width, height) of the frames.
+            display_size: (width, height) of the images.
+
+        Raises:
+            FrameError: the method does not upscale by that much.
+        """
+        self._check_ratio(render_size, display_size)
+        history, working = self._executor.needs(display_size, render_size)
+        products = round(self.info.multiply_adds * display_size[0] * display_size[1])
+        return Plan(self.executor, self.precision, 2 * history, working, products)
+
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
         """Copies of all history tensors of the contract, and of what else the executor goes by.
 
@@ -238,22 +254,22 @@ class Model:
         """
         if frame.color is None:
             raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
-        self._check_ratio(frame, display_size)
+        self._check_ratio(frame.size, display_size)
         known = ["carry", WORK, *self.info.maps]
         if isinstance(want, str) or not set(want) <= set(known):
             raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
         if "carry" in want:
             check_carry(frame, carried)
 
-    def _check_ratio(self, frame: Frame, display_size: Size) -> None:
+    def _check_ratio(self, render_size: Size, display_size: Size) -> None:
         low, high = self.info.ratios
         for axis, name in enumerate(("width", "height")):
-            ratio = display_size[axis] / frame.size[axis]
-            slack = 1.0 / frame.size[axis]  # display sizes are rounded to whole pixels
+            ratio = display_size[axis] / render_size[axis]
+            slack = 1.0 / render_size[axis]  # display sizes are rounded to whole pixels
             if not low - slack <= ratio <= high + slack:
                 raise FrameError(
                     "size",
-                    got=f"{frame.size}, {ratio:.3g} times less in {name} than the display's {display_size}",
+                    got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
                     want=f"a ratio from {low} to {high}",
                     hint="Sizes are (width, height).",
                 )

@@ -76,6 +76,7 @@ class ModelInfo:
     told: tuple[TensorInfo, ...]
     maps: Mapping[str, MapInfo]
     files: Mapping[str, str]
+    multiply_adds: float  # of what is learned, per pixel of the display
     config: Mapping[str, Any]
     parity: Mapping[str, Any]
     licence: str
@@ -163,6 +164,7 @@ def _parse(folder: Path, data: Mapping[str, Any]) -> ModelInfo:
         told=tuple(_tensor(t) for t in data["told"]),
         maps={name: MapInfo(**where) for name, where in data["maps"].items()},
         files=data["files"],
+        multiply_adds=data.get("network", {}).get("multiply_adds", 0.0),
         config=data["config"],
         parity=data["parity"],
         licence=data["licence"],

@@ -15,6 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
+from supersampler.plan import Plan
 
 
 @dataclass(frozen=True)
@@ -123,6 +124,42 @@ class Upscaler:
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
+
+    @staticmethod
+    def plan(
+        render_size: Size,
+        display_size: Size,
+        model: str | Path = "classifier",
+        *,
+        providers: str | Sequence[str] = "auto",
+        threads: int = 0,
+        executor: ExecutorName = "auto",
+        precision: Precision = "auto",
+    ) -> Plan:
+        """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
+
+        >>> Upscaler.plan((960, 540), (1920, 1080)).history_bytes / 2**20  # MiB
+        142.7...
+
+        Args:
+            render_size: (width, height) of the frames.
+            display_size: (width, height) of the images.
+            model: see the constructor; a `Model` has a `plan` of its own.
+            providers: see `Model.load`.
+            threads: see `Model.load`.
+            executor: see `Model.load`.
+            precision: see `Model.load`.
+
+        Raises:
+            FrameError: the method does not upscale by that much.
+            ModelError, ProviderError, ArgumentError: see `Model.load`.
+        """
+        loaded = Model.load(
+            model, providers=providers, threads=threads, executor=executor, precision=precision
+        )
+        return loaded.plan(
+            _checked_size("render_size", render_size), _checked_size("display_size", display_size)
+        )
 
     @property
     def display_size(self) -> Size | None:

@@ -20,6 +20,7 @@ from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
+from supersampler.plan import held_bytes
 
 SEEN, PAST, REST, MIXING = 18, 3, 23, 80  # see kernels.classifier_seen, _gather, _finish
 PIXEL = 8  # values of a pixel that go from frame to frame: colour, count, range, and two of room
@@ -164,6 +165,12 @@ class ClassifierHost:
             exposure=left.exposure, tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        space = (_Space(self, display), _View(render, display, self.bands.threads))
+        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
         """See `Executor`."""

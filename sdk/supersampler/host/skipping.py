@@ -16,6 +16,7 @@ from supersampler.host.reading import Planes
 from supersampler.host.stillness import Jitter, Sums
 from supersampler.host.tiles import SAMPLES, Tiles, runs_of, scaled, seen_from
 from supersampler.host.trail import Looks, Trail, new_stamp
+from supersampler.jitter import jitter_phase_count
 
 LEAST = 0.1
 """Share of the tiles below which it is not worth while to leave them out."""
@@ -36,6 +37,13 @@ class Skipping:
         self._bands = bands
         kernels = load_kernels("stillness.fingerprints", "stillness.show", "stillness.look")
         self._sum, self._show, self._look = kernels.values()
+
+    @staticmethod
+    def most_bytes(display: Size, render: Size) -> int:
+        """What a history comes to hold when all of a scene stands still."""
+        phases = jitter_phase_count(display[0] / render[0])
+        tiles = -(-render[0] // SAMPLES) * -(-render[1] // SAMPLES)
+        return display[0] * display[1] * 3 * 4 + phases * tiles * 8
 
     def begin(
         self, planes: Planes, jitter: Jitter, display: Size, past: Trail, left: Trail, *, skips: bool

@@ -19,6 +19,7 @@ from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
+from supersampler.plan import held_bytes
 
 PLANES, BOX = 5, 8  # of a row; see kernels.taa
 SHARPNESS = 0.5  # Catmull-Rom
@@ -115,6 +116,12 @@ class TaaHost:
             exposure=left.exposure, tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        space = _Space(render, display, self._bands.threads)
+        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
         """See `Executor`."""

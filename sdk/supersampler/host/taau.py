@@ -19,6 +19,7 @@ from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
+from supersampler.plan import held_bytes
 
 PIXEL = 5  # values of a pixel that go from frame to frame: linear RGB, count, power
 CONSTANTS = (  # in the order of kernels.taau
@@ -139,6 +140,12 @@ class TaauHost:
             exposure=left.exposure, tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        space = _Space(render, display, self._bands.threads)
+        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
         """See `Executor`."""

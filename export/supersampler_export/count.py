@@ -1,0 +1,44 @@
+"""Multiply-adds of a graph, counted from its shapes: no clock, so the same on every machine."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+import onnx
+import onnxruntime as ort
+
+from supersampler.frame import Size
+
+_COUNTED = ("Conv", "MatMul", "Gemm")
+COUNTED_AT: Size = (960, 544)
+"""Display size that whole numbers of the network's deepest pixels fill."""
+
+
+def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT) -> float:
+    """Count those of a fused network's convolutions and matrix products, per pixel of the display."""
+    model = onnx.ModelProto()
+    model.CopyFrom(network)
+    weights = {tensor.name: list(tensor.dims) for tensor in model.graph.initializer}
+    counted = [node for node in model.graph.node if node.op_type in _COUNTED]
+    shapes = _shapes(model, [node.output[0] for node in counted], display_size)
+    total = 0
+    for node in counted:
+        weight = weights[node.input[1]]
+        inner = math.prod(weight[1:]) if node.op_type == "Conv" else weight[0]
+        total += math.prod(shapes[node.output[0]]) * inner
+    return total / (display_size[0] * display_size[1])
+
+
+def _shapes(model: onnx.ModelProto, names: Sequence[str], display_size: Size) -> dict[str, tuple[int, ...]]:
+    """Run a graph on zeros, and return the shapes of some of its tensors."""
+    half = {"half_width": (display_size[0] + 1) // 2, "half_height": (display_size[1] + 1) // 2}
+    zeros = {
+        value.name: np.zeros(
+            [d.dim_value or half[d.dim_param] for d in value.type.tensor_type.shape.dim], np.float32
+        )
+        for value in model.graph.input
+    }
+    del model.graph.output[:]
+    model.graph.output.extend(onnx.ValueInfoProto(name=name) for name in names)
+    session = ort.InferenceSession(model.SerializeToString(), providers=["CPUExecutionProvider"])
+    return {name: array.shape for name, array in zip(names, session.run(names, zeros), strict=True)}
