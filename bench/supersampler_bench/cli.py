@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -13,9 +13,8 @@ from rich.table import Table
 
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
-from supersampler.model import ExecutorName
 from supersampler.shot import Shot
-from supersampler_bench import public_shots
+from supersampler_bench import cli_run, public_shots
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, setting, write_json
@@ -30,6 +29,10 @@ _ERRORS = Console(stderr=True, highlight=False)
 @app.callback()
 def bench() -> None:
     """Measure methods on shots with references; every published number comes from here."""
+
+
+for _command in (cli_run.cost, cli_run.speed, cli_run.skip, cli_run.parity):
+    app.command()(_command)
 
 
 @app.command()
@@ -89,122 +92,6 @@ def quality(
         write_json(report.record(), json)
     if update is not None:
         update_block(update, f"quality {name}", report.markdown())
-
-
-@app.command()
-def cost(
-    methods: Annotated[
-        str,
-        typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
-    ] = "classifier,classifier-small",
-    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
-    ] = None,
-) -> None:
-    """Count the multiply-adds and parameters of networks, in their graphs.
-
-    Example:
-      supersampler bench cost --methods classifier,my_classifier --update docs/methods.md
-    """
-    from supersampler_bench.cost import markdown_table, measure_cost
-
-    size = parse_size(display_size)
-    table = markdown_table([measure_cost(name.strip(), size) for name in methods.split(",")], size)
-    Console().print(table, markup=False)
-    if update is not None:
-        update_block(update, "cost", table)
-
-
-@app.command()
-def speed(
-    methods: Annotated[
-        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
-    ] = "taa,taau,classifier-small,classifier",
-    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
-    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
-    threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
-    ] = None,
-) -> None:
-    """Time a step of methods, on this machine, beside plain variance clipping in the same run.
-
-    Quiet machines measure well: nothing else should run.
-
-    Example:
-      supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
-    """
-    from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
-
-    if update is not None:
-        find_block(update, "speed")
-    names, kinds = _listed(methods), _listed(executors)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
-    counts = [int(text) for text in _listed(threads)]
-    displays = [parse_size(text) for text in _listed(sizes)]
-    with _ERRORS.status("timing"):
-        results = measure_speed(
-            names, displays, [cast("ExecutorName", k) for k in kinds], counts, ratio=ratio, steps=steps
-        )
-        limits = measure_limits(max(counts))
-    made = setting()
-    machine = made["machine"]
-    table = markdown_table(results, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json({**speed_record(results, limits), **made}, json)
-    if update is not None:
-        update_block(update, "speed", table)
-
-
-@app.command()
-def skip(
-    scenes: Annotated[
-        str, typer.Option(help="Families of test shots, with commas between.")
-    ] = "court,gallery,market",
-    methods: Annotated[str, typer.Option(help="That have kernels, with commas between.")] = "taau,classifier",
-    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
-    ] = None,
-) -> None:
-    """Measure what skipping saves and costs, in test shots whose camera stands: rendered here, with OpenGL.
-
-    Quiet machines measure well: nothing else should run.
-
-    Example:
-      supersampler bench skip --scenes court --methods classifier --update docs/executors.md
-    """
-    from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
-
-    if update is not None:
-        find_block(update, "skip")
-    families, names, size = _listed(scenes), _listed(methods), parse_size(display_size)
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=2 * len(families) * frame_count(ratio))
-        results = measure_skipping(
-            families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
-        )
-    made = setting()
-    machine = made["machine"]
-    table = markdown_table(results, size, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json({**skip_record(results), **made}, json)
-    if update is not None:
-        update_block(update, "skip", table)
-
-
-def _listed(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]
 
 
 def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:

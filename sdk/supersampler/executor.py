@@ -59,6 +59,9 @@ class Executor(Protocol):
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """Bytes of what a frame leaves, and of all that a step works in; None where that is not known."""
 
+    def note_stages(self) -> Mapping[str, float]:
+        """From now on add up wall seconds by stage, there; nothing where stages are not known."""
+
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """A history tensor of the contract, NCHW, in memory."""
 

@@ -91,6 +91,10 @@ class GraphExecutor:
         )
         return sum(math.prod(shape) * np.float32().itemsize for shape in shapes), None
 
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        return {}
+
     def tensor(self, buffers: Tensors, name: str) -> Float32:
         """See `Executor`."""
         return np.asarray(buffers[name].numpy())

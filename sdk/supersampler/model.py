@@ -195,6 +195,10 @@ class Model:
         products = round(self.info.multiply_adds * display_size[0] * display_size[1])
         return Plan(self.executor, self.precision, 2 * history, working, products)
 
+    def note_stages(self) -> Mapping[str, float]:
+        """Return wall seconds by stage of all steps from now on; it fills as they are run. Empty for a graph."""
+        return self._executor.note_stages()
+
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
         """Copies of all history tensors of the contract, and of what else the executor goes by.
 

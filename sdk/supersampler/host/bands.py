@@ -1,5 +1,6 @@
 """Parts of an image shared out among threads."""
 
+import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
@@ -25,25 +26,32 @@ class Bands:
 
     Args:
         threads: how many.
+
+    Attributes:
+        seconds: wall time by stage; None: not noted.
     """
 
     def __init__(self, threads: int) -> None:
         self.threads = threads
+        self.seconds: dict[str, float] | None = None
         self._others = ThreadPoolExecutor(threads - 1, "supersampler") if threads > 1 else None
 
-    def run(self, rows: int, work: Work, *, multiple: int = 1) -> None:
-        """Do all rows; bands begin at multiples of `multiple`."""
-        self.cover([Box(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker), multiple=multiple)
+    def run(self, stage: str, rows: int, work: Work) -> None:
+        """Do all rows."""
+        self.cover(stage, [Box(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker))
 
-    def cover(self, boxes: Sequence[Box], work: Callable[[Box, int], None], *, multiple: int = 1) -> None:
+    def cover(
+        self, stage: str, boxes: Sequence[Box], work: Callable[[Box, int], None], *, multiple: int = 1
+    ) -> None:
         """Do all boxes, cut where the threads' shares end.
 
         Args:
+            stage: what the time counts as.
             boxes: do not overlap.
             work: does a box, as the worker of this number.
             multiple: of rows, after a box's first, at which it may be cut.
         """
-        shares = shared(boxes, self.threads, multiple)
+        began, shares = time.perf_counter(), shared(boxes, self.threads, multiple)
 
         def do(share: Sequence[Box], worker: int) -> None:
             for box in share:
@@ -57,6 +65,8 @@ class Bands:
         do(shares[0], 0)
         for future in waiting:
             future.result()
+        if self.seconds is not None:
+            self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
     def close(self) -> None:
         """Stop the threads."""

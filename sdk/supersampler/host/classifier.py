@@ -172,6 +172,11 @@ class ClassifierHost:
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        self.bands.seconds = {}
+        return self.bands.seconds
+
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
         """See `Executor`."""
         (w, _), pixels = buffers.render, buffers.pixels
@@ -258,9 +263,11 @@ class ClassifierHost:
             )  # fmt: skip
             self._gather(*inputs, *box, *(address(a) for a in own), *outputs)
 
-        self.bands.cover(tiles.boxes(TILE, (s.width, big_h), halo=True), gather, multiple=2)
+        self.bands.cover("gather", tiles.boxes(TILE, (s.width, big_h), halo=True), gather, multiple=2)
         depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
-        self.bands.run(h, lambda y0, y1, _: self._surfaces(depths, eroded, w, h, read.stride, y0, y1, to))
+        self.bands.run(
+            "read", h, lambda y0, y1, _: self._surfaces(depths, eroded, w, h, read.stride, y0, y1, to)
+        )
 
     def _enter(self, space: _Space, tiles: Tiles) -> None:
         """What is known around each pixel, and the first layer, which sees it."""
@@ -274,7 +281,7 @@ class ClassifierHost:
             )  # fmt: skip
             s.encoder.enter(box)
 
-        self.bands.cover(s.encoder.boxes(tiles), enter, multiple=ALIGNED)
+        self.bands.cover("encode", s.encoder.boxes(tiles), enter, multiple=ALIGNED)
 
     def _compose(
         self,
@@ -314,4 +321,4 @@ class ClassifierHost:
                 *gathered, address(k.near), address(k.factors), address(k.out), *outputs, *box,
             )  # fmt: skip
 
-        self.bands.cover(tiles.boxes(TILE // 2, s.half), finish)
+        self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)

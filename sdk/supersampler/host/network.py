@@ -126,11 +126,11 @@ class Encoder:
             layer.outputs, level.row_of(level.x), level.width,
         )  # fmt: skip
 
-        def do(box: Box, worker: int) -> None:
+        def descend(box: Box, worker: int) -> None:
             line = address(self._lines[worker])
             self._network.descend(*arguments, line, line, *more, *box)
 
-        self._bands.cover(boxes, do)
+        self._bands.cover("encode", boxes, descend)
 
     def _run_level(self, level: _Level, boxes: list[Box]) -> None:
         spatial, last = level.spatial, level.last
@@ -143,8 +143,8 @@ class Encoder:
             level.row_of(level.out),
         )  # fmt: skip
 
-        def do(box: Box, worker: int) -> None:
+        def encode(box: Box, worker: int) -> None:
             line = address(self._lines[worker])
             self._network.level(*arguments, line, line, *more, *box)
 
-        self._bands.cover(boxes, do)
+        self._bands.cover("encode", boxes, encode)

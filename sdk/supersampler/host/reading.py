@@ -104,7 +104,7 @@ class Reader:
             return float(np.float32(frame.exposure))
         h, w = color.shape[:2]
         rows = np.zeros((h, 2), np.float32)
-        self._bands.run(h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
+        self._bands.run("read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
         target = EXPOSURE_KEY * math.exp(-logs / max(count, 1.0))
         if before > 0.0:
@@ -117,6 +117,7 @@ class Reader:
         inputs = [address(plane) for plane in planes]
         color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
         self._bands.run(
+            "read",
             h,
             lambda y0, y1, _: self._prepare(
                 *inputs, exposure, w, stride, y0, y1, color, depths, across, down
@@ -124,5 +125,5 @@ class Reader:
         )
         found = [address(plane) for plane in (to.front, to.own, to.eroded)]
         self._bands.run(
-            h, lambda y0, y1, _: self._closest(depths, across, down, w, h, stride, y0, y1, *found)
+            "read", h, lambda y0, y1, _: self._closest(depths, across, down, w, h, stride, y0, y1, *found)
         )

@@ -96,12 +96,12 @@ class Skipping:
             runs = runs_of(stale)
             for unit, before, after in kept:
                 boxes = scaled(runs, unit, (before.shape[1], before.shape[0]))
-                self._bands.cover(boxes, partial(_copy, before, after))
+                self._bands.cover("skip", boxes, partial(_copy, before, after))
         left.stamps[~tiles.drawn] = past.stamps[~tiles.drawn]
         pixels, (height, width) = kept[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
-        self._bands.cover(boxes, lambda box, _: self._show(*arguments, *box, address(image)))
+        self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, address(image)))
 
     def _settle(
         self, tiles: Tiles, left: Trail, pixels: NDArray[Any], exposure: float, tolerance: float
@@ -119,7 +119,7 @@ class Skipping:
         changes = np.zeros(due.shape, np.float32)
         arguments = address(pixels), pixels.shape[2], width, height, due.shape[1], exposure
         places = address(left.looks.pixels), address(changes)
-        self._bands.cover(runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
+        self._bands.cover("skip", runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
         known = (left.looked == left.looks.stamps) & (left.matched > interval)
         left.still |= due & known & (changes <= tolerance * tolerance)
         left.looked[due] = left.looks.stamps[due] = new_stamp()
@@ -129,7 +129,7 @@ class Skipping:
         rows, columns = -(-h // SAMPLES), -(-w // SAMPLES)
         words = np.empty((rows, columns, 8), np.uint64)
         inputs = (*(address(plane) for plane in planes), address(planes.motion), w, h)
-        self._bands.run(rows, lambda y0, y1, _: self._sum(*inputs, y0, y1, address(words)))
+        self._bands.run("skip", rows, lambda y0, y1, _: self._sum(*inputs, y0, y1, address(words)))
         return np.asarray(words @ _FACTORS)
 
 

@@ -123,6 +123,11 @@ class TaaHost:
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        self._bands.seconds = {}
+        return self._bands.seconds
+
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
         """See `Executor`."""
         if name == "history.exposure":
@@ -148,8 +153,12 @@ class TaaHost:
         h, w = planes.depth.shape
         s, color, motion = space, address(planes.color), address(planes.motion)
         to, box = address(s.planes), address(s.box)
-        self._bands.run(h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to))
-        self._bands.run(h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
+        self._bands.run(
+            "read", h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to)
+        )
+        self._bands.run(
+            "read", h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box)
+        )
 
     def _draw(
         self,
@@ -177,4 +186,4 @@ class TaaHost:
         def draw(box: Box, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.cover(tiles.boxes(TILE, display), draw)
+        self._bands.cover("draw", tiles.boxes(TILE, display), draw)

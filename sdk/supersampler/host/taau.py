@@ -147,6 +147,11 @@ class TaauHost:
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        self._bands.seconds = {}
+        return self._bands.seconds
+
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
         """See `Executor`."""
         w = buffers.render[0]
@@ -181,6 +186,7 @@ class TaauHost:
         read, (w, h) = space.samples, left.render
         color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
         self._bands.run(
+            "read",
             h,
             lambda y0, y1, worker: self._shade(
                 color, eroded, w, h, read.stride, y0, y1, address(space.lines[worker]), to
@@ -219,4 +225,4 @@ class TaauHost:
         def draw(box: Box, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.cover(tiles.boxes(TILE, (big_w, big_h)), draw)
+        self._bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)

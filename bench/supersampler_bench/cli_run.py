@@ -1,0 +1,155 @@
+"""`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
+
+from pathlib import Path
+from typing import Annotated, cast
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+from supersampler.cli.arguments import parse_size
+from supersampler.errors import ArgumentError
+from supersampler.model import ExecutorName
+from supersampler_bench.record import setting, write_json
+from supersampler_bench.table import find_block, update_block
+
+_ERRORS = Console(stderr=True, highlight=False)
+_JSON = Annotated[Path | None, typer.Option(help="Write all values and their setting here.")]
+_UPDATE = Annotated[
+    Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+]
+
+
+def cost(
+    methods: Annotated[
+        str,
+        typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
+    ] = "classifier,classifier-small",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    update: _UPDATE = None,
+) -> None:
+    """Count the multiply-adds and parameters of networks, in their graphs.
+
+    Example:
+      supersampler bench cost --methods classifier,my_classifier --update docs/methods.md
+    """
+    from supersampler_bench.cost import markdown_table, measure_cost
+
+    size = parse_size(display_size)
+    table = markdown_table([measure_cost(name.strip(), size) for name in methods.split(",")], size)
+    Console().print(table, markup=False)
+    if update is not None:
+        update_block(update, "cost", table)
+
+
+def speed(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+    ] = "taa,taau,classifier-small,classifier",
+    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
+    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
+    threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Time a step of methods, on this machine, beside plain variance clipping in the same run.
+
+    Quiet machines measure well: nothing else should run.
+
+    Example:
+      supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
+    """
+    from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
+
+    if update is not None:
+        find_block(update, "speed")
+    names, kinds = _listed(methods), _listed(executors)
+    if not set(kinds) <= {"host", "graph"}:
+        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
+    counts = [int(text) for text in _listed(threads)]
+    displays = [parse_size(text) for text in _listed(sizes)]
+    with _ERRORS.status("timing"):
+        results = measure_speed(
+            names, displays, [cast("ExecutorName", k) for k in kinds], counts, ratio=ratio, steps=steps
+        )
+        limits = measure_limits(max(counts))
+    made = setting()
+    machine = made["machine"]
+    table = markdown_table(results, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    Console().print(table, markup=False, soft_wrap=True)
+    if json is not None:
+        write_json({**speed_record(results, limits), **made}, json)
+    if update is not None:
+        update_block(update, "speed", table)
+
+
+def skip(
+    scenes: Annotated[
+        str, typer.Option(help="Families of test shots, with commas between.")
+    ] = "court,gallery,market",
+    methods: Annotated[str, typer.Option(help="That have kernels, with commas between.")] = "taau,classifier",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Measure what skipping saves and costs, in test shots whose camera stands: rendered here, with OpenGL.
+
+    Quiet machines measure well: nothing else should run.
+
+    Example:
+      supersampler bench skip --scenes court --methods classifier --update docs/executors.md
+    """
+    from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
+
+    if update is not None:
+        find_block(update, "skip")
+    families, names, size = _listed(scenes), _listed(methods), parse_size(display_size)
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=2 * len(families) * frame_count(ratio))
+        results = measure_skipping(
+            families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
+        )
+    made = setting()
+    machine = made["machine"]
+    table = markdown_table(results, size, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    Console().print(table, markup=False, soft_wrap=True)
+    if json is not None:
+        write_json({**skip_record(results), **made}, json)
+    if update is not None:
+        update_block(update, "skip", table)
+
+
+def parity(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models that have kernels, with commas between.")
+    ] = "taa,taau,classifier-small,classifier",
+    frames: Annotated[int, typer.Option(min=10, help="That follow from one another.")] = 200,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Hold the graph and the kernels against torch, over a long sequence that is rendered here, with OpenGL.
+
+    Example:
+      supersampler bench parity --methods classifier --frames 300 --update docs/executors.md
+    """
+    from supersampler_bench.parity import SIZES, markdown_table, measure_parity, parity_record
+
+    if update is not None:
+        find_block(update, "parity")
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=len(SIZES) * frames)
+        results = measure_parity(_listed(methods), frames, on_frame=lambda: progress.advance(task))
+    table = markdown_table(results)
+    Console().print(table, markup=False, soft_wrap=True)
+    if json is not None:
+        write_json({**parity_record(results), **setting()}, json)
+    if update is not None:
+        update_block(update, "parity", table)
+
+
+def _listed(text: str) -> list[str]:
+    return [part.strip() for part in text.split(",")]

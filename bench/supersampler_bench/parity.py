@@ -1,0 +1,158 @@
+"""Whether a method draws the same however it runs, for hundreds of frames that follow from one another."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any, Literal
+
+import numpy as np
+import torch
+
+from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.display import display_transform
+from supersampler.frame import Float32, Size
+from supersampler.graph_session import frame_inputs
+from supersampler_bench.public_shots import TEST_SHOTS
+from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.rendered import frame_of
+from supersampler_model.data.sequences import make_sequence
+from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.method import Method
+from supersampler_model.method import Size as Extent
+from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.trained import load_trained, shipped_weights
+
+SIZES: tuple[tuple[Size, Size], ...] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
+"""(render, display); the second is odd, at a ratio of 1.5."""
+FAMILY = "market"
+Step = Callable[[Frame], Float32]
+
+
+@dataclass(frozen=True)
+class Apart:
+    """How far pictures are from those of torch, of what a screen shows.
+
+    Attributes:
+        method: the model's name.
+        runs: how it runs: executor and precision.
+        render, display: (width, height).
+        frames: stepped.
+        first: mean difference over the first tenth of the frames.
+        last: over the last tenth.
+        psnr: of the pictures of the last tenth, dB, held against torch's.
+        most: at 99.9 % of all values, over all frames.
+    """
+
+    method: str
+    runs: str
+    render: Size
+    display: Size
+    frames: int
+    first: float
+    last: float
+    psnr: float
+    most: float
+
+
+def measure_parity(
+    methods: Sequence[str], frames: int, *, on_frame: Callable[[], None] = lambda: None
+) -> list[Apart]:
+    """Step torch, the graph and the kernels through the same frames, each with a history of its own.
+
+    Args:
+        methods: names of shipped models.
+        frames: of each sequence.
+        on_frame: called after each frame of a size.
+    """
+    results = []
+    for render, display in SIZES:
+        steppers = {(m, runs): step for m in methods for runs, step in _steppers(m, render, display)}
+        off: dict[tuple[str, str], list[tuple[float, float, float]]] = {
+            key: [] for key in steppers if key[1] != "torch"
+        }
+        for frame in _sequence(render, display, frames):
+            shown = {
+                key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
+            }
+            for key, differences in off.items():
+                apart = np.abs(shown[key] - shown[key[0], "torch"])
+                differences.append(
+                    (float(apart.mean()), float(np.square(apart).mean()), float(np.quantile(apart, 0.999)))
+                )
+            on_frame()
+        results += [_apart(*key, render, display, np.array(d)) for key, d in off.items()]
+    return results
+
+
+def _apart(method: str, runs: str, render: Size, display: Size, differences: Any) -> Apart:
+    tenth = max(len(differences) // 10, 1)
+    return Apart(
+        method=method,
+        runs=runs,
+        render=render,
+        display=display,
+        frames=len(differences),
+        first=float(differences[:tenth, 0].mean()),
+        last=float(differences[-tenth:, 0].mean()),
+        psnr=float(-10.0 * np.log10(max(differences[-tenth:, 1].mean(), 1e-12))),
+        most=float(differences[:, 2].max()),
+    )
+
+
+def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
+    yield "torch", _torch(method, render, display)
+    for executor in _EXECUTORS:
+        model = Model.load(method, providers="cpu", executor=executor)
+        upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
+        yield f"{executor}, {model.precision}", upscaler.step
+
+
+_EXECUTORS: tuple[Literal["graph", "host"], ...] = ("graph", "host")
+
+
+def _torch(name: str, render: Size, display: Size) -> Step:
+    learned = LEARNED.get(name)
+    method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
+    method.eval()
+    history = method.first_history(Extent(*display), Extent(*render))
+
+    @torch.no_grad()
+    def step(frame: Frame) -> Float32:
+        nonlocal history
+        inputs = frame_inputs(frame, display, method.inputs())
+        image, history, _ = method.step(*(torch.from_numpy(array) for array in inputs.values()), *history)
+        return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy(), np.float32)
+
+    return step
+
+
+def _sequence(render: Size, display: Size, frames: int) -> Iterator[Frame]:
+    spec = SequenceSpec(family=FAMILY, seed=TEST_SHOTS.seeds[FAMILY], frames=frames)
+    sequence = make_sequence(spec)
+    renderer = Renderer(display, samples=1)
+    for index in range(frames):
+        scene = sequence.scene(index)
+        jitter = halton_jitter(index, display[0] / render[0])
+        color, surfaces = renderer.frame(scene, render, jitter=jitter)
+        yield frame_of(color, surfaces, None, jitter=jitter, exposure=scene.camera.exposure)
+
+
+def parity_record(results: Sequence[Apart]) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    return {"bench": "parity", "results": [asdict(r) for r in results]}
+
+
+def markdown_table(results: Sequence[Apart]) -> str:
+    """Return the table as Markdown, with its caption."""
+    rows = [
+        "| method | runs | display | first | last | PSNR dB, last | at 99.9 % |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: |",
+        *(
+            f"| {r.method} | {r.runs} | {r.display[0]}x{r.display[1]} | {r.first:.1e} | {r.last:.1e} "
+            f"| {r.psnr:.1f} | {r.most:.1e} |"
+            for r in results
+        ),
+        "",
+        "How far pictures are from those of torch, in [0, 1] as a screen shows them, over "
+        f"{results[0].frames} frames that follow from one another: means of the first and of the last tenth.",
+    ]
+    return "\n".join(rows)
