@@ -196,7 +196,7 @@ class Model:
         return Plan(self.executor, self.precision, 2 * history, working, products)
 
     def note_stages(self) -> Mapping[str, float]:
-        """Return wall seconds by stage of all steps from now on; it fills as they are run. Empty for a graph."""
+        """Return wall seconds by stage of all steps from now on, which fills as they run; none of a graph."""
         return self._executor.note_stages()
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:

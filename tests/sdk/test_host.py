@@ -60,7 +60,7 @@ def test_the_host_draws_what_the_graph_draws(
     frames = [noise(seed, render) for seed in range(4)]
     for one, other in step_both(models, method, frames, display):
         compare(one.image, other.image, method)
-        assert np.abs(one.weight - other.weight).mean() <= 0.05
+        assert np.abs(one.weight - other.weight).mean() <= 0.06
 
 
 def spoilt(image: Any, spots: Any, bad: float) -> Float32:
