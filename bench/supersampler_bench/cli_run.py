@@ -9,7 +9,7 @@ from rich.progress import Progress
 
 from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
-from supersampler.model import ExecutorName
+from supersampler.model import ExecutorName, Precision
 from supersampler_bench.record import setting, write_json
 from supersampler_bench.table import find_block, update_block
 
@@ -49,6 +49,7 @@ def speed(
     sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
     executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
     threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
+    precisions: Annotated[str, typer.Option(help="auto, fp32, int8, with commas between.")] = "auto",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
     json: _JSON = None,
@@ -68,16 +69,25 @@ def speed(
     names, kinds = _listed(methods), _listed(executors)
     if not set(kinds) <= {"host", "graph"}:
         raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
+    kept = _listed(precisions)
+    if not set(kept) <= {"auto", "fp32", "int8"}:
+        raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, int8")
     counts = [int(text) for text in _listed(threads)]
     displays = [parse_size(text) for text in _listed(sizes)]
     with _ERRORS.status("timing"):
         results = measure_speed(
-            names, displays, [cast("ExecutorName", k) for k in kinds], counts, ratio=ratio, steps=steps
+            names,
+            displays,
+            [cast("ExecutorName", kind) for kind in kinds],
+            counts,
+            precisions=[cast("Precision", kind) for kind in kept],
+            ratio=ratio,
+            steps=steps,
         )
-        limits = measure_limits(max(counts))
+        limits = measure_limits()
     made = setting()
     machine = made["machine"]
-    table = markdown_table(results, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    table = markdown_table(results, limits, ratio, f"{machine['cpu']}, {machine['cores']} cores")
     Console().print(table, markup=False, soft_wrap=True)
     if json is not None:
         write_json({**speed_record(results, limits), **made}, json)

@@ -1,10 +1,13 @@
 """How long a step takes. Settings take turns in one run: a machine's speed changes from minute to minute."""
 
 import itertools
+import os
 import statistics
 import time
 from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -12,7 +15,7 @@ import numpy as np
 from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.model import ExecutorName
+from supersampler.model import ExecutorName, Precision
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
@@ -27,6 +30,7 @@ class Setting:
     display: Size
     executor: ExecutorName
     threads: int
+    precision: Precision = "auto"
 
 
 @dataclass(frozen=True)
@@ -39,6 +43,11 @@ class Timed:
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of the host's `taa` at the same size and threads.
+        stages: mean wall time by stage; empty for a graph. What is left of a step is Python's.
+        moved: bytes that a step must move: the frame, the history before and after, the picture.
+        multiply_adds: of what is learned.
+        resident: bytes by which the process grew while the setting was made and warmed up; 0 where the system
+            does not say.
     """
 
     setting: Setting
@@ -49,14 +58,17 @@ class Timed:
     least: float
     processor: float
     multiple: float
+    stages: dict[str, float]
+    moved: int
+    multiply_adds: int
+    resident: int
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What this machine can do on the threads of a run: bytes copied and products added, per second."""
+    """What this machine can do a second, as numpy does it: bytes moved in a copy, products added."""
 
-    threads: int
-    copied: float
+    moved: float
     multiplied: float
 
 
@@ -64,15 +76,27 @@ class _Runner:
     """One setting, ready to step."""
 
     def __init__(self, setting: Setting, frames: Sequence[Frame]) -> None:
+        before = _resident()
         model = Model.load(
-            setting.method, providers="cpu", threads=setting.threads, executor=setting.executor
+            setting.method,
+            providers="cpu",
+            threads=setting.threads,
+            executor=setting.executor,
+            precision=setting.precision,
         )
         self.setting, self.precision = setting, model.precision
-        self._upscaler = Upscaler(model, display_size=setting.display, validate="off")
+        self._upscaler = Upscaler(model, display_size=setting.display, skip="exact", validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle(frames)
+        self._plan = model.plan(frames[0].size, setting.display)
+        first = frames[0]
+        self._moved = sum(a.nbytes for a in (first.color, first.depth, first.motion) if a is not None)
         self.wall: list[float] = []
         self.processor = 0.0
+        for _ in range(WARM_UP):
+            self.step(counts=False)
+        self._resident = max(_resident() - before, 0)
+        self._seconds = model.note_stages()
 
     def step(self, *, counts: bool = True) -> None:
         """Time one step."""
@@ -88,8 +112,20 @@ class _Runner:
         walls = sorted(self.wall)
         median = statistics.median(walls)
         p95, p99 = (float(np.quantile(walls, share)) for share in (0.95, 0.99))
-        processor = self.processor / len(walls)
-        return Timed(self.setting, self.precision, median, p95, p99, walls[0], processor, median / reference)
+        return Timed(
+            setting=self.setting,
+            precision=self.precision,
+            median=median,
+            p95=p95,
+            p99=p99,
+            least=walls[0],
+            processor=self.processor / len(walls),
+            multiple=median / reference,
+            stages={name: 1e3 * spent / len(walls) for name, spent in self._seconds.items()},
+            moved=self._moved + self._plan.history_bytes + self._image.nbytes,
+            multiply_adds=self._plan.multiply_adds,
+            resident=self._resident,
+        )
 
 
 def measure_speed(
@@ -98,6 +134,7 @@ def measure_speed(
     executors: Sequence[ExecutorName],
     threads: Sequence[int],
     *,
+    precisions: Sequence[Precision] = ("auto",),
     ratio: float = 2.0,
     steps: int = 30,
     on_step: Callable[[], None] = lambda: None,
@@ -109,6 +146,7 @@ def measure_speed(
         displays: (width, height) of the pictures.
         executors: of those that a method has.
         threads: of the processor.
+        precisions: of those that an executor has.
         ratio: display over render size.
         steps: that count, of each setting.
         on_step: called after each.
@@ -116,12 +154,13 @@ def measure_speed(
     results = []
     for display, count in itertools.product(displays, threads):
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-        wanted = [Setting(m, display, e, count) for m, e in itertools.product(methods, executors)]
+        kinds = itertools.product(methods, executors, precisions)
+        wanted = [Setting(m, display, e, count, p) for m, e, p in kinds]
         first = Setting(REFERENCE, display, "host", count)
         runners = [_Runner(first, frames), *_runners([s for s in wanted if s != first], frames)]
-        for counts in (*[False] * WARM_UP, *[True] * steps):
+        for _ in range(steps):
             for runner in runners:
-                runner.step(counts=counts)
+                runner.step()
                 on_step()
         reference = statistics.median(runners[0].wall)
         results += [runner.timed(reference) for runner in runners if runner.setting in {first, *wanted}]
@@ -132,7 +171,7 @@ def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_
     for setting in settings:
         try:
             yield _Runner(setting, frames)
-        except ArgumentError:  # no kernels for it: the graph alone
+        except ArgumentError:  # the method has no such executor or precision
             continue
 
 
@@ -154,15 +193,18 @@ def _tiled(image: Any, render: Size) -> Float32:
     return np.ascontiguousarray(np.tile(image, times)[: render[1], : render[0]], np.float32)
 
 
-def measure_limits(threads: int) -> Limits:
-    """Copy memory and multiply matrices, as numpy does, on all cores that it takes."""
+def measure_limits() -> Limits:
+    """Copy memory and multiply matrices on all cores: a copy on two threads, a product on what BLAS takes."""
     source = np.ones(COPIED // 4, np.float32)
     target = np.empty_like(source)
-    copied = _fastest(lambda: np.copyto(target, source))
+    cores = os.cpu_count() or 1
+    parts = list(zip(np.array_split(target, cores), np.array_split(source, cores), strict=True))
+    with ThreadPoolExecutor(cores) as pool:
+        copied = _fastest(lambda: list(pool.map(lambda part: np.copyto(*part), parts)))
     matrix = np.ones((1536, 1536), np.float32)
     product = np.empty_like(matrix)
     multiplied = _fastest(lambda: np.matmul(matrix, matrix, out=product))
-    return Limits(threads, COPIED / copied, len(matrix) ** 3 / multiplied)
+    return Limits(2 * COPIED / copied, len(matrix) ** 3 / multiplied)
 
 
 def _fastest(work: Callable[[], object]) -> float:
@@ -174,26 +216,62 @@ def _fastest(work: Callable[[], object]) -> float:
     return min(times)
 
 
+def _resident() -> int:
+    """Bytes of this process in memory; 0 where the system does not say."""
+    try:
+        pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1])
+    except OSError:
+        return 0
+    return pages * os.sysconf("SC_PAGE_SIZE")
+
+
 def speed_record(results: Sequence[Timed], limits: Limits) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {"bench": "speed", "timed": [asdict(r) for r in results], "limits": asdict(limits)}
 
 
-def markdown_table(results: Sequence[Timed], ratio: float, machine: str) -> str:
-    """Return the table as Markdown, with its caption."""
+def markdown_table(results: Sequence[Timed], limits: Limits, ratio: float, machine: str) -> str:
+    """Return the tables as Markdown, with their captions."""
     rows = [
-        "| display | threads | method | executor | ms | p95 | least | ms of all cores | of taa |",
-        "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        "| display | threads | method | executor | ms | p95 | p99 | cores | of taa | memory | G/s | MiB |",
+        "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
     for r in results:
-        s = r.setting
-        size = f"{s.display[0]}x{s.display[1]}"
+        seconds = 1e-3 * r.median
+        learned = f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–"
         rows.append(
-            f"| {size} | {s.threads} | {s.method} | {s.executor}, {r.precision} | {r.median:.1f} "
-            f"| {r.p95:.1f} | {r.least:.1f} | {r.processor:.1f} | {r.multiple:.1f} |"
+            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {r.setting.executor}, {r.precision} "
+            f"| {r.median:.1f} | {r.p95:.1f} | {r.p99:.1f} | {r.processor:.1f} | {r.multiple:.1f} "
+            f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
         )
     caption = (
-        f"A step at ratio {ratio:g}, frame in memory to picture in memory, on the shipped shot repeated to "
-        f"the size; settings of a size take turns. {machine}."
+        f"A step at ratio {ratio:g}, frame in memory to picture in memory, nothing skipped, on the shipped "
+        f"shot repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
+        "together. Memory: share of the step in which frame, history and picture could be moved, at the "
+        f"{1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds of the network over the "
+        "time of the whole step; a product of matrices in single precision reaches "
+        f"{1e-9 * limits.multiplied:.0f}. MiB: what the process grew by."
     )
-    return "\n".join([*rows, "", caption])
+    return "\n".join([*rows, "", caption, "", *_stage_rows(results)])
+
+
+def _stage_rows(results: Sequence[Timed]) -> list[str]:
+    """Table of what the stages of each step take."""
+    known = [r for r in results if r.stages]
+    names = list(dict.fromkeys(name for r in known for name in r.stages))
+    return [
+        f"| display | threads | method | {' | '.join(names)} | rest |",
+        f"| --- | ---: | --- | {' | '.join('---:' for _ in names)} | ---: |",
+        *(
+            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | "
+            f"{' | '.join(f'{r.stages[n]:.1f}' if n in r.stages else '–' for n in names)} "
+            f"| {r.median - sum(r.stages.values()):.1f} |"
+            for r in known
+        ),
+        "",
+        "Milliseconds by stage, of kernels; the rest is Python.",
+    ]
+
+
+def _size(result: Timed) -> str:
+    return f"{result.setting.display[0]}x{result.setting.display[1]}"

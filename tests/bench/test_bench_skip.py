@@ -1,0 +1,17 @@
+"""The bench of skipping draws scenes that stand still, and says what was left out."""
+
+from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
+
+
+def test_a_scene_in_which_nothing_moves_is_left_alone_and_looks_as_good() -> None:
+    frames = []
+    results = measure_skipping(
+        ["court"], ["taau"], (96, 64), ratio=1.5, samples=4, on_frame=lambda: frames.append(1)
+    )
+    assert len(frames) == 2 * frame_count(1.5)
+    still, moving = results
+    assert (still.time_stands, moving.time_stands) == (True, False)
+    assert still.work < moving.work <= 1.0
+    assert abs(still.psnr["auto"] - still.psnr["exact"]) < 0.3
+    assert "court" in markdown_table(results, (96, 64), 1.5, "here")
+    assert skip_record(results)["scenes"][0]["work"] == still.work

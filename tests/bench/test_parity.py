@@ -1,0 +1,18 @@
+"""Torch, the graph and the kernels draw the same, for as long as they run."""
+
+from supersampler_bench.parity import markdown_table, measure_parity
+
+
+def test_methods_stay_with_torch_however_they_run() -> None:
+    results = measure_parity(["taau", "classifier"], 10)
+    assert [(r.method, r.runs) for r in results[:4]] == [
+        ("taau", "graph, fp32"),
+        ("taau", "host, fp32"),
+        ("classifier", "graph, fp32"),
+        ("classifier", "host, int8"),
+    ]
+    for result in results:
+        in_bytes = result.runs.endswith("int8")
+        assert result.last < (1.0 / 255.0 if in_bytes else 1e-5), result
+        assert result.psnr > (45.0 if in_bytes else 80.0), result
+    assert "host, int8" in markdown_table(results)
