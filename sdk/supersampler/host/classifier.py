@@ -14,7 +14,7 @@ from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
-from supersampler.host.skipping import Skipping
+from supersampler.host.skipping import SKIPPING, Skipping
 from supersampler.host.tables import LANES, Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -109,7 +109,8 @@ class ClassifierHost:
     name, precision = "host", "int8"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        kernels = load_kernels(*DISPLAYING, *READING, *LAYERS)
+        gather, *others = DISPLAYING
+        kernels = load_kernels(gather, *READING, *LAYERS, *SKIPPING, *others)
         self.bands, self.network = bands, ByteNetwork(info.folder / "network.npz", kernels)
         self._config = c = info.config
         self._filters = [
@@ -118,7 +119,7 @@ class ClassifierHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._window = gaussian(c["kernel_sigma"])
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
         self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
         self._spaces = Workspaces(lambda display: _Space(self, display))
         self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))

@@ -12,8 +12,9 @@ import inspect
 import os
 import platform
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+import time
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -45,26 +46,34 @@ _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kerne
 def load_kernels(*names: str) -> dict[str, Call]:
     """Return kernels by name: "module.function" of `supersampler.host.kernels`, compiled where none are kept.
 
-    They take addresses for pointers (see `memory.address`), in the order of their parameters.
+    They take addresses for pointers (see `memory.address`), in the order of their parameters. Those that take
+    longest to compile belong at both ends.
     """
     missing = [name for name in names if _kept(name) is None]
-    with _helped(missing):
-        found = {name: _kept(name) or _compile(name) for name in names}
-    return {name: _linked(content) for name, content in found.items()}
+    if missing and Path(sys.executable or "").stem.startswith("python"):  # not where a program embeds Python
+        _compile_apart(missing)
+    return {name: _linked(_kept(name) or _compile(name)) for name in names}
 
 
-@contextmanager
-def _helped(missing: Sequence[str]) -> Iterator[None]:
-    """Compile from the other end of the list in a second process, but where a program embeds Python."""
-    if len(missing) < 2 or not Path(sys.executable or "").stem.startswith("python"):
-        yield
-        return
-    command = [sys.executable, "-m", __name__, *reversed(missing)]
-    with Popen(command, stdout=DEVNULL, stderr=DEVNULL) as helper:  # noqa: S603  # ourselves
-        try:
-            yield
-        finally:
+def _compile_apart(names: Sequence[str]) -> None:
+    """Compile and keep in two processes, one from each end of the list; either is done when all are kept.
+
+    What they could not keep is compiled here. numba's highest level takes longer and makes nothing faster:
+    kernels say themselves what is to be a vector.
+    """
+    command, environment = [sys.executable, "-m", __name__], {**os.environ, "NUMBA_OPT": "1"}
+    orders = (names, list(reversed(names)))[: len(names)]
+    helpers = [
+        Popen([*command, *order], stdout=DEVNULL, stderr=DEVNULL, env=environment)  # noqa: S603  # ourselves
+        for order in orders
+    ]
+    try:
+        while all(helper.poll() is None for helper in helpers):
+            time.sleep(0.01)
+    finally:
+        for helper in helpers:
             helper.kill()
+            helper.wait()
 
 
 def _compile(name: str) -> bytes:

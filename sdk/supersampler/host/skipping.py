@@ -1,6 +1,6 @@
 """What a step leaves undone: tiles of the picture where the scene stands still keep what they show."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Size
 from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
-from supersampler.host.compiler import load_kernels
+from supersampler.host.compiler import Call
 from supersampler.host.memory import address
 from supersampler.host.reading import Planes
 from supersampler.host.stillness import Jitter, Sums
@@ -18,6 +18,7 @@ from supersampler.host.tiles import SAMPLES, Tiles, runs_of, scaled, seen_from
 from supersampler.host.trail import Looks, Trail, new_stamp
 from supersampler.jitter import jitter_phase_count
 
+SKIPPING = ("stillness.fingerprints", "stillness.show", "stillness.look")
 LEAST = 0.1
 """Share of the tiles below which it is not worth while to leave them out."""
 SETTLED = 16
@@ -30,13 +31,13 @@ class Skipping:
     """Decides what a step draws, and keeps the rest.
 
     Args:
+        kernels: SKIPPING.
         bands: threads.
     """
 
-    def __init__(self, bands: Bands) -> None:
+    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
         self._bands = bands
-        kernels = load_kernels("stillness.fingerprints", "stillness.show", "stillness.look")
-        self._sum, self._show, self._look = kernels.values()
+        self._sum, self._show, self._look = (kernels[name] for name in SKIPPING)
 
     @staticmethod
     def most_bytes(display: Size, render: Size) -> int:

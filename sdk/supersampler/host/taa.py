@@ -13,7 +13,7 @@ from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
 from supersampler.host.reading import PAD, READING, Planes, Reader, Weight
-from supersampler.host.skipping import Skipping
+from supersampler.host.skipping import SKIPPING, Skipping
 from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -72,8 +72,8 @@ class TaaHost:
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         self._bands, self._alpha, self._gamma = bands, info.config["alpha"], info.config["gamma"]
-        kernels = load_kernels("taa.step_rows", "taa.boxes", "taa.enter", *READING)
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
+        kernels = load_kernels("taa.step_rows", "taa.boxes", "taa.enter", *SKIPPING, *READING)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
         self._enter, self._boxes = kernels["taa.enter"], kernels["taa.boxes"]
         self._step = kernels["taa.step_rows"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))

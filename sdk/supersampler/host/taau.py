@@ -13,7 +13,7 @@ from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
 from supersampler.host.memory import address
 from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
-from supersampler.host.skipping import Skipping
+from supersampler.host.skipping import SKIPPING, Skipping
 from supersampler.host.tables import LANES, Filter, catmull_rom, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -91,8 +91,8 @@ class TaauHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._near = gaussian(c["sample_sigma"])
-        kernels = load_kernels("taau.step_rows", "taau.shade", *READING)
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(bands)
+        kernels = load_kernels("taau.step_rows", "taau.shade", *SKIPPING, *READING)
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
