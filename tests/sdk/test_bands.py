@@ -1,0 +1,47 @@
+"""Work is shared out whole, to no more threads than there are, cut only where it may be."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supersampler.host.bands import Bands, Box, shared
+
+boxes_in_rows = st.lists(
+    st.tuples(st.integers(1, 40), st.integers(1, 60), st.integers(0, 9)), min_size=1, max_size=12
+)
+
+
+@given(boxes_in_rows, st.integers(1, 5), st.sampled_from([1, 2, 8]))
+def test_shares_hold_every_row_once_and_begin_at_multiples(
+    sizes: list[tuple[int, int, int]], count: int, multiple: int
+) -> None:
+    boxes, y = [], 0
+    for height, width, x in sizes:
+        boxes.append(Box(y, y + height, x, x + width))
+        y += height
+    shares = shared(boxes, count, multiple)
+    assert 1 <= len(shares) <= count
+    done = np.zeros((y, 80), int)
+    for box in (box for share in shares for box in share):
+        done[box.y0 : box.y1, box.x0 : box.x1] += 1
+        (whole,) = [b for b in boxes if b.y0 <= box.y0 < b.y1]
+        assert (box.y0 - whole.y0) % multiple == 0
+    wanted = np.zeros_like(done)
+    for box in boxes:
+        wanted[box.y0 : box.y1, box.x0 : box.x1] += 1
+    assert np.array_equal(done, wanted)
+
+
+def test_a_single_box_is_cut_into_equal_bands() -> None:
+    assert shared([Box(0, 540, 0, 960)], 2, 2) == [[Box(0, 270, 0, 960)], [Box(270, 540, 0, 960)]]
+
+
+def test_the_time_of_a_stage_is_noted_where_it_is_asked_for() -> None:
+    bands, rows = Bands(2), []
+    bands.run("read", 10, lambda y0, y1, _: rows.append((y0, y1)))
+    assert sorted(rows) == [(0, 5), (5, 10)]
+    bands.seconds = {}
+    bands.run("read", 10, lambda *_: None)
+    bands.cover("draw", [Box(0, 4, 0, 4)], lambda *_: None)
+    assert list(bands.seconds) == ["read", "draw"]
+    bands.close()
