@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
-from supersampler.history import TILE
+from supersampler.host.layout import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.providers import check_provider_in_use
 

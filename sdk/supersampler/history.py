@@ -7,8 +7,6 @@ from supersampler.frame import Float32, Size
 
 CARRY = "history.carry"
 WORK = "work"
-TILE = 32
-"""Display pixels of a tile's side: what a step does or leaves undone."""
 
 
 @dataclass(eq=False)

@@ -6,7 +6,8 @@ import numpy as np
 
 from supersampler.compare import Legend, false_color, false_color_legend
 from supersampler.frame import Float32
-from supersampler.history import TILE, Result
+from supersampler.history import Result
+from supersampler.host.layout import TILE
 from supersampler.image_io import Bytes
 
 NO_CLASS = (24, 24, 24)

@@ -18,7 +18,8 @@ from supersampler import (
     jitter_phase_count,
 )
 from supersampler.frame import Float32
-from supersampler.history import TILE, Result
+from supersampler.history import Result
+from supersampler.host.layout import TILE
 from supersampler.host.tiles import Tiles
 
 METHODS = ["taa", "taau", "classifier"]

@@ -8,22 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
+from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, REST, SAID, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
-from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.reading import READING, Planes, Reader, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING, Skipping
-from supersampler.host.tables import LANES, Filter, catmull_rom, columns_of, gaussian, up_to
+from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 from supersampler.plan import held_bytes
 
-SEEN, PAST, REST, MIXING = 18, 3, 23, 80  # see kernels.classifier_seen, _gather, _finish
-PIXEL = 8  # values of a pixel that go from frame to frame: colour, count, range, and two of room
 CLASSES, ALL = 6, 255.0
 DISPLAYING = (
     "classifier_gather.gather_rows",
@@ -39,7 +37,7 @@ class ClassifierHistory:
 
     Attributes:
         render: size of that frame.
-        pixels: (H, W, PIXEL) linear RGB, count, least and most luma.
+        pixels: (H, W, CLASSIFIER_PIXEL) linear RGB, count, least and most luma.
         classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
         surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
         jitter: of that frame.
@@ -93,7 +91,7 @@ class _Scratch:
         self.tall, self.tent = np.zeros((2, space.half_stride), np.float32)
         self.read, self.decoded = np.zeros((2, half_w, 32), np.uint8)
         self.hidden = np.zeros((half_w, 4 * LANES), np.uint8)
-        self.mixing = np.zeros((MIXING, half_w), np.float32)
+        self.mixing = np.zeros((4 * SAID, half_w), np.float32)
         self.near, self.factors = np.zeros((LANES, LANES), np.int32), np.zeros((9, LANES), np.float32)
         self.out = np.zeros((LANES, 8), np.float32)
 
@@ -129,7 +127,7 @@ class ClassifierHost:
         (w, h), (big_w, big_h) = render, display
         return ClassifierHistory(
             render,
-            aligned((big_h, big_w, PIXEL)),
+            aligned((big_h, big_w, CLASSIFIER_PIXEL)),
             np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
             np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
             Trail(display),

@@ -8,9 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Size
-from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
+from supersampler.host.layout import RECORD, TILE
 from supersampler.host.memory import address
 from supersampler.host.tiles import Tiles
 
@@ -18,7 +18,6 @@ Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 ROOM = 16  # pixels after a row: kernels do several at once
-RECORD = 20  # words of a record; see kernels.classifier_seen
 
 
 LAYERS = ("network.enter", "network.descend", "network.level")

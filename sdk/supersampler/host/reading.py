@@ -10,10 +10,10 @@ from supersampler.display import EXPOSURE_KEY, adapted_exposure
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import Call
+from supersampler.host.layout import LANES, PAD
 from supersampler.host.memory import address
-from supersampler.host.tables import LANES, Axis, Filter, up_to
+from supersampler.host.tables import Axis, Filter, up_to
 
-PAD = 16  # columns on either side of a plane that neighbourhoods reach into; see kernels.frame
 READING = ("frame.measure", "frame.prepare", "frame.closest")
 
 

@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Size
-from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
+from supersampler.host.layout import SAMPLES, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import Planes
 from supersampler.host.stillness import Jitter, Sums
-from supersampler.host.tiles import SAMPLES, Tiles, runs_of, scaled, seen_from
+from supersampler.host.tiles import Tiles, runs_of, scaled, seen_from
 from supersampler.host.trail import Looks, Trail, new_stamp
 from supersampler.jitter import jitter_phase_count
 

@@ -8,20 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
+from supersampler.host.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, READING, Planes, Reader, Weight
+from supersampler.host.reading import READING, Planes, Reader, Weight
 from supersampler.host.skipping import SKIPPING, Skipping
-from supersampler.host.tables import LANES, Axis, columns_of, linear, up_to
+from supersampler.host.tables import Axis, columns_of, linear, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 from supersampler.plan import held_bytes
 
-PLANES, BOX = 5, 8  # of a row; see kernels.taa
 SHARPNESS = 0.5  # Catmull-Rom
 
 
@@ -47,8 +46,8 @@ class _Space:
         (w, h), (big_w, big_h) = render, display
         self.width, self.stride = up_to(big_w, LANES), up_to(w, LANES)
         self.x, self.y = Axis(big_w, w), Axis(big_h, h)
-        self.planes = np.zeros((h, PLANES, self.stride + 2 * PAD), np.float32)
-        self.box = np.zeros((h, BOX, self.stride), np.float32)
+        self.planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
+        self.box = np.zeros((h, TAA_BOX, self.stride), np.float32)
         self.scratch = [
             (
                 np.zeros((10, LANES), np.int32),

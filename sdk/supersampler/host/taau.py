@@ -8,20 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.history import TILE
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import load_kernels
+from supersampler.host.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.host.memory import address
-from supersampler.host.reading import PAD, READING, Planes, Reader, View, Weight, bordered
+from supersampler.host.reading import READING, Planes, Reader, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING, Skipping
-from supersampler.host.tables import LANES, Filter, catmull_rom, gaussian, up_to
+from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 from supersampler.plan import held_bytes
 
-PIXEL = 5  # values of a pixel that go from frame to frame: linear RGB, count, power
 CONSTANTS = (  # in the order of kernels.taau
     "frame_sharpness", "history_sharpness", "gamma_still", "gamma_moving", "gamma_speed", "gamma_time",
     "spread_samples", "spread_step", "forget", "samples", "blur_cost", "speed_cost", "settled",
@@ -35,7 +34,7 @@ class TaauHistory:
 
     Attributes:
         render: size of that frame.
-        pixels: (H, W, PIXEL).
+        pixels: (H, W, TAAU_PIXEL).
         surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
         trail: what tells which tiles may stay as they are.
         jitter: of that frame.
@@ -99,7 +98,7 @@ class TaauHost:
     def zeros(self, display: Size, render: Size) -> TaauHistory:
         """See `Executor`."""
         (w, h), (big_w, big_h) = render, display
-        pixels = np.zeros((big_h, big_w, PIXEL), np.float32)
+        pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
         return TaauHistory(render, pixels, surface, Trail(display))
 

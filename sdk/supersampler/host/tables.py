@@ -10,10 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32
+from supersampler.host.layout import LANES
 
 Int32 = NDArray[np.int32]
 Kernel = Callable[[Float32], Float32]
-LANES = 16
 
 
 class Filter(NamedTuple):

@@ -6,13 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Size
-from supersampler.history import TILE
 from supersampler.host.bands import Box
+from supersampler.host.layout import SAMPLES, TILE
 
 Bool = NDArray[np.bool_]
 
-SAMPLES = 16
-"""Of a tile of the frame: see kernels.stillness."""
 REACH = 4
 """Samples beyond its own that a display pixel looks at."""
 HALO = 2

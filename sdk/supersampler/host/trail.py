@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Size
-from supersampler.history import TILE
+from supersampler.host.layout import TILE
 from supersampler.host.stillness import Stillness
 from supersampler.host.tiles import Bool
 

@@ -12,14 +12,11 @@ from supersampler.host.kernels.classifier_gather import (
     MEAN,
     MOST,
     OWN,
-    PAST,
     REACH,
-    REST,
     SAMPLE,
     SURFACE,
     TONED,
 )
-from supersampler.host.kernels.classifier_seen import RECORD, SEEN
 from supersampler.host.kernels.colors import (
     clamped,
     largest,
@@ -30,6 +27,7 @@ from supersampler.host.kernels.colors import (
 )
 from supersampler.host.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
+from supersampler.host.layout import PAST, RECORD, REST, SAID, SEEN
 from supersampler.host.shuffles import (
     first_third,
     last_third,
@@ -62,8 +60,7 @@ from supersampler.host.vector import (
 
 SIDE, SHARPEST = 0.01, 2.0
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
-SAID = 20  # numbers of a pixel: logarithms of weights, sharpness, cross of the past, kernel of this frame
-SHARPNESS, CROSS, KERNEL = 6, 7, 11
+SHARPNESS, CROSS, KERNEL = 6, 7, 11  # of SAID, after logarithms of weights: of the past, of this frame
 WIDE = 16  # words of what the hidden layer gives
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels import classifier_seen as see
-from supersampler.host.kernels.classifier_seen import SEEN, complete, put, recall
+from supersampler.host.kernels.classifier_seen import complete, put, recall
 from supersampler.host.kernels.colors import (
     clamped,
     largest,
@@ -18,7 +18,7 @@ from supersampler.host.kernels.colors import (
     root,
     toned,
 )
-from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.kernels.warp import (
     aim,
@@ -30,6 +30,7 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp,
 )
+from supersampler.host.layout import PAD, PAST, RECORD, REST, SEEN
 from supersampler.host.shuffles import gather4, load_columns
 from supersampler.host.vector import (
     absolute,
@@ -46,12 +47,9 @@ from supersampler.host.vector import (
 )
 
 TONED = 1.0 - 1e-4
-PAST = 3
-"""Channels of `past`: the colour that goes around from frame to frame, where rounding would add up."""
-REST = 23
 FRAME, SAMPLE, CONFIDENCE, MEAN, REACH, DETAIL, SURFACE = 0, 3, 6, 7, 10, 13, 16
 OWN, COUNT, LEAST, MOST = 17, 20, 21, 22
-"""Of `rest`, half floats."""
+"""Of `rest`."""
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
 ) = range(13)  # fmt: skip
@@ -222,7 +220,7 @@ def gather_rows(
             put(seen, see.EDGE * width + to, edge)
         if inside and y % 2 == 0:
             half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
-            to = y // 2 * half_row * see.RECORD
+            to = y // 2 * half_row * RECORD
             recall(classes, places, width, half_w, half_h, x0 // 2, (x_end + 1) // 2, records, to)
         repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
         if y - 1 >= y0:

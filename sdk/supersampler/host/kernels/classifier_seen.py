@@ -8,8 +8,9 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.colors import clamped, root
-from supersampler.host.kernels.frame import PAD, repeat_ends
+from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.layout import PAD, RECORD, SEEN
 from supersampler.host.shuffles import evens, odds, transposed, zipped
 from supersampler.host.vector import (
     absolute,
@@ -28,8 +29,6 @@ from supersampler.host.vector import (
     FRAME, SAMPLE, PAST, TO_SAMPLE, TO_FRAME, CONTRAST, PAST_CONTRAST, BEYOND, LEAST, MOST, DETAIL,
     CONFIDENCE, COUNT, DIFFERENCE, SURFACE, SPEED, BLUR, EDGE,
 ) = range(18)  # fmt: skip
-SEEN = 18
-RECORD = 20
 CLASSES = 18  # word of a record
 
 

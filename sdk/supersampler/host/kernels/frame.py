@@ -13,6 +13,7 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
+from supersampler.host.layout import PAD
 from supersampler.host.shuffles import rows4, transposed, zipped
 from supersampler.host.vector import (
     absolute,
@@ -27,7 +28,6 @@ from supersampler.host.vector import (
     sum_of_lanes,
 )
 
-PAD = 16  # columns before and after a plane that 3x3 neighbourhoods reach into
 DARKEST = 1e-4
 
 

@@ -4,6 +4,7 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.layout import SAMPLES, TILE
 from supersampler.host.vector import (
     absolute,
     all_lanes,
@@ -16,9 +17,7 @@ from supersampler.host.vector import (
     store,
 )
 
-TILE = 16  # samples
 STILL = 1e-3  # of a sample: what a matrix leaves of no motion
-SHOWN = 32  # pixels of a tile of the display
 FACTOR = np.int32(0x2C1B3C6D)  # odd: a change of one word is never lost
 
 
@@ -54,11 +53,11 @@ def fingerprints(
 
     motion and moved: the same array.
     """
-    tiles = (w + TILE - 1) // TILE
+    tiles = (w + SAMPLES - 1) // SAMPLES
     for ty in range(y0, y1):
         for tx in range(tiles):
-            first, count = TILE * ty * w + TILE * tx, min(TILE, w - TILE * tx)
-            height = min(TILE, h - TILE * ty)
+            first, count = SAMPLES * ty * w + SAMPLES * tx, min(SAMPLES, w - SAMPLES * tx)
+            height = min(SAMPLES, h - SAMPLES * ty)
             total = spread16(np.int32(0))
             if not moves(moved, 2 * first, 2 * w, count, height):
                 total = total + np.int32(1)
@@ -92,9 +91,9 @@ def look(
     for ty in range(y0, y1):
         for tx in range(x0, x1):
             total = np.float32(0.0)
-            bottom, right = min(ty * SHOWN + SHOWN, big_h), min(tx * SHOWN + SHOWN, big_w)
-            for y in range(ty * SHOWN, bottom):
-                for x in range(tx * SHOWN, right):
+            bottom, right = min(ty * TILE + TILE, big_h), min(tx * TILE + TILE, big_w)
+            for y in range(ty * TILE, bottom):
+                for x in range(tx * TILE, right):
                     at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
                     off = bright = np.float32(0.0)
                     for c in range(3):
@@ -104,4 +103,4 @@ def look(
                         looks[to + c] = now
                     off = off * exposure / (np.float32(1.0) + bright * exposure)
                     total += off * off
-            changes[ty * columns + tx] = total / np.float32((bottom - ty * SHOWN) * (right - tx * SHOWN))
+            changes[ty * columns + tx] = total / np.float32((bottom - ty * TILE) * (right - tx * TILE))

@@ -4,9 +4,10 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
-from supersampler.host.kernels.frame import PAD, color_at, motion_at, places_of, repeat_ends
+from supersampler.host.kernels.frame import color_at, motion_at, places_of, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import aim, cubic4, followed, on_screen
+from supersampler.host.layout import PAD, TAA_BOX, TAA_PIXEL
 from supersampler.host.shuffles import load_columns4, transposed
 from supersampler.host.vector import (
     absolute,
@@ -21,8 +22,6 @@ from supersampler.host.vector import (
     to_float,
 )
 
-PIXEL = 3
-BOX = 8  # planes of a row: low and high corner, longest motion
 (EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
 """Of `numbers`; ALPHA is 1 where there is no past."""
 
@@ -46,7 +45,7 @@ def enter(
 
 
 def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1: int, box: Floats):
-    """Rows y0 to y1 of (h, BOX, stride): what 3x3 samples allow, and the longest of their motions."""
+    """Rows y0 to y1 of (h, TAA_BOX, stride): what 3x3 samples allow, and the longest of their motions."""
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, here, below = (
@@ -65,8 +64,8 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
                         first, second = first + v, second + v * v
                 mean = first * (1.0 / 9.0)
                 reach = square_root(maximum(second * (1.0 / 9.0) - mean * mean, 0.0)) * gamma
-                store(box, (BOX * y + c) * stride + x, maximum(mean - reach, low))
-                store(box, (BOX * y + 3 + c) * stride + x, minimum(mean + reach, high))
+                store(box, (TAA_BOX * y + c) * stride + x, maximum(mean - reach, low))
+                store(box, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + reach, high))
             mx, my = load16(planes, here + 3 * wide + x), load16(planes, here + 4 * wide + x)
             length = mx * mx + my * my
             for row in (above, here, below):
@@ -79,8 +78,8 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
                     longer = other > length
                     length = select(longer, other, length)
                     mx, my = select(longer, u, mx), select(longer, v, my)
-            store(box, (BOX * y + 6) * stride + x, mx)
-            store(box, (BOX * y + 7) * stride + x, my)
+            store(box, (TAA_BOX * y + 6) * stride + x, mx)
+            store(box, (TAA_BOX * y + 7) * stride + x, my)
 
 
 @njit
@@ -135,7 +134,7 @@ def step_rows(
     width: int, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
     weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 and columns x0 to x1 of the picture; history and left (H, W, PIXEL)."""
+    """Rows y0 to y1 and columns x0 to x1 of the picture; history and left (H, W, TAA_PIXEL)."""
     w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     wide = stride + 2 * PAD
@@ -144,12 +143,12 @@ def step_rows(
         down = top_weights[y], bottom_weights[y]
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
-            at = load16(columns_near, x) + np.int32(rows_near[y] * BOX * stride)
+            at = load16(columns_near, x) + np.int32(rows_near[y] * TAA_BOX * stride)
             mx = gather(box, at + np.int32(6 * stride)) * scale_x
             my = gather(box, at + np.int32(7 * stride)) * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, PIXEL, numbers[SHARPNESS], slots, weights)
+            aim(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
             for i in range(16):
                 store(warped, 4 * i, cubic4(history, slots, weights, i))
             q = load_columns4(warped, 0)

@@ -13,7 +13,7 @@ from supersampler.host.kernels.colors import (
     toned,
     ycocg,
 )
-from supersampler.host.kernels.frame import PAD, fours, opened_at, repeat_ends
+from supersampler.host.kernels.frame import fours, opened_at, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import (
     aim,
@@ -26,6 +26,7 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp5,
 )
+from supersampler.host.layout import PAD, TAAU_PIXEL
 from supersampler.host.shuffles import gather4, load_columns, load_columns4, load_columns8, transposed
 from supersampler.host.vector import (
     absolute,
@@ -41,7 +42,6 @@ from supersampler.host.vector import (
     to_float,
 )
 
-PIXEL = 5  # values that go from frame to frame: linear RGB, count, power
 NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
@@ -187,8 +187,8 @@ def step_rows(
     """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
 
     samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history (H, W,
-    PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image, weight (where
-    `tells`): what comes out.
+    TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image, weight
+    (where `tells`): what comes out.
     """
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
@@ -203,7 +203,7 @@ def step_rows(
             mx, my = mx * scale_x, my * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
+            aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
             warp5(history, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
@@ -241,8 +241,8 @@ def step_rows(
                 store(out, 16 * i, columns_[i])
             for i in range(min(16, x1 - x)):
                 pixel = y * big_w + x + i
-                store(left, PIXEL * pixel, load4(out, 16 * i))
-                left[PIXEL * pixel + 4] = out[16 * i + 4]
+                store(left, TAAU_PIXEL * pixel, load4(out, 16 * i))
+                left[TAAU_PIXEL * pixel + 4] = out[16 * i + 4]
                 image[3 * pixel] = out[16 * i]
                 image[3 * pixel + 1] = out[16 * i + 1]
                 image[3 * pixel + 2] = out[16 * i + 2]

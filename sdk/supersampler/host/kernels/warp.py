@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.colors import clamped
-from supersampler.host.kernels.frame import PAD
+from supersampler.host.layout import PAD
 from supersampler.host.vector import floor, load4, load8, load16, maximum, minimum, select, store, to_int
 
 

@@ -1,0 +1,33 @@
+"""How arrays lie in memory: what kernels and those who call them both go by. Imports nothing."""
+
+LANES = 16
+"""Values of a vector; rows of pixels end in whole vectors."""
+PAD = 16
+"""Columns before and after a plane, that neighbourhoods reach into."""
+TILE = 32
+"""Display pixels of a tile's side: what a step does or leaves undone."""
+SAMPLES = 16
+"""Samples of a side of the tiles that a frame is compared in with what it was."""
+
+TAA_PIXEL = 3
+"""Values of a pixel that go from frame to frame: linear RGB."""
+TAA_PLANES = 5
+"""Of a row: YCoCg, motion."""
+TAA_BOX = 8
+"""Planes of a row: low and high corner, longest motion."""
+
+TAAU_PIXEL = 5
+"""Values of a pixel that go from frame to frame: linear RGB, count, power."""
+
+CLASSIFIER_PIXEL = 8
+"""Values of a pixel that go from frame to frame: linear RGB, count, range, and two of room."""
+SEEN = 18
+"""Bytes that the network sees of a pixel: see kernels.classifier_seen."""
+RECORD = 20
+"""Words of four packed pixels: SEEN, and two at half size."""
+PAST = 3
+"""Floats of a pixel from gather to finish: the colour that goes around, where rounding would add up."""
+REST = 23
+"""Half floats of a pixel from gather to finish: see kernels.classifier_gather."""
+SAID = 20
+"""Numbers that the network says of a pixel: see kernels.classifier_finish."""
