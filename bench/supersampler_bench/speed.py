@@ -43,7 +43,7 @@ class Timed:
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of the host's `taa` at the same size and threads.
-        stages: mean wall time by stage; empty for a graph. What is left of a step is Python's.
+        stages: mean wall time by stage; empty for a graph.
         moved: bytes that a step must move: the frame, the history before and after, the picture.
         multiply_adds: of what is learned.
         resident: bytes by which the process grew while the setting was made and warmed up; 0 where the system
@@ -260,16 +260,15 @@ def _stage_rows(results: Sequence[Timed]) -> list[str]:
     known = [r for r in results if r.stages]
     names = list(dict.fromkeys(name for r in known for name in r.stages))
     return [
-        f"| display | threads | method | {' | '.join(names)} | rest |",
-        f"| --- | ---: | --- | {' | '.join('---:' for _ in names)} | ---: |",
+        f"| display | threads | method | {' | '.join(names)} |",
+        f"| --- | ---: | --- | {' | '.join('---:' for _ in names)} |",
         *(
             f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | "
-            f"{' | '.join(f'{r.stages[n]:.1f}' if n in r.stages else '–' for n in names)} "
-            f"| {r.median - sum(r.stages.values()):.1f} |"
+            f"{' | '.join(f'{r.stages[n]:.1f}' if n in r.stages else '–' for n in names)} |"
             for r in known
         ),
         "",
-        "Milliseconds by stage, of kernels; the rest is Python.",
+        "Milliseconds by stage, means.",
     ]
 
 
