@@ -1,6 +1,20 @@
 """Torch, the graph and the kernels draw the same, for as long as they run."""
 
+from collections.abc import Iterator
+
+import pytest
+import torch
+
 from supersampler_bench.parity import markdown_table, measure_parity
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads of torch that wait for each other wait long where other processes have the cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
 
 
 def test_methods_stay_with_torch_however_they_run() -> None:
