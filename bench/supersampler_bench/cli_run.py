@@ -1,7 +1,7 @@
 """`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Any, cast
 
 import typer
 from rich.console import Console
@@ -37,9 +37,7 @@ def cost(
 
     size = parse_size(display_size)
     table = markdown_table([measure_cost(name.strip(), size) for name in methods.split(",")], size)
-    Console().print(table, markup=False)
-    if update is not None:
-        update_block(update, "cost", table)
+    _publish("cost", table, {}, None, update)
 
 
 def speed(
@@ -85,14 +83,9 @@ def speed(
             steps=steps,
         )
         limits = measure_limits()
-    made = setting()
-    machine = made["machine"]
+    machine = setting()["machine"]
     table = markdown_table(results, limits, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json({**speed_record(results, limits), **made}, json)
-    if update is not None:
-        update_block(update, "speed", table)
+    _publish("speed", table, speed_record(results, limits), json, update)
 
 
 def skip(
@@ -123,14 +116,9 @@ def skip(
         results = measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
         )
-    made = setting()
-    machine = made["machine"]
+    machine = setting()["machine"]
     table = markdown_table(results, size, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json({**skip_record(results), **made}, json)
-    if update is not None:
-        update_block(update, "skip", table)
+    _publish("skip", table, skip_record(results), json, update)
 
 
 def parity(
@@ -154,11 +142,16 @@ def parity(
         task = progress.add_task("frames", total=len(SIZES) * frames)
         results = measure_parity(_listed(methods), frames, on_frame=lambda: progress.advance(task))
     table = markdown_table(results)
+    _publish("parity", table, parity_record(results), json, update)
+
+
+def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
+    """Print a table; write its record to `json` and itself to the page `update`, where they are given."""
     Console().print(table, markup=False, soft_wrap=True)
     if json is not None:
-        write_json({**parity_record(results), **setting()}, json)
+        write_json({**record, **setting()}, json)
     if update is not None:
-        update_block(update, "parity", table)
+        update_block(update, name, table)
 
 
 def _listed(text: str) -> list[str]:

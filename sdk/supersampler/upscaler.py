@@ -138,8 +138,8 @@ class Upscaler:
     ) -> Plan:
         """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
 
-        >>> Upscaler.plan((960, 540), (1920, 1080)).history_bytes / 2**20  # MiB
-        142.7...
+        >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
+        >>> megabytes = plan.history_bytes / 1e6
 
         Args:
             render_size: (width, height) of the frames.

@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box
+from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, REST, SAID, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
-from supersampler.host.reading import READING, Planes, Reader, View, Weight, bordered
-from supersampler.host.skipping import SKIPPING, Skipping
+from supersampler.host.reading import READING, Planes, View, Weight, bordered
+from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -96,7 +97,7 @@ class _Scratch:
         self.out = np.zeros((LANES, 8), np.float32)
 
 
-class ClassifierHost:
+class ClassifierHost(Host):
     """Runs `classifier` and its relatives; see `Executor`.
 
     Args:
@@ -104,12 +105,13 @@ class ClassifierHost:
         bands: threads.
     """
 
-    name, precision = "host", "int8"
+    precision = "int8"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         gather, *others = DISPLAYING
         kernels = load_kernels(gather, *READING, *LAYERS, *SKIPPING, *others)
-        self.bands, self.network = bands, ByteNetwork(info.folder / "network.npz", kernels)
+        super().__init__(kernels, bands)
+        self.network = ByteNetwork(info.folder / "network.npz", kernels)
         self._config = c = info.config
         self._filters = [
             Filter(gaussian(c["sample_sigma"]), True, 4),
@@ -117,7 +119,6 @@ class ClassifierHost:
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._window = gaussian(c["kernel_sigma"])
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
         self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
         self._spaces = Workspaces(lambda display: _Space(self, display))
         self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))
@@ -171,11 +172,6 @@ class ClassifierHost:
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        self.bands.seconds = {}
-        return self.bands.seconds
-
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
         """See `Executor`."""
         (w, _), pixels = buffers.render, buffers.pixels
@@ -188,14 +184,6 @@ class ClassifierHost:
             "history.exposure": np.array([buffers.exposure]),
         }
         return np.ascontiguousarray(tensors[name], np.float32)
-
-    def memory(self, buffers: ClassifierHistory) -> Mapping[str, NDArray[Any]]:
-        """See `Executor`."""
-        return buffers.trail.arrays()
-
-    def work(self, buffers: ClassifierHistory, display: Size) -> Float32:  # noqa: ARG002  # known
-        """See `Executor`."""
-        return buffers.trail.work
 
     def load(self, buffers: ClassifierHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""

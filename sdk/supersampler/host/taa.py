@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box
+from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.host.memory import address
-from supersampler.host.reading import READING, Planes, Reader, Weight
-from supersampler.host.skipping import SKIPPING, Skipping
+from supersampler.host.reading import READING, Planes, Weight
+from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Axis, columns_of, linear, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -59,7 +60,7 @@ class _Space:
         ]
 
 
-class TaaHost:
+class TaaHost(Host):
     """Runs `taa`; see `Executor`.
 
     Args:
@@ -67,12 +68,12 @@ class TaaHost:
         bands: threads.
     """
 
-    name, precision = "host", "fp32"
+    precision = "fp32"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        self._bands, self._alpha, self._gamma = bands, info.config["alpha"], info.config["gamma"]
         kernels = load_kernels("taa.step_rows", "taa.boxes", "taa.enter", *SKIPPING, *READING)
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
+        super().__init__(kernels, bands)
+        self._alpha, self._gamma = info.config["alpha"], info.config["gamma"]
         self._enter, self._boxes = kernels["taa.enter"], kernels["taa.boxes"]
         self._step = kernels["taa.step_rows"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
@@ -118,28 +119,15 @@ class TaaHost:
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = _Space(render, display, self._bands.threads)
+        space = _Space(render, display, self.bands.threads)
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
-
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        self._bands.seconds = {}
-        return self._bands.seconds
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
         """See `Executor`."""
         if name == "history.exposure":
             return np.array([buffers.exposure], np.float32)
         return np.ascontiguousarray(buffers.image.transpose(2, 0, 1)[None])
-
-    def memory(self, buffers: TaaHistory) -> Mapping[str, NDArray[Any]]:
-        """See `Executor`."""
-        return buffers.trail.arrays()
-
-    def work(self, buffers: TaaHistory, display: Size) -> Float32:  # noqa: ARG002  # known
-        """See `Executor`."""
-        return buffers.trail.work
 
     def load(self, buffers: TaaHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
@@ -152,12 +140,10 @@ class TaaHost:
         h, w = planes.depth.shape
         s, color, motion = space, address(planes.color), address(planes.motion)
         to, box = address(s.planes), address(s.box)
-        self._bands.run(
+        self.bands.run(
             "read", h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to)
         )
-        self._bands.run(
-            "read", h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box)
-        )
+        self.bands.run("read", h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
 
     def _draw(
         self,
@@ -185,4 +171,4 @@ class TaaHost:
         def draw(box: Box, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.cover("draw", tiles.boxes(TILE, display), draw)
+        self.bands.cover("draw", tiles.boxes(TILE, display), draw)

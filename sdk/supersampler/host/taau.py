@@ -9,11 +9,12 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box
+from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.host.memory import address
-from supersampler.host.reading import READING, Planes, Reader, View, Weight, bordered
-from supersampler.host.skipping import SKIPPING, Skipping
+from supersampler.host.reading import READING, Planes, View, Weight, bordered
+from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
@@ -71,7 +72,7 @@ class _Space(View):
         ]
 
 
-class TaauHost:
+class TaauHost(Host):
     """Runs `taau`; see `Executor`.
 
     Args:
@@ -79,19 +80,18 @@ class TaauHost:
         bands: threads.
     """
 
-    name, precision = "host", "fp32"
+    precision = "fp32"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        self._bands, self._config = bands, info.config
-        c = info.config
+        kernels = load_kernels("taau.step_rows", "taau.shade", *SKIPPING, *READING)
+        super().__init__(kernels, bands)
+        self._config = c = info.config
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False, 4),
             Filter(catmull_rom, False, 4),
             Filter(gaussian(c["moment_sigma"]), False, 7),
         ]
         self._near = gaussian(c["sample_sigma"])
-        kernels = load_kernels("taau.step_rows", "taau.shade", *SKIPPING, *READING)
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
         self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
 
@@ -142,14 +142,9 @@ class TaauHost:
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = _Space(render, display, self._bands.threads)
+        space = _Space(render, display, self.bands.threads)
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
-
-    def note_stages(self) -> Mapping[str, float]:
-        """See `Executor`."""
-        self._bands.seconds = {}
-        return self._bands.seconds
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
         """See `Executor`."""
@@ -162,14 +157,6 @@ class TaauHost:
             "history.exposure": np.array([buffers.exposure]),
         }
         return np.ascontiguousarray(tensors[name], np.float32)
-
-    def memory(self, buffers: TaauHistory) -> Mapping[str, NDArray[Any]]:
-        """See `Executor`."""
-        return buffers.trail.arrays()
-
-    def work(self, buffers: TaauHistory, display: Size) -> Float32:  # noqa: ARG002  # known
-        """See `Executor`."""
-        return buffers.trail.work
 
     def load(self, buffers: TaauHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
@@ -184,7 +171,7 @@ class TaauHost:
         """What the next frame wants to know of this one's surfaces."""
         read, (w, h) = space.samples, left.render
         color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
-        self._bands.run(
+        self.bands.run(
             "read",
             h,
             lambda y0, y1, worker: self._shade(
@@ -224,4 +211,4 @@ class TaauHost:
         def draw(box: Box, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
-        self._bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)
+        self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)
