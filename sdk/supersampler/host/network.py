@@ -73,17 +73,16 @@ class Encoder:
 
     Attributes:
         records: (half height, row, RECORD) words, what is known of packed pixels.
-        rows: rows that the encoder has, those beyond the picture included.
         kept: addresses of what each level gives.
         pitches: bytes a pixel of each, then bytes a row.
     """
 
     def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
         self._network, self._bands, self._half = network, bands, half
-        width, self.rows = (-(-extent // ALIGNED) * ALIGNED for extent in half)
+        width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         self.records = np.zeros((half[1], width + ROOM, RECORD), np.int32)
         self._levels = [
-            _Level(layers, width >> level, self.rows >> level) for level, layers in enumerate(network.levels)
+            _Level(layers, width >> level, height >> level) for level, layers in enumerate(network.levels)
         ]
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = np.zeros((bands.threads, most), np.uint8)
