@@ -1,5 +1,9 @@
 """Tone curve, YCoCg, exposure, and the quarantine that keeps bad pixels out of the history."""
 
+import math
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
 import torch
 from torch import Tensor
 
@@ -71,6 +75,27 @@ def tone(color: Tensor) -> Tensor:
 def inverse_tone(color: Tensor) -> Tensor:
     """Inverse of `tone`, bounded by the range of half floats."""
     return color / (1.0 - largest(color)).clamp(min=1.0 / MAX_HALF)
+
+
+class ToneCurve(NamedTuple):
+    """Exposed linear RGB [0, inf) to [0, 1] and back."""
+
+    tone: Callable[[Tensor], Tensor]
+    inverse: Callable[[Tensor], Tensor]
+
+
+ToneSpace = Literal["largest", "channels", "logarithm"]
+_LOG = math.log1p(MAX_HALF)
+TONES: Mapping[ToneSpace, ToneCurve] = {
+    "largest": ToneCurve(tone, inverse_tone),
+    "channels": ToneCurve(
+        lambda color: color / (1.0 + color), lambda color: color / (1.0 - color).clamp(min=1.0 / MAX_HALF)
+    ),
+    "logarithm": ToneCurve(
+        lambda color: ((1.0 + color).log() / _LOG).clamp(max=1.0), lambda color: (color * _LOG).exp() - 1.0
+    ),
+}
+"""Spaces to blend in: by the largest channel, each channel alone, each by its logarithm."""
 
 
 def ycocg(color: Tensor) -> Tensor:

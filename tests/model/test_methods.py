@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
 from supersampler.frame import Float32
+from supersampler_bench.ablation import VARIANTS
 from supersampler_model.data.analytic import (
     Cut,
     DiscOverPlane,
@@ -164,3 +165,13 @@ def test_a_larger_gamma_keeps_more_of_the_past() -> None:
 def test_without_jitter_and_motion_taa_of_a_flat_picture_is_that_picture() -> None:
     image = run("taa", Plane(flat), 5)[-1]
     np.testing.assert_allclose(image, 0.3, rtol=1e-4)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_the_classifier_draws_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
+    """Untrained: the paper's network then takes half of the past, ours the running mean."""
+    scene = Plane(dots)
+    truth = scene.truth(0, DISPLAY)
+    images = run_torch(VARIANTS[variant]().eval(), scene, 6)
+    assert all(np.isfinite(image).all() and image.min() >= 0.0 for image in images)
+    assert psnr(images[-1], truth) > psnr(np.full_like(truth, truth.mean()), truth) + 1.0

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 from torch import Tensor
 
 from supersampler_model.color import (
+    TONES,
+    ToneSpace,
     exposure_for,
     from_ycocg,
     inverse_tone,
@@ -225,3 +227,12 @@ def test_exposure_looks_at_usable_pixels_only() -> None:
     color[..., 0, :], usable[..., 0, :] = 0.0, 0.0
     assert exposure_for(color, usable, none, none).item() == pytest.approx(0.18 / 0.5)
     assert exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
+
+
+@pytest.mark.parametrize("space", TONES)
+def test_a_tone_curve_keeps_to_one_and_comes_back(space: ToneSpace) -> None:
+    color = random_image(3, (9, 7)) ** 8 * 60000.0
+    toned = TONES[space].tone(color)
+    assert toned.min() >= 0.0
+    assert toned.max() <= 1.0
+    torch.testing.assert_close(TONES[space].inverse(toned), color, rtol=1e-2, atol=1e-4)

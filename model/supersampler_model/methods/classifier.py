@@ -15,13 +15,13 @@ from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
 from supersampler_model.color import (
+    TONES,
+    ToneSpace,
     bounded,
     exposure_for,
     from_ycocg,
-    inverse_tone,
     luminance,
     quarantine,
-    tone,
     valid,
     ycocg,
 )
@@ -36,7 +36,7 @@ from supersampler_model.method import (
     render_size_of,
 )
 from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Present, Remembered
-from supersampler_model.methods.classifier_inputs import AROUND, SEEN, around_of, inputs_of
+from supersampler_model.methods.classifier_inputs import AROUND, SEEN, CountCode, around_of, inputs_of
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -89,10 +89,12 @@ class ClassifierConfig:
         network: its widths.
         inputs: names of SEEN that the network sees.
         around: names of AROUND that it sees.
+        count_code: how it sees the count of samples; see COUNTS.
         recurrent: whether it also sees the classes of the frame before.
         rectified: whether the past cut to the box is one of what is weighed.
         own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
         corrected: whether the warped past is filtered by a learned cross of five pixels.
+        tone_space: what is weighed is toned by; see TONES.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
         kernel_sigma: Gaussian that the learned kernel begins as, render pixels.
@@ -106,10 +108,12 @@ class ClassifierConfig:
     network: NetworkConfig = field(default_factory=NetworkConfig)
     inputs: tuple[str, ...] = SEEN
     around: tuple[str, ...] = AROUND
+    count_code: CountCode = "saturating"
     recurrent: bool = True
     rectified: bool = True
     own_motion: bool = True
     corrected: bool = True
+    tone_space: ToneSpace = "largest"
     sample_sigma: float = 0.47
     moment_sigma: float = 0.45
     kernel_sigma: float = 0.45
@@ -247,9 +251,13 @@ class Classifier(Method):
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
         there = past_of(closest[:, 1:], now.display, now.extent)
         own = past_of(pick(motion, grid), now.display, now.extent)
-        present = self.gather_present(tone(color * exposure) * usable, usable, depth, now, grid)
+        present = self.gather_present(self.toned(color * exposure) * usable, usable, depth, now, grid)
         past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
         return Gathered(present, past, there, closest[:, :1], surfaces, exposure)
+
+    def toned(self, color: Tensor) -> Tensor:
+        """Exposed linear RGB to the space that it is weighed in."""
+        return TONES[self.config.tone_space].tone(color)
 
     def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View, grid: Grid) -> Present:
         """Upsample the usable samples of this frame."""
@@ -283,13 +291,13 @@ class Classifier(Method):
         there = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = read(history.state, past.x, past.y)
-        linear = tone(quarantine(read(history.color, past.x, past.y), 0.0) * exposure)
+        linear = self.toned(quarantine(read(history.color, past.x, past.y), 0.0) * exposure)
         cubic = quarantine(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
-        color = tone(cubic * exposure)
+        color = self.toned(cubic * exposure)
         return Remembered(
             color=color,
             detail=color - linear,
-            own=tone(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
+            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
             samples=state[:, :1] * past.on_screen,
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
@@ -300,7 +308,7 @@ class Classifier(Method):
     def seen(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
         """What the network sees: of pixels, packed, and at half size."""
         c = self.config
-        pixels = inputs_of(gathered.present, gathered.past, gathered.there)
+        pixels = inputs_of(gathered.present, gathered.past, gathered.there, c.count_code)
         around = around_of(pixels)
         classes = gathered.past.classes[:, : CLASSES * c.recurrent]
         packed = pack(torch.cat([pixels[name] for name in c.inputs], dim=1))
@@ -343,7 +351,7 @@ class Classifier(Method):
         kept, new = sum_of(weights[: len(pasts)]), sum_of(weights[len(pasts) :])
         total = (kept + new).clamp(min=1e-12)  # 0 where nothing is known: black
         color = sum_of([w / total * c for w, (c, _) in zip(weights, (*pasts, *presents), strict=True)])
-        image = bounded(inverse_tone(color) / gathered.exposure)
+        image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
         odds = (

@@ -5,6 +5,10 @@ for nothing: the network sees them in place of colours. Colours count as square 
 differ as much as bright ones.
 """
 
+import math
+from collections.abc import Callable, Mapping
+from typing import Literal
+
 import torch
 from torch import Tensor
 
@@ -42,8 +46,19 @@ AROUND = (
 )
 """Names of what it may see of a neighbourhood of about ten pixels, (1, 1, H / 2, W / 2) each."""
 
+CountCode = Literal["saturating", "logarithm", "linear"]
+MOST = 64.0  # samples that the others than the first reach 1 at
+COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
+    "saturating": lambda count: count / (count + 4.0),
+    "logarithm": lambda count: (1.0 + count).log() / math.log1p(MOST),
+    "linear": lambda count: count / MOST,
+}
+"""What the network sees of a count of samples."""
 
-def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tensor]:
+
+def inputs_of(
+    present: Present, past: Remembered, there: Past, count: CountCode = "saturating"
+) -> dict[str, Tensor]:
     """All of SEEN, about 1 at most."""
     frame, sample, color, range_ = (_root(c) for c in (present.frame, present.sample, past.color, past.range))
     luma, luma_before = luminance(sample), luminance(color)
@@ -63,7 +78,7 @@ def inputs_of(present: Present, past: Remembered, there: Past) -> dict[str, Tens
         "most": range_[:, 1:2],
         "detail": _root(largest(past.detail.abs())),
         "confidence": present.confidence,
-        "count": past.samples / (past.samples + 4.0),
+        "count": COUNTS[count](past.samples),
         "difference": past.difference,
         "surface": past.surface,
         "speed": speed / (speed + 4.0),

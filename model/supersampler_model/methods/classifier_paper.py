@@ -10,7 +10,7 @@ from typing import ClassVar
 import torch
 from torch import Tensor, nn
 
-from supersampler_model.color import bounded, inverse_tone, quarantine, tone
+from supersampler_model.color import TONES, bounded, quarantine
 from supersampler_model.method import DISPLAY, PREVIOUS, Fused
 from supersampler_model.methods.classifier import Classifier, ClassifierConfig
 from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Remembered
@@ -96,7 +96,7 @@ class PaperClassifier(Classifier):
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = read(history.state, (past.x + 0.5).floor(), (past.y + 0.5).floor(), mode="nearest")
         color = read_cubic(history.color, past.x, past.y)  # "similar to TAA"
-        toned = tone(quarantine(color, 0.0) * exposure)
+        toned = self.toned(quarantine(color, 0.0) * exposure)
         return Remembered(
             color=toned,
             detail=torch.zeros_like(toned),
@@ -140,7 +140,7 @@ class PaperClassifier(Classifier):
         )
         weight = weight * known  # of the past (WO 2024/043984)
         color = present.frame + weight * (past.color - present.frame)
-        image = bounded(inverse_tone(color) / gathered.exposure)
+        image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         hidden = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
         kept = known * (1.0 - hidden)
