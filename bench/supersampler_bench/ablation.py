@@ -107,9 +107,9 @@ def markdown_table(rows: Sequence[Row], ablation: Ablation) -> str:
         "| --- | ---: | ---: | ---: |",
         *(f"| {r.name} | {r.psnr:.2f} | {r.psnr - base:+.2f} | {r.tpsnr:.2f} |" for r in rows),
         "",
-        f"Each trained for {ablation.steps} updates of {BATCH} crops, far from the end: what is compared is how "
-        "fast it learns. One seed for all but the last, which says how much is chance. Mean over the validation "
-        "sequences.",
+        f"Each trained for {ablation.steps} updates of {BATCH} crops, far from the end: what is compared is "
+        "how fast it learns. All but the last from one seed; the last says how much is chance. Mean over "
+        "the validation sequences.",
     ]
     return "\n".join(lines)
 
