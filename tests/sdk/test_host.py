@@ -132,6 +132,8 @@ def test_the_classifier_runs_in_bytes_on_the_host_and_in_single_precision_in_the
     assert Model.load("classifier").precision == "int8"
     exact = Model.load("classifier", precision="fp32")
     assert (exact.executor, exact.precision) == ("graph", "fp32")
+    half = Model.load("classifier", precision="fp16")
+    assert (half.executor, half.precision) == ("graph", "fp16")
 
 
 @pytest.mark.parametrize(
@@ -139,6 +141,8 @@ def test_the_classifier_runs_in_bytes_on_the_host_and_in_single_precision_in_the
     [
         ("bilinear", {"executor": "host"}),
         ("taau", {"precision": "int8"}),
+        ("taau", {"precision": "fp16"}),
+        ("classifier", {"executor": "host", "precision": "fp16"}),
         ("classifier", {"executor": "graph", "precision": "int8"}),
     ],
 )
