@@ -31,7 +31,14 @@ def bench() -> None:
     """Measure methods on shots with references; every published number comes from here."""
 
 
-for _command in (cli_run.cost, cli_run.speed, cli_run.device, cli_run.skip, cli_run.parity):
+for _command in (
+    cli_run.cost,
+    cli_run.speed,
+    cli_run.device,
+    cli_run.skip,
+    cli_run.parity,
+    cli_run.precision,
+):
     app.command()(_command)
 
 

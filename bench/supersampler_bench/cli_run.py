@@ -182,6 +182,45 @@ def parity(
     _publish("parity", table, parity_record(results), json, update)
 
 
+def precision(
+    scenes: Annotated[
+        str, typer.Option(help="Families of test shots, with commas between.")
+    ] = "machine_hall,market,night_garden,gallery,court",
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models that are learned, with commas between.")
+    ] = "classifier,classifier-small",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "320x180",
+    frames: Annotated[int, typer.Option(min=30, help="That follow from one another.")] = 300,
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Measure what coarser precisions cost at the end of long sequences, rendered here, with OpenGL.
+
+    Example:
+      supersampler bench precision --scenes court --methods classifier --update docs/executors.md
+    """
+    from supersampler_bench.precision import markdown_table, measure_precision, precision_record
+
+    if update is not None:
+        find_block(update, "precision")
+    families, size = _listed(scenes), parse_size(display_size)
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=len(families) * frames)
+        results = measure_precision(
+            families,
+            _listed(methods),
+            size,
+            frames,
+            ratio=ratio,
+            samples=samples,
+            on_frame=lambda: progress.advance(task),
+        )
+    table = markdown_table(results, size, frames, ratio)
+    _publish("precision", table, precision_record(results, frames), json, update)
+
+
 def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
     """Print a table; write its record to `json` and itself to the page `update`, where they are given."""
     Console().print(table, markup=False, soft_wrap=True)
