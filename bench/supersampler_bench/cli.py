@@ -38,6 +38,7 @@ for _command in (
     cli_run.skip,
     cli_run.parity,
     cli_run.precision,
+    cli_run.compare,
 ):
     app.command()(_command)
 
