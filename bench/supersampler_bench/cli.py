@@ -14,7 +14,7 @@ from rich.table import Table
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_run, public_shots
+from supersampler_bench import cli_pareto, cli_run, public_shots
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, setting, write_json
@@ -39,6 +39,8 @@ for _command in (
     cli_run.parity,
     cli_run.precision,
     cli_run.compare,
+    cli_pareto.pareto,
+    cli_pareto.suggest,
 ):
     app.command()(_command)
 
