@@ -35,11 +35,15 @@ class Model:
         info: what its model.json says.
         providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
             step, and counts as the CPU's.
+        threads: on the CPU, as they were asked for; 0 takes every core.
     """
 
-    def __init__(self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str]) -> None:
+    def __init__(
+        self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str], threads: int
+    ) -> None:
         self.info = info
         self.providers = providers
+        self.threads = threads
         self._carrier = carrier
         self._executor = executor
 
@@ -81,13 +85,13 @@ class Model:
         if executor != "graph" and list(names) == [CPU]:
             host = host_executor(info, threads)
             if host is not None and precision in ("auto", host.precision):
-                return cls(info, host, carrier, [CPU])
+                return cls(info, host, carrier, [CPU], threads)
         graph = GraphExecutor(info, options, names)
         if executor == "host" or precision not in ("auto", graph.precision):
             got = f"executor={executor!r}, precision={precision!r}, providers {', '.join(names)}"
             want = f"what {info.method!r} has: the graph in fp32, or, on the CPU, what `executors` lists"
             raise ArgumentError("executor", got=got, want=want)
-        return cls(info, graph, carrier, graph.providers)
+        return cls(info, graph, carrier, graph.providers, threads)
 
     @property
     def executor(self) -> str:

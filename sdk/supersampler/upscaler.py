@@ -1,14 +1,13 @@
 """`Upscaler`: a Model and the history of one view. One per camera; frames go in one after the other."""
 
 import time
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError
@@ -16,16 +15,9 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
-
-
-@dataclass(frozen=True)
-class State:
-    """A copy of an Upscaler's history; plain arrays and numbers, so it can be pickled or sent elsewhere."""
-
-    method: str
-    display_size: Size | None
-    render_size: Size | None
-    history: Mapping[str, NDArray[Any]] | None
+from supersampler.recording.calls import Setup
+from supersampler.recording.recorder import Recorder, setup_here
+from supersampler.state import State
 
 
 @dataclass(frozen=True)
@@ -81,10 +73,13 @@ class Upscaler:
             "exact" draws every pixel, as graphs always do.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
+        record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
 
     Raises:
         ArgumentError: sizes are missing or contradict each other.
         ModelError, ProviderError: see `Model.load`.
+        RecordingError: the file to record to is there already, or cannot be written. Any call may raise it
+            before anything is done; later calls are then not recorded.
     """
 
     def __init__(
@@ -100,6 +95,7 @@ class Upscaler:
         precision: Precision = "auto",
         skip: Skip = "auto",
         validate: Literal["off", "warn", "strict"] = "warn",
+        record: str | Path | None = None,
     ) -> None:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
@@ -124,6 +120,7 @@ class Upscaler:
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
+        self._recorder = None if record is None else Recorder(record, self._setup())
 
     @staticmethod
     def plan(
@@ -193,26 +190,14 @@ class Upscaler:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
             ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
-        started = time.perf_counter()
-        if self._closed:
-            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
-        display_size = self._display_size or self._scaled(frame.size)
-        history = None if frame.reset else self._history
-        carried = None if history is None else history.carry
-        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
-        self._checker.check(frame, display_size)
-        fresh = history is None
-        history = history or self.model.first_history(display_size, frame.size)
-        result, left = self.model.run_wanted(
-            frame, history, want, out=out, history_out=self._spare, skip=self._skip
-        )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
-        return result if want else result.image
+        if self._recorder is None:
+            return self._step(frame, out, want)
+        return self._recorder.step(frame, want, lambda: self._step(frame, out, want))
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
+        if self._recorder is not None:
+            self._recorder.reset()
         self._history = None
         self._checker.reset()
 
@@ -256,14 +241,18 @@ class Upscaler:
         history = None
         if state.history is not None and state.display_size and state.render_size:
             history = self.model.load_history(state.display_size, state.render_size, state.history)
+        if self._recorder is not None:
+            self._recorder.load_state(state)
         self._history, self._spare = history, None
         self._display_size = state.display_size
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history; `step` raises afterwards."""
+        """Free the history, and end the recording; `step` raises afterwards."""
         self._history = self._spare = None
         self._closed = True
+        if self._recorder is not None:
+            self._recorder.close()
 
     def __enter__(self) -> "Upscaler":
         return self
@@ -272,6 +261,25 @@ class Upscaler:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+        started = time.perf_counter()
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
+        display_size = self._display_size or self._scaled(frame.size)
+        history = None if frame.reset else self._history
+        carried = None if history is None else history.carry
+        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
+        self._checker.check(frame, display_size)
+        fresh = history is None
+        history = history or self.model.first_history(display_size, frame.size)
+        result, left = self.model.run_wanted(
+            frame, history, want, out=out, history_out=self._spare, skip=self._skip
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
+        return result if want else result.image
 
     def _count(self, fresh: bool, work: float, seconds: float) -> None:
         s, full = self.stats, work == 1.0
@@ -282,6 +290,15 @@ class Upscaler:
             work=s.work + work,
             full_frames=s.full_frames + full,
             full_seconds=s.full_seconds + (seconds if full else 0.0),
+        )
+
+    def _setup(self) -> Setup:
+        return setup_here(
+            self.model,
+            display_size=self._display_size,
+            scale=self._scale,
+            skip=self._skip,
+            validate=self._checker.validate,
         )
 
     def _scaled(self, render_size: Size) -> Size:

@@ -33,6 +33,14 @@ class PrecisionName(StrEnum):
     int8 = "int8"
 
 
+class ExecutorChoice(StrEnum):
+    """How a model runs."""
+
+    auto = "auto"
+    graph = "graph"
+    host = "host"
+
+
 class Format(StrEnum):
     """Files to write pictures as."""
 

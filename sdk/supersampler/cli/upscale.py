@@ -72,6 +72,9 @@ def upscale(
             help="off: check shapes. warn: read pixels after each cut. strict: every frame, and stop."
         ),
     ] = Validate.warn,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record all frames, for `supersampler replay`.")
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Start over where results are already.")
     ] = False,
@@ -108,8 +111,11 @@ def upscale(
         precision=precision.value,
         skip=parse_skip(skip),
         validate=validate.value,
+        record=record,
         overwrite=overwrite,
     )
     run_job(job)
+    if record is not None:
+        typer.echo(f"Replay: supersampler replay {record}")
     if compare:
         typer.echo(f"Open in a browser: {output / 'compare.html'}")
