@@ -78,6 +78,12 @@ def parse_size(text: str) -> Size:
     return int(found[1]), int(found[2])
 
 
+def parse_providers(text: str) -> str | list[str]:
+    """Read "cuda,cpu" as names in order; one alone is not listed, as "auto" is no name in a list."""
+    names = [name.strip() for name in text.split(",")]
+    return names[0] if len(names) == 1 else names
+
+
 def parse_skip(text: str) -> "Skip":
     """Read "auto", "exact" or a number, which `Upscaler` checks."""
     if text in ("auto", "exact"):

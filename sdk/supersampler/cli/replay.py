@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import ExecutorChoice, Format, PrecisionName, size_text
+from supersampler.cli.arguments import ExecutorChoice, Format, PrecisionName, parse_providers, size_text
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -37,6 +37,12 @@ def replay(
     precision: Annotated[
         PrecisionName | None, typer.Option(help="Of what is learned.", show_default="recorded")
     ] = None,
+    providers: Annotated[
+        str | None,
+        typer.Option(
+            help="ONNX Runtime providers, as of `supersampler upscale`.", show_default="recorded, or auto"
+        ),
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Start over where pictures of another replay are.")
     ] = False,
@@ -53,21 +59,32 @@ def replay(
       supersampler replay kitchen.recording -o out --format png --executor graph
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.recording import open_recording
-    from supersampler.recording.replay import Replay
+    from supersampler.recording.replay import Replay, Summary
 
     replayed = Replay(
         open_recording(recording),
         model=model,
         executor=None if executor is None else executor.value,
         precision=None if precision is None else precision.value,
+        providers=None if providers is None else parse_providers(providers),
     )
     formats = sorted({item.value for item in format or [Format.exr]})
     results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
-    typer.echo("\n".join(_heads(replayed)))
-    summary = _run(replayed, results)
-    typer.echo("\n".join(_verdict(replayed, summary)))
+    summary = Summary()
+    for line in _heads(replayed):
+        _say(line)
+    try:
+        _run(replayed, summary, results)
+    finally:  # of a damaged file: on the frames before
+        for line in _verdict(replayed, summary):
+            _say(line)
     if summary.beyond is not None:
         raise typer.Exit(1)
+
+
+def _say(line: str) -> None:
+    """Print a line; a stranger's file has no say over the terminal."""
+    typer.echo("".join(character if character.isprintable() else "?" for character in line))
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
@@ -114,36 +131,34 @@ def _place(
     return f"{provider} ({executor}, {precision}); {packages}; {where}"
 
 
-def _run(replay: "Replay", results: "Results | None") -> "Summary":
-    """Do all calls; print and write what comes of each."""
+def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> None:
+    """Do all calls; print, sum up and write what comes of each."""
     from rich.console import Console
 
     from supersampler.cli.frame_warnings import frame_warnings
     from supersampler.recording import CloseCall, StepCall
-    from supersampler.recording.replay import Summary
 
-    console, summary = Console(stderr=True, highlight=False), Summary()
+    console = Console(stderr=True, highlight=False)
     last: Replayed | None = None  # that returned an image
     call: Call | None = None
     for call in replay.recording:
         if isinstance(call, StepCall) and call.outcome is None:  # said before: it may end this process, too
-            typer.echo(f"frame {call.index}: the recording does not say what came of it")
+            _say(f"frame {call.index}: the recording does not say what came of it")
         with frame_warnings(console, summary.steps):
             step = replay.call(call)
         if step is not None:
             summary.add(step)
             if step.note:
-                typer.echo(f"frame {step.index}: {step.note}")
+                _say(f"frame {step.index}: {step.note}")
             if step.result is not None:
                 last = step
                 if results is not None:
                     results.write(step.index, step.result.image, step.exposure, step.result.carry)
     if not isinstance(call, CloseCall):
-        typer.echo("The recording was not closed; it ends with its last whole call.")
+        _say("The recording was not closed; it ends with its last whole call.")
     elif results is not None and last is not None and call.image is not None:
         recorded = type(results)(results.folder / "recorded", results.formats)
         recorded.write(last.index, call.image, last.exposure)
-    return summary
 
 
 def _verdict(replay: "Replay", summary: "Summary") -> Iterator[str]:

@@ -11,6 +11,7 @@ from supersampler.cli.arguments import (
     ShotArgument,
     Validate,
     open_shot,
+    parse_providers,
     parse_size,
     parse_skip,
 )
@@ -96,7 +97,6 @@ def upscale(
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    names = [name.strip() for name in providers.split(",")]
     job = UpscaleJob(
         shot=open_shot(shot),
         output=output,
@@ -106,7 +106,7 @@ def upscale(
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
         compare=compare,
         maps=maps,
-        providers=names[0] if len(names) == 1 else names,
+        providers=parse_providers(providers),
         threads=threads,
         precision=precision.value,
         skip=parse_skip(skip),

@@ -130,6 +130,8 @@ def setup_of(record: Record) -> Setup:
     }
     for name in ("folder", "method", "executor", "precision", "validate"):
         values[name] = str(values[name])
+    if values["threads"] < 0:
+        raise ValueError(f"{values['threads']} threads")
     return Setup(**values)
 
 

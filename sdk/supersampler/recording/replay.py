@@ -76,8 +76,9 @@ class Replay:
     Args:
         recording: the recording.
         model: a model's name or folder, whatever was recorded; None takes the recorded one, if it ships.
-        executor: see `Model.load`; None takes the recorded one, of the recorded model.
-        precision: see `Model.load`; None takes the recorded one where `executor` is None, too.
+        executor: see `Model.load`. Where none of these three is given, and the model is the recorded one, it
+            runs as it did there; else what is not given is "auto".
+        precision: see `Model.load`.
         providers: see `Model.load`; None takes the recorded ones where they are installed, else "auto".
 
     Attributes:
@@ -103,7 +104,7 @@ class Replay:
         setup = recording.setup
         folder = _recorded_model(recording) if model is None else find_model(model)
         self.is_recorded_model = setup.is_of(read_model_info(folder))
-        asked = not self.is_recorded_model or executor is not None or precision is not None
+        asked = not self.is_recorded_model or (executor, precision, providers) != (None, None, None)
         self.recording = recording
         self.model = Model.load(
             folder,
@@ -152,7 +153,7 @@ class Replay:
         if there is None:
             return Replayed(call.index, result, exposure, exact=None, difference=None, within=True)
         if any(there.error):
-            note = f"raised {_text(there)} there, and nothing here"
+            note = f"raises nothing; there: {_text(there)}"
             return Replayed(
                 call.index, result, exposure, exact=False, difference=None, within=False, note=note
             )
