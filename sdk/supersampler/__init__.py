@@ -37,7 +37,8 @@ if TYPE_CHECKING:
     from supersampler.model import Model
     from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.state import State
-    from supersampler.upscaler import Stats, Upscaler
+    from supersampler.stats import Stats
+    from supersampler.upscaler import Upscaler
 
 __version__ = "0.1.0"
 
@@ -86,7 +87,8 @@ _LAZY = {
     "Model": "model",
     **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
     "State": "state",
-    **dict.fromkeys(("Stats", "Upscaler"), "upscaler"),
+    "Stats": "stats",
+    "Upscaler": "upscaler",
 }
 
 

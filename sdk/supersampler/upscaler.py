@@ -1,8 +1,8 @@
 """`Upscaler`: a Model and the history of one view. One per camera; frames go in one after the other."""
 
 import time
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import Literal, overload
@@ -10,7 +10,7 @@ from typing import Literal, overload
 import numpy as np
 
 from supersampler.checks import FrameChecker
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
@@ -18,35 +18,8 @@ from supersampler.plan import Plan
 from supersampler.recording.calls import Setup
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.state import State
-
-
-@dataclass(frozen=True)
-class Stats:
-    """What an Upscaler has done since it was made.
-
-    Attributes:
-        frames: frames stepped.
-        resets: times that the history was dropped, the first frame's included.
-        seconds: wall time spent in `step`.
-        work: of the work that drawing every pixel of every frame is, how many frames' worth was done; a
-            `frames - work` was skipped.
-        full_frames: frames of which every pixel was drawn.
-        full_seconds: wall time spent on those.
-    """
-
-    frames: int = 0
-    resets: int = 0
-    seconds: float = 0.0
-    work: float = 0.0
-    full_frames: int = 0
-    full_seconds: float = 0.0
-
-    @property
-    def saved_seconds(self) -> float:
-        """What all frames would have taken at the pace of the full ones, less what they took."""
-        if not self.full_frames:
-            return 0.0
-        return self.full_seconds / self.full_frames * self.frames - self.seconds
+from supersampler.stats import Stats
+from supersampler.tensors import Tensor, render_size_of, taken
 
 
 class Upscaler:
@@ -192,7 +165,45 @@ class Upscaler:
         """
         if self._recorder is None:
             return self._step(frame, out, want)
-        return self._recorder.step(frame, want, lambda: self._step(frame, out, want))
+        return self._recorder.step(frame, want, partial(self._step, frame, out, want))
+
+    def step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        reset: bool = False,
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """Upscale the next frame where it lies, on the provider's device: no image goes to or from the host.
+
+        >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
+        >>> image = torch.from_dlpack(image)
+
+        For executor="graph". Pixels are not read and checked as `step` does.
+
+        Args:
+            tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
+                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w). Anything that speaks DLPack
+                (torch, CuPy, JAX).
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            reset: see `Frame`.
+            out: (1, 3, H, W) to write the image to; a new tensor where None.
+
+        Returns:
+            (1, 3, H, W) linear RGB on the device; `out` if given.
+
+        Raises:
+            FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
+                before.
+            ArgumentError: the executor takes no tensors.
+        """
+        run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
+        if self._recorder is None:
+            return run()
+        return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
@@ -264,8 +275,7 @@ class Upscaler:
 
     def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         started = time.perf_counter()
-        if self._closed:
-            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
+        self._check_open()
         display_size = self._display_size or self._scaled(frame.size)
         history = None if frame.reset else self._history
         carried = None if history is None else history.carry
@@ -280,6 +290,35 @@ class Upscaler:
         self._history, self._spare = left, history
         self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
         return result if want else result.image
+
+    def _step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        jitter: tuple[float, float],
+        exposure: float | None,
+        reset: bool,
+        out: Tensor | None,
+    ) -> Tensor:
+        started = time.perf_counter()
+        self._check_open()
+        if "color" not in tensors:
+            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+        size = render_size_of(taken(tensors["color"], "color"))
+        display_size = self._display_size or self._scaled(size)
+        history = None if reset else self._history
+        fresh = history is None
+        history = history or self.model.first_history(display_size, size)
+        image, left = self.model.run_tensors(
+            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, 1.0, time.perf_counter() - started)
+        return image
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
     def _count(self, fresh: bool, work: float, seconds: float) -> None:
         s, full = self.stats, work == 1.0

@@ -15,6 +15,7 @@ import pytest
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, RecordingError, Upscaler
 from supersampler.frame import Float32
+from supersampler.graph_session import planes_of
 from supersampler.recording import CloseCall, LoadStateCall, ResetCall, StepCall, open_recording
 from supersampler.recording.format import Record, RecordWriter, read_records
 from supersampler.recording.replay import Replay, Replayed
@@ -127,6 +128,26 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
     assert setup.versions["supersampler"]
     assert setup.machine["cores"]
     assert str(file.parent) not in file.read_bytes().decode("latin-1")  # no path of the user's
+
+
+def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
+    with recorded(Model.load("taau", threads=1, executor="graph"), file, validate="strict") as upscaler:
+        for seed in range(3):
+            frame = noise(seed)
+            dark = np.where(frame.depth[..., None] > 0.02, frame.color, np.nan)  # which `step` would refuse
+            images = {
+                "color": planes_of(dark),
+                "depth": planes_of(frame.depth),
+                "motion": planes_of(frame.motion),
+            }
+            upscaler.step_tensors(images, jitter=frame.jitter, exposure=0.5, reset=frame.reset)
+        for broken in ({**images, "depth": np.zeros((1, 1, 4, 4), np.float32)}, {"color": images["color"]}):
+            with pytest.raises(FrameError, match="depth"):
+                upscaler.step_tensors(broken, jitter=(0.0, 0.0))
+    calls = list(open_recording(file))
+    assert [isinstance(call, StepCall) and call.tensors for call in calls] == [True, True, True, False]
+    assert [step.exact for step in replayed(file)] == [True] * 3
+    assert not replayed(file, executor="host")[0].exact
 
 
 def test_nothing_changes_by_being_recorded(models: dict[str, Model], file: Path) -> None:

@@ -62,18 +62,20 @@ class Setup:
 
 @dataclass(frozen=True, eq=False)
 class StepCall:
-    """`Upscaler.step`.
+    """`Upscaler.step`, or `step_tensors`.
 
     Attributes:
         index: how many steps were before it, those that were refused included.
         frame: as it was handed in.
         want: what else than the image was asked for.
+        tensors: whether the frame came as tensors on a device, whose pixels nothing checks.
         outcome: what came of it; None where the process ended within the step, or just after it.
     """
 
     index: int
     frame: Frame
     want: tuple[str, ...]
+    tensors: bool
     outcome: Outcome | None
 
 
@@ -135,7 +137,7 @@ def setup_of(record: Record) -> Setup:
     return Setup(**values)
 
 
-def step_record(frame: Frame, want: Collection[str]) -> Record:
+def step_record(frame: Frame, want: Collection[str], *, tensors: bool = False) -> Record:
     """A frame: what is no array as JSON, arrays by their field, those of a mapping as field.key."""
     values: dict[str, Any] = {}
     arrays: dict[str, NDArray[Any]] = {}
@@ -148,7 +150,7 @@ def step_record(frame: Frame, want: Collection[str]) -> Record:
             arrays |= {f"{field.name}.{key}": array for key, array in value.items()}
         else:
             values[field.name] = value
-    return Record("step", {"frame": values, "want": list(map(str, want))}, arrays)
+    return Record("step", {"frame": values, "want": list(map(str, want)), "tensors": tensors}, arrays)
 
 
 def frame_of(record: Record) -> Frame:

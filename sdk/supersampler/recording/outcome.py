@@ -13,7 +13,7 @@ from supersampler.history import Result
 from supersampler.recording.format import Record, octets
 
 SAMPLES = 4096
-"""Pixels of each image that are kept, at most: some ten kilobytes, a hundredth of a frame."""
+"""Pixels of each image that are kept, about: little beside a frame."""
 
 _SAMPLED = ("image", "carry")  # maps tell why a picture is as it is, and may differ where it does not
 

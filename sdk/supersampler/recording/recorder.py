@@ -1,9 +1,9 @@
 """`Recorder`: writes down what an Upscaler is asked and what it answers, while it is asked."""
 
 import platform
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Collection, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, TypeVar
 
 import numpy as np
 
@@ -16,12 +16,15 @@ from supersampler.model_info import CONTRACT
 from supersampler.recording.calls import Setup, setup_record, state_record, step_record
 from supersampler.recording.format import Record, RecordWriter
 from supersampler.recording.outcome import Outcome, outcome_record, raised, returned
+from supersampler.recording.tensors import frame_of_tensors, image_of_tensor
 from supersampler.state import State
+from supersampler.tensors import Tensor
 
 if TYPE_CHECKING:
     from supersampler.model import Model, Skip
 
 _PACKAGES = ("numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numba", "llvmlite")
+_Made = TypeVar("_Made")
 
 
 class Recorder:
@@ -56,25 +59,28 @@ class Recorder:
         Raises:
             RecordingError: it, or the outcome of the step before, cannot be written; nothing was done.
         """
-        self._raise_failure()
-        if self._writer is None:
-            return run()
-        begin = self._writer.end
-        self._write(step_record(frame, want))
-        try:
-            result = run()
-        except BaseException as error:
-            if isinstance(error, ArgumentError) or not isinstance(error, Exception):
-                self._writer.cut(begin)
-            else:
-                self._close_step(begin, raised(error))
-            raise
-        told = result if isinstance(result, Result) else Result(result)
-        self._close_step(begin, returned(self._steps, told))
-        if self._last is None or self._last.shape != told.image.shape:
-            self._last = np.empty_like(told.image)
-        np.copyto(self._last, told.image)
-        return result
+        return self._around(run, lambda: step_record(frame, want), _as_result)
+
+    def step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        jitter: tuple[float, float],
+        exposure: float | None,
+        reset: bool,
+        run: Callable[[], Tensor],
+    ) -> Tensor:
+        """Carry out a step with tensors by `run`, and record it: as a frame, which is copied to the host.
+
+        Raises:
+            FrameError: they make no frame; nothing was done.
+            RecordingError: see `step`.
+        """
+
+        def record() -> Record:
+            frame = frame_of_tensors(tensors, jitter, exposure, reset=reset)
+            return step_record(frame, (), tensors=True)
+
+        return self._around(run, record, lambda image: Result(image_of_tensor(image)))
 
     def reset(self) -> None:
         """Record a reset that is about to be made."""
@@ -91,6 +97,29 @@ class Recorder:
         self._raise_failure()
         self._write(Record("close", arrays={} if self._last is None else {"image": self._last}))
         self._stop()
+
+    def _around(
+        self, run: Callable[[], _Made], record: Callable[[], Record], result_of: Callable[[_Made], Result]
+    ) -> _Made:
+        self._raise_failure()
+        if self._writer is None:
+            return run()
+        begin = self._writer.end
+        self._write(record())
+        try:
+            made = run()
+        except BaseException as error:
+            if isinstance(error, ArgumentError) or not isinstance(error, Exception):
+                self._writer.cut(begin)
+            else:
+                self._close_step(begin, raised(error))
+            raise
+        result = result_of(made)
+        self._close_step(begin, returned(self._steps, result))
+        if self._last is None or self._last.shape != result.image.shape:
+            self._last = np.empty_like(result.image)
+        np.copyto(self._last, result.image)
+        return made
 
     def _close_step(self, begin: int, outcome: Outcome) -> None:
         """Record what came of a step. It has been made: where that fails, the next call raises."""
@@ -121,6 +150,10 @@ class Recorder:
         if self._writer is not None:
             self._writer.close()
         self._writer = self._last = None
+
+
+def _as_result(made: Float32 | Result) -> Result:
+    return made if isinstance(made, Result) else Result(made)
 
 
 def setup_here(

@@ -62,7 +62,8 @@ class Recording:
             match record.kind:
                 case "step":
                     told = None if outcome is None else outcome_of(outcome)
-                    return StepCall(index, frame_of(record), tuple(record.values["want"]), told)
+                    want, tensors = tuple(record.values["want"]), bool(record.values["tensors"])
+                    return StepCall(index, frame_of(record), want, tensors, told)
                 case "load_state":
                     return LoadStateCall(state_of(record))
                 case "reset":
