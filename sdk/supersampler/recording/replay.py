@@ -40,7 +40,7 @@ class Difference:
 
 
 SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
-"""Tolerated between machines and executors: where what is learned is in single precision; in halves or bytes."""
+"""Tolerated between machines and executors: with what is learned in single precision; in halves or bytes."""
 _NOTHING, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 

@@ -1,6 +1,7 @@
 """Tensors on a device, for a file and back: what `Upscaler.step_tensors` takes and gives."""
 
 from collections.abc import Mapping
+from typing import Any
 
 import onnxruntime as ort
 
@@ -20,7 +21,7 @@ def frame_of_tensors(
     Raises:
         FrameError: they are none: one is missing, or of a wrong type, shape or range.
     """
-    images = {}
+    images: dict[str, Any] = {}
     for name in _IMAGES:
         if name not in tensors:
             raise FrameError(name, got=None, want="a tensor")
@@ -39,5 +40,4 @@ def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
 
 def image_of_tensor(image: Tensor) -> Float32:
     """Return (H, W, 3) of (1, 3, H, W), copied to the host."""
-    planes: Float32 = taken(image, "image").numpy()
-    return planes[0].transpose(1, 2, 0)
+    return pixels_of(taken(image, "image").numpy())
