@@ -3,7 +3,6 @@
 import hashlib
 import json
 import math
-import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
@@ -14,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.files import replacing
+from supersampler.machine import machine
 from supersampler.shot import Shot
 from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
 
@@ -71,11 +71,6 @@ def setting() -> dict[str, Any]:
     }
 
 
-def machine() -> dict[str, Any]:
-    """Return the CPU's model, its logical cores and the operating system."""
-    return {"cpu": _cpu_model(), "cores": os.cpu_count(), "os": platform.platform()}
-
-
 def write_json(record: dict[str, Any], path: Path) -> None:
     """Write a record, whole or not at all; NaN becomes null, as JSON has none.
 
@@ -122,16 +117,6 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None  # onnxruntime, say, goes by other names too
-
-
-def _cpu_model() -> str:
-    """Return the model's name where the system tells it, else the architecture."""
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def _without_nan(value: Any) -> Any:

@@ -36,11 +36,15 @@ class Model:
         info: what its model.json says.
         providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
             step, and counts as the CPU's.
+        threads: on the CPU, as they were asked for; 0 takes every core.
     """
 
-    def __init__(self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str]) -> None:
+    def __init__(
+        self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str], threads: int
+    ) -> None:
         self.info = info
         self.providers = providers
+        self.threads = threads
         self._carrier = carrier
         self._executor = executor
 
@@ -82,14 +86,14 @@ class Model:
         if executor != "graph" and list(names) == [CPU]:
             host = host_executor(info, threads)
             if host is not None and precision in ("auto", host.precision):
-                return cls(info, host, carrier, [CPU])
+                return cls(info, host, carrier, [CPU], threads)
         kind = "fp32" if precision == "auto" else precision
         if executor == "host" or kind not in info.steps:
             got = f"executor={executor!r}, precision={precision!r}, providers {', '.join(names)}"
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want)
         graph = GraphExecutor(info, options, names, kind)
-        return cls(info, graph, carrier, graph.providers)
+        return cls(info, graph, carrier, graph.providers, threads)
 
     @property
     def executor(self) -> str:

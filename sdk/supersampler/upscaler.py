@@ -2,13 +2,12 @@
 
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError, FrameError
@@ -16,46 +15,11 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
+from supersampler.recording.calls import Setup
+from supersampler.recording.recorder import Recorder, setup_here
+from supersampler.state import State
+from supersampler.stats import Stats
 from supersampler.tensors import Tensor, render_size_of, taken
-
-
-@dataclass(frozen=True)
-class State:
-    """A copy of an Upscaler's history; plain arrays and numbers, so it can be pickled or sent elsewhere."""
-
-    method: str
-    display_size: Size | None
-    render_size: Size | None
-    history: Mapping[str, NDArray[Any]] | None
-
-
-@dataclass(frozen=True)
-class Stats:
-    """What an Upscaler has done since it was made.
-
-    Attributes:
-        frames: frames stepped.
-        resets: times that the history was dropped, the first frame's included.
-        seconds: wall time spent in `step`.
-        work: of the work that drawing every pixel of every frame is, how many frames' worth was done; a
-            `frames - work` was skipped.
-        full_frames: frames of which every pixel was drawn.
-        full_seconds: wall time spent on those.
-    """
-
-    frames: int = 0
-    resets: int = 0
-    seconds: float = 0.0
-    work: float = 0.0
-    full_frames: int = 0
-    full_seconds: float = 0.0
-
-    @property
-    def saved_seconds(self) -> float:
-        """What all frames would have taken at the pace of the full ones, less what they took."""
-        if not self.full_frames:
-            return 0.0
-        return self.full_seconds / self.full_frames * self.frames - self.seconds
 
 
 class Upscaler:
@@ -82,10 +46,13 @@ class Upscaler:
             "exact" draws every pixel, as graphs always do.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
+        record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
 
     Raises:
         ArgumentError: sizes are missing or contradict each other.
         ModelError, ProviderError: see `Model.load`.
+        RecordingError: the file to record to is there already, or cannot be written. Any call may raise it
+            before anything is done; later calls are then not recorded.
     """
 
     def __init__(
@@ -101,6 +68,7 @@ class Upscaler:
         precision: Precision = "auto",
         skip: Skip = "auto",
         validate: Literal["off", "warn", "strict"] = "warn",
+        record: str | Path | None = None,
     ) -> None:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
@@ -125,6 +93,7 @@ class Upscaler:
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
+        self._recorder = None if record is None else Recorder(record, self._setup())
 
     @staticmethod
     def plan(
@@ -194,22 +163,9 @@ class Upscaler:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
             ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
-        started = time.perf_counter()
-        self._check_open()
-        display_size = self._display_size or self._scaled(frame.size)
-        history = None if frame.reset else self._history
-        carried = None if history is None else history.carry
-        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
-        self._checker.check(frame, display_size)
-        fresh = history is None
-        history = history or self.model.first_history(display_size, frame.size)
-        result, left = self.model.run_wanted(
-            frame, history, want, out=out, history_out=self._spare, skip=self._skip
-        )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
-        return result if want else result.image
+        if self._recorder is None:
+            return self._step(frame, out, want)
+        return self._recorder.step(frame, want, partial(self._step, frame, out, want))
 
     def step_tensors(
         self,
@@ -244,25 +200,15 @@ class Upscaler:
                 before.
             ArgumentError: the executor takes no tensors.
         """
-        started = time.perf_counter()
-        self._check_open()
-        if "color" not in tensors:
-            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
-        size = render_size_of(taken(tensors["color"], "color"))
-        display_size = self._display_size or self._scaled(size)
-        history = None if reset else self._history
-        fresh = history is None
-        history = history or self.model.first_history(display_size, size)
-        image, left = self.model.run_tensors(
-            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
-        )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, 1.0, time.perf_counter() - started)
-        return image
+        run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
+        if self._recorder is None:
+            return run()
+        return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
+        if self._recorder is not None:
+            self._recorder.reset()
         self._history = None
         self._checker.reset()
 
@@ -306,14 +252,18 @@ class Upscaler:
         history = None
         if state.history is not None and state.display_size and state.render_size:
             history = self.model.load_history(state.display_size, state.render_size, state.history)
+        if self._recorder is not None:
+            self._recorder.load_state(state)
         self._history, self._spare = history, None
         self._display_size = state.display_size
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history; `step` raises afterwards."""
+        """Free the history, and end the recording; `step` raises afterwards."""
         self._history = self._spare = None
         self._closed = True
+        if self._recorder is not None:
+            self._recorder.close()
 
     def __enter__(self) -> "Upscaler":
         return self
@@ -322,6 +272,49 @@ class Upscaler:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+        started = time.perf_counter()
+        self._check_open()
+        display_size = self._display_size or self._scaled(frame.size)
+        history = None if frame.reset else self._history
+        carried = None if history is None else history.carry
+        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
+        self._checker.check(frame, display_size)
+        fresh = history is None
+        history = history or self.model.first_history(display_size, frame.size)
+        result, left = self.model.run_wanted(
+            frame, history, want, out=out, history_out=self._spare, skip=self._skip
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
+        return result if want else result.image
+
+    def _step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        jitter: tuple[float, float],
+        exposure: float | None,
+        reset: bool,
+        out: Tensor | None,
+    ) -> Tensor:
+        started = time.perf_counter()
+        self._check_open()
+        if "color" not in tensors:
+            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+        size = render_size_of(taken(tensors["color"], "color"))
+        display_size = self._display_size or self._scaled(size)
+        history = None if reset else self._history
+        fresh = history is None
+        history = history or self.model.first_history(display_size, size)
+        image, left = self.model.run_tensors(
+            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, 1.0, time.perf_counter() - started)
+        return image
 
     def _check_open(self) -> None:
         if self._closed:
@@ -336,6 +329,15 @@ class Upscaler:
             work=s.work + work,
             full_frames=s.full_frames + full,
             full_seconds=s.full_seconds + (seconds if full else 0.0),
+        )
+
+    def _setup(self) -> Setup:
+        return setup_here(
+            self.model,
+            display_size=self._display_size,
+            scale=self._scale,
+            skip=self._skip,
+            validate=self._checker.validate,
         )
 
     def _scaled(self, render_size: Size) -> Size:

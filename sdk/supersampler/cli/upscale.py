@@ -11,6 +11,7 @@ from supersampler.cli.arguments import (
     ShotArgument,
     Validate,
     open_shot,
+    parse_providers,
     parse_size,
     parse_skip,
 )
@@ -72,6 +73,9 @@ def upscale(
             help="off: check shapes. warn: read pixels after each cut. strict: every frame, and stop."
         ),
     ] = Validate.warn,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record all frames, for `supersampler replay`.")
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Start over where results are already.")
     ] = False,
@@ -93,7 +97,6 @@ def upscale(
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    names = [name.strip() for name in providers.split(",")]
     job = UpscaleJob(
         shot=open_shot(shot),
         output=output,
@@ -103,13 +106,16 @@ def upscale(
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
         compare=compare,
         maps=maps,
-        providers=names[0] if len(names) == 1 else names,
+        providers=parse_providers(providers),
         threads=threads,
         precision=precision.value,
         skip=parse_skip(skip),
         validate=validate.value,
+        record=record,
         overwrite=overwrite,
     )
     run_job(job)
+    if record is not None:
+        typer.echo(f"Replay: supersampler replay {record}")
     if compare:
         typer.echo(f"Open in a browser: {output / 'compare.html'}")
