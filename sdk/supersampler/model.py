@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.executor import Executor
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
 from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result
@@ -204,7 +204,7 @@ class Model:
         """Upscale a frame that lies on the provider's device; see `Upscaler.step_tensors`.
 
         Raises:
-            FrameError: an input is missing, or its type, shape or device does not fit.
+            FrameError: an input is missing, or its type, shape, range or device does not fit.
             ArgumentError: the executor is not a graph, or `history_out` is `history`.
         """
         if not isinstance(self._executor, GraphExecutor):
@@ -212,6 +212,7 @@ class Model:
             raise ArgumentError("executor", got=repr(self.executor), want=want)
         if history_out is history:
             raise ArgumentError("history_out", got="history itself", want="other buffers")
+        jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
         vectors = vector_inputs(jitter, exposure, history.display_size)
         given = {}
         for tensor in self.info.inputs:

@@ -78,6 +78,14 @@ def test_a_tensor_that_does_not_fit_is_refused_by_name_and_the_history_stays(
     np.testing.assert_array_equal(one.step(second), other.step(second))
 
 
+@pytest.mark.parametrize(
+    ("spoilt", "name"), [({"jitter": (3.0, 0.0)}, "jitter"), ({"exposure": -1.0}, "exposure")]
+)
+def test_jitter_and_exposure_are_checked_as_those_of_frames_are(spoilt: dict[str, Any], name: str) -> None:
+    with pytest.raises(FrameError, match=rf"frame\.{name} is"):
+        upscaler().step_tensors(tensors_of(noise(1)), **{"jitter": (0.0, 0.0), **spoilt})
+
+
 def test_kernels_take_no_tensors() -> None:
     with pytest.raises(ArgumentError, match="graph"):
         upscaler(executor="host").step_tensors(tensors_of(noise(1)), jitter=(0.0, 0.0))
