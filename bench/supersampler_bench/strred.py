@@ -104,8 +104,8 @@ def _scale_mixture(plane: Plane) -> tuple[Plane, Plane]:
     """
     height, width = (side // _BLOCK * _BLOCK for side in plane.shape)
     values = _BLOCK * _BLOCK
-    blocks = plane[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK)
-    blocks = blocks.swapaxes(1, 2).reshape(-1, values)
+    squares = plane[:height, :width].reshape(height // _BLOCK, _BLOCK, width // _BLOCK, _BLOCK)
+    blocks = squares.swapaxes(1, 2).reshape(-1, values)
     if not blocks.size:
         return np.zeros(0), np.zeros(0)
     patches = sliding_window_view(plane[:height, :width], (_BLOCK, _BLOCK)).reshape(-1, values)

@@ -9,9 +9,8 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.shot import ShotWriter, shipped_shot
-from supersampler_bench import quality
-from supersampler_bench.quality import FrameScores, MethodScores
 from supersampler_bench.record import Measured, quality_record, write_json
+from supersampler_bench.scores import METRICS, FrameScores, MethodScores
 from supersampler_bench.table import caption, cells, markdown_table, update_block
 from supersampler_model.data.analytic import Plane, checker
 
@@ -19,9 +18,9 @@ README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-
 
 
 def result(method: str, psnr: float, flip: float) -> MethodScores:
-    scores = dict.fromkeys(quality.METRICS, float("nan"))
+    scores = dict.fromkeys(METRICS, float("nan"))
     scores |= {"psnr": psnr, "flip": flip, "pixels_moving": 0.0, "pixels_disoccluded": 0.0}
-    scores["warped_error_difference"] = 0.00123
+    scores |= {"warped_error_difference": 0.00123, "srred": 3.0, "trred": 4.0}
     return MethodScores(method, [FrameScores(8, full=scores, cropped=scores)])
 
 

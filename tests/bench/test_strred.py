@@ -40,7 +40,8 @@ def blurred(picture: NDArray[np.float64]) -> NDArray[np.float64]:
     height, width = SIZE
     for _ in range(6):
         padded = np.pad(picture, 1, mode="edge")
-        picture = sum(padded[i : i + height, j : j + width] for i in range(3) for j in range(3)) / 9.0
+        shifted = (padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
+        picture = np.mean(list(shifted), axis=0)
     return picture
 
 
