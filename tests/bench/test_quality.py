@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler import Frame, ShotError
+from supersampler import Frame, Result, ShotError
 from supersampler.display import CEILING_DB
 from supersampler.frame import Float32
 from supersampler.shot import ClassMaps, Shot, ShotWriter
@@ -140,6 +140,45 @@ def test_without_truth_classes_what_only_they_tell_is_not_measured(
     scores = painted(monkeypatch, write_shot(tmp_path, references=[3]), truth)[0].full
     assert np.isnan([scores["psnr_changing_light"], scores["psnr_aliased"]]).all()
     assert scores["pixels_aliased"] == 0
+
+
+def test_strred_is_of_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = write_shot(tmp_path, references=[1, 2, 3, 4, 5, 8, 9], count=10)
+    frames = painted(monkeypatch, shot, lambda i: truth(i - i % 2))
+    paired = [f.frame for f in frames if not np.isnan(f.cropped["strred"])]
+    assert paired == [2, 4, 9]
+    assert all(f.full["trred"] > 0.0 for f in frames if f.frame in paired)
+
+
+def test_what_a_method_said_of_classes_is_held_against_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    ghost[20:22, 30:40] = 1
+    classes = np.zeros((DISPLAY[1] // 2, DISPLAY[0] // 2, 6), np.float32)
+    classes[..., 0], classes[..., 5] = 0.5, 1.0
+    classes[10, 15:18, 1] = 0.9
+
+    class Teller(Painter):
+        def __init__(self) -> None:
+            super().__init__(truth)
+            self.model.info.maps["class_map"] = None
+
+        def step(self, _: Frame, **asked: Any) -> Result:  # type: ignore[override]
+            assert asked == {"want": ["class_map"]}
+            return Result(super().step(_), class_map=classes)
+
+    monkeypatch.setattr(quality, "Upscaler", Teller())
+    [result] = measure_quality(write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias)), ["t"])
+    counts = result.classes(warm=False, cropped=False)
+    assert counts is not None
+    of_ghosting, of_aliasing = counts
+    assert of_ghosting[1].tolist() == [8, 12, 0]
+    assert of_aliasing.tolist() == [[0, 0, 96 * 54], [0, 0, 0], [0, 0, 0]]
+    assert result.classes() is None  # no frame after the warm-up
+    cropped = result.frames[0].cropped_classes
+    assert cropped is not None
+    assert cropped.sum() == 2 * 80 * 38
 
 
 def test_the_border_is_left_out_of_the_cropped_scores(

@@ -3,15 +3,25 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
+from OpenImageIO import ImageBuf
 from typer.testing import CliRunner
 
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
-from supersampler.shot import ShotWriter, shipped_shot
+from supersampler.shot import ClassMaps, ShotWriter, shipped_shot
 from supersampler_bench.record import Measured, quality_record, write_json
+from supersampler_bench.report import block_names
 from supersampler_bench.scores import METRICS, FrameScores, MethodScores
-from supersampler_bench.table import caption, cells, markdown_table, update_block
+from supersampler_bench.table import (
+    CLIP_COLUMNS,
+    caption,
+    cells,
+    find_blocks,
+    markdown_table,
+    update_block,
+)
 from supersampler_model.data.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
@@ -113,8 +123,56 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
 
 
+def test_the_command_draws_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
+    first, second = tmp_path / "README.md", tmp_path / "quality.md"
+    first.write_text(README.replace("plaza", "own"), encoding="utf-8")
+    names = ("quality own clip", "quality own classes")
+    second.write_text("\n".join(f"<!-- bench:{n} -->\n<!-- /bench -->" for n in names), encoding="utf-8")
+    scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
+    aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
+    with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:
+        for index in range(10):
+            truth = scene.truth(index, size, samples=2)
+            writer.write(scene.frame(index, (40, 30)), reference=truth, classes=aliased)
+    options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out")]
+    pages = ["--update", str(first), "--update", str(second)]
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options, *pages])
+    assert answer.exit_code == 0, answer.output
+    assert "aliasing: geometry" in answer.stdout
+    assert "STRRED" in answer.stdout
+    assert "STRRED" not in first.read_text(encoding="utf-8")
+    filled = second.read_text(encoding="utf-8")
+    assert filled.count("STRRED") == 2  # without and with warm-up and border
+    assert "ColorVideoVDP" not in filled
+    assert filled.count("`classifier-small`") == 2
+    drawn = {
+        p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
+    }
+    assert set(drawn) == {"curves.png", "errors.png", "classes.png"}
+    assert all(picture.std() > 10.0 for picture in drawn.values())
+
+
+def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(README, encoding="utf-8")
+    with pytest.raises(ArgumentError, match="0 blocks of 'quality other'"):
+        find_blocks(page, block_names("quality other"))
+    assert find_blocks(page, block_names("quality plaza")) == ["quality plaza"]
+
+
+def test_clip_metrics_stand_in_the_second_table_only_where_they_were_asked_for() -> None:
+    judged = [MethodScores(r.method, r.frames, {(True, True): 9.0 + i}) for i, r in enumerate(RESULTS)]
+    assert "ColorVideoVDP" not in markdown_table("title", RESULTS, CLIP_COLUMNS)
+    lines = markdown_table("title", judged, CLIP_COLUMNS).splitlines()
+    assert lines[0].endswith("| STRRED ↓ | ColorVideoVDP JOD ↑ |")
+    assert lines[3].endswith("| **12.0** | **10.000** |")
+    record = quality_record([Measured(shipped_shot(), judged)])["shots"][0]["methods"][1]["summary"]
+    assert record["warm_cropped"]["cvvdp"] == 10.0
+
+
 def test_the_command_teaches_its_options() -> None:
     answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
     assert answer.exit_code == 0
-    for word in ("--methods", "--ratio", "--cache", "--json", "--update", "plaza", "test-shots"):
+    options = ("--methods", "--ratio", "--cache", "--cvvdp", "--output", "--json", "--update")
+    for word in (*options, "plaza", "test-shots"):
         assert word in answer.stdout

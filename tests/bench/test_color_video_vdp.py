@@ -1,0 +1,75 @@
+"""ColorVideoVDP through a package of its name that remembers what it was given."""
+
+import sys
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+from typing import Any, ClassVar
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import SupersamplerError
+from supersampler.cli import app
+from supersampler.frame import Float32
+from supersampler_bench.color_video_vdp import Clips
+
+
+class Metric:
+    """Ten less the mean difference in grey levels."""
+
+    clips: ClassVar[list[tuple[Any, ...]]] = []
+
+    def __init__(self, **settings: Any) -> None:
+        assert settings == {"display_name": "standard_4k", "quiet": True}
+
+    def predict(
+        self, shown: Any, truth: Any, *, dim_order: str, frames_per_second: float
+    ) -> tuple[float, None]:
+        assert shown.dtype == np.uint8
+        Metric.clips.append((shown.shape, dim_order, frames_per_second))
+        return 10.0 - float(np.abs(shown.astype(float) - truth).mean()), None
+
+
+@pytest.fixture
+def package(monkeypatch: pytest.MonkeyPatch) -> None:
+    module = ModuleType("pycvvdp")
+    module.__spec__ = ModuleSpec("pycvvdp", None)
+    module.cvvdp = Metric  # type: ignore[attr-defined]
+    monkeypatch.setitem(sys.modules, "pycvvdp", module)
+    monkeypatch.setattr(Metric, "clips", [])
+
+
+def grey(level: int) -> Float32:
+    return np.full((20, 30, 3), level / 255.0, np.float32)
+
+
+@pytest.mark.usefixtures("package")
+def test_a_clip_is_judged_whole_at_its_frame_rate() -> None:
+    clips = Clips(2, 24.0)
+    for frame in range(4):
+        clips.add(frame, grey(100), [grey(100), grey(100 + frame)])
+    assert clips.score(0, 0, 0) == 10.0
+    assert clips.score(1, 0, 0) == 10.0 - 1.5
+    assert clips.score(1, 2, 8) == 10.0 - 2.5
+    assert Metric.clips[-1] == ((2, 4, 14, 3), "FHWC", 24.0)
+
+
+@pytest.mark.usefixtures("package")
+def test_frames_that_do_not_follow_one_another_are_judged_apart() -> None:
+    clips = Clips(1, 24.0)
+    for frame, level in ((0, 0), (1, 0), (2, 0), (5, 4)):
+        clips.add(frame, grey(100), [grey(100 + level)])
+    assert clips.score(0, 0, 0) == 10.0 - 4 / 4
+    assert [shape[0] for shape, *_ in Metric.clips] == [3, 1]
+    assert np.isnan(clips.score(0, 6, 0))
+
+
+def test_without_the_package_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "pycvvdp", None)
+    with pytest.raises(SupersamplerError, match=r"pip install 'supersampler\[cvvdp\]'"):
+        Clips(1, 24.0)
+    answer = CliRunner().invoke(app, ["bench", "quality", "plaza", "--cvvdp"])
+    assert answer.exit_code == 1
+    assert answer.stderr.startswith("error: ColorVideoVDP needs the package cvvdp")
+    assert answer.stderr.count("\n") == 1
