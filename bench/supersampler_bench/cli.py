@@ -42,7 +42,14 @@ def bench() -> None:
     """Measure methods on shots with references; every published number comes from here."""
 
 
-for _command in (cli_run.cost, cli_run.speed, cli_run.skip, cli_run.parity):
+for _command in (
+    cli_run.cost,
+    cli_run.speed,
+    cli_run.device,
+    cli_run.skip,
+    cli_run.parity,
+    cli_run.precision,
+):
     app.command()(_command)
 
 
@@ -58,7 +65,7 @@ def quality(
     methods: Annotated[
         str,
         typer.Option(
-            help="Shipped models or model folders, with commas between; NAME:fp32 for that precision."
+            help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     ratio: Annotated[

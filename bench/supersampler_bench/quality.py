@@ -134,7 +134,7 @@ def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], _S
 def _split(method: str) -> tuple[str, Precision]:
     """Name and precision; a colon may be part of a path."""
     name, _, last = method.rpartition(":")
-    precisions: dict[str, Precision] = {"fp32": "fp32", "int8": "int8"}
+    precisions: dict[str, Precision] = {"fp32": "fp32", "fp16": "fp16", "int8": "int8"}
     return (name, precisions[last]) if last in precisions else (method, "auto")
 
 

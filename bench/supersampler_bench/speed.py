@@ -15,7 +15,7 @@ import numpy as np
 from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.model import ExecutorName, Precision
+from supersampler.model import ExecutorName, Precision, Skip
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
@@ -31,6 +31,7 @@ class Setting:
     executor: ExecutorName
     threads: int
     precision: Precision = "auto"
+    skip: Skip = "exact"
 
 
 @dataclass(frozen=True)
@@ -85,7 +86,7 @@ class _Runner:
             precision=setting.precision,
         )
         self.setting, self.precision = setting, model.precision
-        self._upscaler = Upscaler(model, display_size=setting.display, skip="exact", validate="off")
+        self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle(frames)
         self._plan = model.plan(frames[0].size, setting.display)
@@ -135,6 +136,7 @@ def measure_speed(
     threads: Sequence[int],
     *,
     precisions: Sequence[Precision] = ("auto",),
+    skips: Sequence[Skip] = ("exact",),
     ratio: float = 2.0,
     steps: int = 30,
     on_step: Callable[[], None] = lambda: None,
@@ -147,6 +149,7 @@ def measure_speed(
         executors: of those that a method has.
         threads: of the processor.
         precisions: of those that an executor has.
+        skips: see `Upscaler`.
         ratio: display over render size.
         steps: that count, of each setting.
         on_step: called after each.
@@ -154,8 +157,8 @@ def measure_speed(
     results = []
     for display, count in itertools.product(displays, threads):
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-        kinds = itertools.product(methods, executors, precisions)
-        wanted = [Setting(m, display, e, count, p) for m, e, p in kinds]
+        kinds = itertools.product(methods, executors, precisions, skips)
+        wanted = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
         first = Setting(REFERENCE, display, "host", count)
         runners = [_Runner(first, frames), *_runners([s for s in wanted if s != first], frames)]
         for _ in range(steps):
@@ -240,13 +243,13 @@ def markdown_table(results: Sequence[Timed], limits: Limits, ratio: float, machi
         seconds = 1e-3 * r.median
         learned = f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–"
         rows.append(
-            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {r.setting.executor}, {r.precision} "
+            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {_runs(r)} "
             f"| {r.median:.1f} | {r.p95:.1f} | {r.p99:.1f} | {r.processor:.1f} | {r.multiple:.1f} "
             f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
         )
     caption = (
-        f"A step at ratio {ratio:g}, frame in memory to picture in memory, nothing skipped, on the shipped "
-        f"shot repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
+        f"A step at ratio {ratio:g}, frame in memory to picture in memory, on the shipped shot, whose camera "
+        f"moves, repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
         "together. Memory: share of the step in which frame, history and picture could be moved, at the "
         f"{1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds of the network over the "
         "time of the whole step; a product of matrices in single precision reaches "
@@ -270,6 +273,11 @@ def _stage_rows(results: Sequence[Timed]) -> list[str]:
         "",
         "Milliseconds by stage, means.",
     ]
+
+
+def _runs(result: Timed) -> str:
+    skip = result.setting.skip
+    return f"{result.setting.executor}, {result.precision}" + ("" if skip == "exact" else f", skip {skip}")
 
 
 def _size(result: Timed) -> str:

@@ -84,9 +84,10 @@ class ModelInfo:
     versions: Mapping[str, str]
 
     @property
-    def step_path(self) -> Path:
-        """The graph of the whole recurrent step."""
-        return self.folder / "step.onnx"
+    def steps(self) -> Mapping[str, Path]:
+        """Graphs of the whole recurrent step, by the precision of what is learned."""
+        names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
+        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
 
     @property
     def carry_path(self) -> Path:

@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.checks import FrameChecker
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
+from supersampler.tensors import Tensor, render_size_of, taken
 
 
 @dataclass(frozen=True)
@@ -194,8 +195,7 @@ class Upscaler:
             ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
         started = time.perf_counter()
-        if self._closed:
-            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
+        self._check_open()
         display_size = self._display_size or self._scaled(frame.size)
         history = None if frame.reset else self._history
         carried = None if history is None else history.carry
@@ -210,6 +210,56 @@ class Upscaler:
         self._history, self._spare = left, history
         self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
         return result if want else result.image
+
+    def step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        reset: bool = False,
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """Upscale the next frame where it lies, on the provider's device: no image goes to or from the host.
+
+        >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
+        >>> image = torch.from_dlpack(image)
+
+        For executor="graph". Pixels are not read and checked as `step` does.
+
+        Args:
+            tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
+                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w). Anything that speaks DLPack
+                (torch, CuPy, JAX).
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            reset: see `Frame`.
+            out: (1, 3, H, W) to write the image to; a new tensor where None.
+
+        Returns:
+            (1, 3, H, W) linear RGB on the device; `out` if given.
+
+        Raises:
+            FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
+                before.
+            ArgumentError: the executor takes no tensors.
+        """
+        started = time.perf_counter()
+        self._check_open()
+        if "color" not in tensors:
+            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+        size = render_size_of(taken(tensors["color"], "color"))
+        display_size = self._display_size or self._scaled(size)
+        history = None if reset else self._history
+        fresh = history is None
+        history = history or self.model.first_history(display_size, size)
+        image, left = self.model.run_tensors(
+            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, 1.0, time.perf_counter() - started)
+        return image
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
@@ -272,6 +322,10 @@ class Upscaler:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
     def _count(self, fresh: bool, work: float, seconds: float) -> None:
         s, full = self.stats, work == 1.0

@@ -30,6 +30,7 @@ class PrecisionName(StrEnum):
 
     auto = "auto"
     fp32 = "fp32"
+    fp16 = "fp16"
     int8 = "int8"
 
 

@@ -57,7 +57,7 @@ def upscale(
     precision: Annotated[
         PrecisionName,
         typer.Option(
-            help="int8: what is learned in bytes, fast on a CPU. fp32: exactly the graph that ships."
+            help="Of what is learned. int8: in bytes, fast on a CPU. fp32, fp16: a graph that ships."
         ),
     ] = PrecisionName.auto,
     skip: Annotated[
