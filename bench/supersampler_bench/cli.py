@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -15,22 +15,16 @@ from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
 from supersampler_bench import cli_run, color_video_vdp, public_shots
-from supersampler_bench.class_table import rich_class_table, said_of_classes
+from supersampler_bench.class_table import rich_class_table
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, setting, write_json
 from supersampler_bench.report import Report, block_names
-from supersampler_bench.table import (
-    caption,
-    find_block,
-    find_blocks,
-    rich_table,
-    sizes,
-    update_block,
-    update_blocks,
-)
-from supersampler_model.data.shots import variant_name
+from supersampler_bench.table import find_block, find_blocks, rich_table, update_block, update_blocks
+
+if TYPE_CHECKING:
+    from supersampler_bench.gallery import Gallery
 
 app = typer.Typer(no_args_is_help=True)
 _CACHE_HELP = "Where the test shots are kept."
@@ -104,8 +98,9 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    gallery = None if output is None else _gallery(output)
     if cvvdp:
-        color_video_vdp.require()  # fails now, not after minutes of measuring
+        color_video_vdp.require()  # what fails does so now, not after minutes of measuring
     if shot == public_shots.NAME:
         name, opened = shot, _opened_test_shots(cache, ratio)
     else:
@@ -114,9 +109,9 @@ def quality(
     for page in update or []:
         find_blocks(page, block_names(f"quality {name}"))
     names = [method.strip() for method in methods.split(",")]
-    report = Report([_measured(one, origin, names, cvvdp, output) for one, origin in opened])
-    if output is not None:
-        _draw_mean_classes(report, output)
+    report = Report([_measured(one, origin, names, cvvdp, gallery) for one, origin in opened])
+    if gallery is not None:
+        gallery.add_means(report)
     console = Console()
     for title, scores in [*report.shot_tables(), *report.mean_tables()]:
         console.print(rich_table(title, scores))
@@ -148,7 +143,7 @@ def _warn_of(shots: list[PublicShot]) -> None:
 
 
 def _measured(
-    shot: Shot, origin: dict[str, Any], methods: list[str], cvvdp: bool, output: Path | None
+    shot: Shot, origin: dict[str, Any], methods: list[str], cvvdp: bool, gallery: "Gallery | None"
 ) -> Measured:
     maps = ErrorMaps(methods)
     with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
@@ -157,33 +152,19 @@ def _measured(
             shot,
             methods,
             cvvdp=cvvdp,
-            watch=maps if output is not None else lambda _: None,
+            watch=(lambda _: None) if gallery is None else maps,
             on_frame=lambda n: progress.update(task, completed=n),
         )
     measured = Measured(shot, results, origin)
-    if output is not None:
-        _draw(measured, maps, output)
+    if gallery is not None:
+        gallery.add(measured, maps)
     return measured
 
 
-def _draw(measured: Measured, maps: ErrorMaps, output: Path) -> None:
-    from supersampler_bench import figures  # needs matplotlib
+def _gallery(folder: Path) -> "Gallery":
+    from supersampler_bench.gallery import Gallery  # needs matplotlib
 
-    shot, results = measured.shot, measured.methods
-    ratio = measured.origin.get("ratio")
-    folder = output / (shot.name if ratio is None else f"{shot.name}-{variant_name(ratio)}")
-    figures.draw_curves(sizes(shot), results, folder / "curves.png")
-    figures.draw_errors(sizes(shot), maps, folder / "errors.png")
-    if told := said_of_classes(results):
-        figures.draw_classes(caption(shot, results), told, folder / "classes.png")
-
-
-def _draw_mean_classes(report: Report, output: Path) -> None:
-    from supersampler_bench import figures
-
-    for (title, scores), ratio in zip(report.mean_tables(), report.means, strict=True):
-        if told := said_of_classes(scores):
-            figures.draw_classes(title, told, output / f"classes-{variant_name(ratio)}.png")
+    return Gallery(folder)
 
 
 @app.command()

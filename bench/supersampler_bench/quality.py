@@ -254,7 +254,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
 
 
 def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
-    """Score a pair; the border is cut off the bands, of which a pixel is `strred.BAND_PIXELS` wide."""
+    """Score a pair; the border is cut off the bands, of which a pixel is as wide as `strred.BAND_PIXELS`."""
     srred = trred = float("nan")
     if bands is not None and truth is not None:
         edge = -(-border // strred.BAND_PIXELS)

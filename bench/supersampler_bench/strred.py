@@ -8,7 +8,8 @@ of the band has (spatial, SRRED), and each of the change from one picture to the
 >>> srred, trred = distance(pair, information(band(reference_luma_before), band(reference_luma)))
 
 STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It cannot see what the
-band does not pass: brightness that flickers all over the picture gives 0. So it stands beside other metrics.
+band does not pass: waves shorter than some 20 pixels, and brightness that flickers all over the picture,
+which gives 0. So it stands beside other metrics.
 """
 
 from typing import NamedTuple

@@ -2,6 +2,7 @@
 
 import sys
 from importlib.machinery import ModuleSpec
+from pathlib import Path
 from types import ModuleType
 from typing import Any, ClassVar
 
@@ -12,7 +13,10 @@ from typer.testing import CliRunner
 from supersampler import SupersamplerError
 from supersampler.cli import app
 from supersampler.frame import Float32
+from supersampler.shot import Shot, ShotWriter
 from supersampler_bench.color_video_vdp import Clips
+from supersampler_bench.quality import measure_quality
+from supersampler_model.data.analytic import Plane, checker
 
 
 class Metric:
@@ -63,6 +67,19 @@ def test_frames_that_do_not_follow_one_another_are_judged_apart() -> None:
     assert clips.score(0, 0, 0) == 10.0 - 4 / 4
     assert [shape[0] for shape, *_ in Metric.clips] == [3, 1]
     assert np.isnan(clips.score(0, 6, 0))
+
+
+@pytest.mark.usefixtures("package")
+def test_a_measurement_judges_clips_with_and_without_warm_up_and_border(tmp_path: Path) -> None:
+    scene, size = Plane(checker, velocity=(1.0, 0.0)), (64, 48)
+    with ShotWriter(tmp_path, name="small", display_size=size, frame_rate=25) as writer:
+        for index in range(10):
+            writer.write(scene.frame(index, (32, 24)), reference=scene.truth(index, size, samples=2))
+    silent, judged = (measure_quality(Shot.open(tmp_path), ["bilinear"], cvvdp=c)[0] for c in (False, True))
+    assert np.isnan(silent.summary()["cvvdp"])
+    assert 0.0 < judged.summary()["cvvdp"] < 10.0
+    shapes = {shape for shape, _, rate in Metric.clips if rate == 25}
+    assert shapes == {(frames, h, w, 3) for frames in (2, 10) for h, w in ((32, 48), (48, 64))}
 
 
 def test_without_the_package_one_line_says_how_to_get_it(monkeypatch: pytest.MonkeyPatch) -> None:
