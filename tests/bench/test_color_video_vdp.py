@@ -20,7 +20,7 @@ from supersampler_model.data.analytic import Plane, checker
 
 
 class Metric:
-    """Ten less the mean difference in grey levels."""
+    """Ten, less a sixteenth of the mean difference in grey levels."""
 
     clips: ClassVar[list[tuple[Any, ...]]] = []
 
@@ -32,7 +32,7 @@ class Metric:
     ) -> tuple[float, None]:
         assert shown.dtype == np.uint8
         Metric.clips.append((shown.shape, dim_order, frames_per_second))
-        return 10.0 - float(np.abs(shown.astype(float) - truth).mean()), None
+        return 10.0 - float(np.abs(shown.astype(float) - truth).mean()) / 16.0, None
 
 
 @pytest.fixture
@@ -54,8 +54,8 @@ def test_a_clip_is_judged_whole_at_its_frame_rate() -> None:
     for frame in range(4):
         clips.add(frame, grey(100), [grey(100), grey(100 + frame)])
     assert clips.score(0, 0, 0) == 10.0
-    assert clips.score(1, 0, 0) == 10.0 - 1.5
-    assert clips.score(1, 2, 8) == 10.0 - 2.5
+    assert clips.score(1, 0, 0) == 10.0 - 1.5 / 16
+    assert clips.score(1, 2, 8) == 10.0 - 2.5 / 16
     assert Metric.clips[-1] == ((2, 4, 14, 3), "FHWC", 24.0)
 
 
@@ -64,7 +64,7 @@ def test_frames_that_do_not_follow_one_another_are_judged_apart() -> None:
     clips = Clips(1, 24.0)
     for frame, level in ((0, 0), (1, 0), (2, 0), (5, 4)):
         clips.add(frame, grey(100), [grey(100 + level)])
-    assert clips.score(0, 0, 0) == 10.0 - 4 / 4
+    assert clips.score(0, 0, 0) == 10.0 - 1 / 16
     assert [shape[0] for shape, *_ in Metric.clips] == [3, 1]
     assert np.isnan(clips.score(0, 6, 0))
 
