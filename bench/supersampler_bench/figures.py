@@ -101,11 +101,12 @@ def draw_classes(title: str, told: Sequence[tuple[str, Counts]], path: Path) -> 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
     share = shares(matrix)
-    part, iou = matrix.sum(axis=1) / max(matrix.sum(), 1), overlap(matrix)
+    part = matrix.sum(axis=1) / max(matrix.sum(), 1)
+    iou = ["–" if np.isnan(value) else f"{value:.3f}" for value in overlap(matrix)]
     axes.imshow(np.nan_to_num(share), cmap="Blues", vmin=0.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names)
     labels = zip(names, part, iou, strict=True)
-    axes.set_yticks(range(len(names)), [f"{n}\n{p:.2%} of pixels\nIoU {i:.3f}" for n, p, i in labels])
+    axes.set_yticks(range(len(names)), [f"{n}\n{p:.2%} of pixels\nIoU {i}" for n, p, i in labels])
     axes.set(xlabel="said", ylabel="true")
     for (true, said), value in np.ndenumerate(share):
         ink = "white" if value > 0.5 else "black"
