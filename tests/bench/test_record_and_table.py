@@ -1,6 +1,7 @@
 """What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +12,9 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.shot import ClassMaps, ShotWriter, shipped_shot
+from supersampler_bench.gallery import Gallery
 from supersampler_bench.record import Measured, quality_record, write_json
-from supersampler_bench.report import block_names
+from supersampler_bench.report import NO_CLASSES, Report, block_names
 from supersampler_bench.scores import METRICS, FrameScores, MethodScores
 from supersampler_bench.table import (
     CLIP_COLUMNS,
@@ -168,6 +170,24 @@ def test_clip_metrics_stand_in_the_second_table_only_where_they_were_asked_for()
     assert lines[3].endswith("| **12.0** | **10.000** |")
     record = quality_record([Measured(shipped_shot(), judged)])["shots"][0]["methods"][1]["summary"]
     assert record["warm_cropped"]["cvvdp"] == 10.0
+
+
+def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
+    told = [
+        MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
+        for r in RESULTS
+    ]
+    report = Report([Measured(shipped_shot(), methods, {"ratio": 2.0}) for methods in (told, told)])
+    first, clip, classes = report.blocks("quality shots").values()
+    assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
+    assert clip.count("Mean of the shots") == 2
+    assert "**12.0**" in clip
+    assert "33.3 %" in classes
+    assert classes.count("Mean of the shots") == 1
+    Gallery(tmp_path / "out").add_means(report)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
+    untold = Report([Measured(shipped_shot(), RESULTS, {})])
+    assert untold.blocks("quality plaza")["quality plaza classes"] == NO_CLASSES
 
 
 def test_the_command_teaches_its_options() -> None:
