@@ -14,7 +14,7 @@ from rich.table import Table
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_run, color_video_vdp, public_shots
+from supersampler_bench import cli_pareto, cli_run, color_video_vdp, public_shots
 from supersampler_bench.class_table import rich_class_table
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
@@ -43,6 +43,9 @@ for _command in (
     cli_run.skip,
     cli_run.parity,
     cli_run.precision,
+    cli_run.compare,
+    cli_pareto.pareto,
+    cli_pareto.suggest,
 ):
     app.command()(_command)
 

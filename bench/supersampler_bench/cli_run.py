@@ -221,6 +221,33 @@ def precision(
     _publish("precision", table, precision_record(results, frames), json, update)
 
 
+def compare(
+    before: Annotated[Path, typer.Argument(help="A file of `bench ... --json`.")],
+    after: Annotated[Path, typer.Argument(help="One of the same bench, later.")],
+    above: Annotated[
+        float,
+        typer.Option(min=0.0, help="What is worse by less is left out: dB, or a share."),
+    ] = 0.01,
+) -> None:
+    """Show what got worse from one record to the next, worst first; fails where something did.
+
+    Example:
+      supersampler bench compare bench/results/quality-plaza.json mine.json --above 0.05
+    """
+    from supersampler_bench.compare_records import changes, markdown_table, read_record
+
+    found = changes(read_record(before), read_record(after))
+    if not found:
+        want = "some values that are in both"
+        raise ArgumentError("records", got="none in common", want=want, hint="Run the same command twice.")
+    worse = [change for change in found if change.worse > above]
+    Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
+    better = sum(change.worse < -above for change in found)
+    _ERRORS.print(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
+    if worse:
+        raise typer.Exit(1)
+
+
 def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
     """Print a table; write its record to `json` and itself to the page `update`, where they are given."""
     Console().print(table, markup=False, soft_wrap=True)

@@ -40,7 +40,8 @@ class Timed:
 
     Attributes:
         setting: what.
-        precision: of what is learned.
+        executor: that it came to.
+        precision: of what is learned that it came to.
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of the host's `taa` at the same size and threads.
@@ -52,6 +53,7 @@ class Timed:
     """
 
     setting: Setting
+    executor: str
     precision: str
     median: float
     p95: float
@@ -85,7 +87,7 @@ class _Runner:
             executor=setting.executor,
             precision=setting.precision,
         )
-        self.setting, self.precision = setting, model.precision
+        self.setting, self._model = setting, model
         self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle(frames)
@@ -115,7 +117,8 @@ class _Runner:
         p95, p99 = (float(np.quantile(walls, share)) for share in (0.95, 0.99))
         return Timed(
             setting=self.setting,
-            precision=self.precision,
+            executor=self._model.executor,
+            precision=self._model.precision,
             median=median,
             p95=p95,
             p99=p99,
@@ -156,18 +159,43 @@ def measure_speed(
     """
     results = []
     for display, count in itertools.product(displays, threads):
-        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
         kinds = itertools.product(methods, executors, precisions, skips)
         wanted = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
-        first = Setting(REFERENCE, display, "host", count)
-        runners = [_Runner(first, frames), *_runners([s for s in wanted if s != first], frames)]
-        for _ in range(steps):
-            for runner in runners:
-                runner.step()
-                on_step()
-        reference = statistics.median(runners[0].wall)
-        results += [runner.timed(reference) for runner in runners if runner.setting in {first, *wanted}]
+        results += measure_settings(wanted, ratio=ratio, steps=steps, on_step=on_step)
     return results
+
+
+def measure_settings(
+    settings: Sequence[Setting],
+    *,
+    ratio: float,
+    steps: int,
+    frames: Sequence[Frame] | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> list[Timed]:
+    """Time settings of one size and number of threads, and `REFERENCE`, in turns.
+
+    Args:
+        settings: those that a method does not have are left out.
+        ratio: display over render size.
+        steps: that count, of each.
+        frames: that are stepped, again and again; the shipped shot, repeated to the size, where None.
+        on_step: called after each.
+
+    Returns:
+        The reference first.
+    """
+    display, threads = settings[0].display, settings[0].threads
+    if frames is None:
+        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
+    first = Setting(REFERENCE, display, "host", threads)
+    runners = [_Runner(first, frames), *_runners([s for s in settings if s != first], frames)]
+    for _ in range(steps):
+        for runner in runners:
+            runner.step()
+            on_step()
+    reference = statistics.median(runners[0].wall)
+    return [runner.timed(reference) for runner in runners]
 
 
 def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_Runner]:
@@ -277,7 +305,7 @@ def _stage_rows(results: Sequence[Timed]) -> list[str]:
 
 def _runs(result: Timed) -> str:
     skip = result.setting.skip
-    return f"{result.setting.executor}, {result.precision}" + ("" if skip == "exact" else f", skip {skip}")
+    return f"{result.executor}, {result.precision}" + ("" if skip == "exact" else f", skip {skip}")
 
 
 def _size(result: Timed) -> str:
