@@ -132,11 +132,12 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
     fast: the fastest that is `CLEARLY` better than pictures without a history. high: the fastest that is
-    within `HARDLY` of the best. balanced: of those between, the one that gains most over fast for each
-    millisecond more; high where there is none.
+    within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
+    over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
+    what skipping saves, shots in motion do not show.
     """
     psnr = METRICS[0]
-    line = frontier(points, psnr)
+    line = frontier([p for p in points if p.spec.skip == "auto"], psnr)
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
@@ -144,7 +145,8 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     high = next(p for p in line if p.scores["psnr"] >= best - HARDLY)
     between = [p for p in good if fast.milliseconds < p.milliseconds < high.milliseconds]
     balanced = max(between, key=lambda p: _gain(p, fast), default=high)
-    return {"fast": fast.spec, "balanced": balanced.spec, "high": high.spec}
+    exact = replace(high.spec, skip="exact")
+    return {"fast": fast.spec, "balanced": exact if balanced is high else balanced.spec, "high": exact}
 
 
 def _gain(point: Point, fast: Point) -> float:

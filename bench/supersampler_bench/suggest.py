@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler.model_info import model_names
 from supersampler.shot import Shot
 from supersampler_bench.pareto import Point, at_ratio
 from supersampler_bench.specs import Spec
@@ -74,7 +75,7 @@ def measure_candidates(
 def upscale_command(shot: str, display: Size, spec: Spec, threads: int) -> str:
     """Return the command that draws a shot so."""
     words = ["supersampler upscale", shot, "-o out", f"--display-size {display[0]}x{display[1]}"]
-    words.append(f"--model {spec.model}")
+    words.append(f"--{'method' if spec.model in model_names() else 'model'} {spec.model}")
     words += [f"--precision {spec.precision}"] * (spec.precision != "auto")
     words += [f"--skip {spec.skip}"] * (spec.skip != "auto")
     words += [f"--threads {threads}"] * bool(threads)

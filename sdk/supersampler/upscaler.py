@@ -15,6 +15,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
+from supersampler.presets import PresetName, chosen
 from supersampler.recording.calls import Setup
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.state import State
@@ -32,7 +33,7 @@ class Upscaler:
     Not for use from two threads at once; several Upscalers may share one Model and step in parallel.
 
     Args:
-        model: a `Model`, the name of a shipped one, or a model folder.
+        model: a `Model`, the name of a shipped one, or a model folder; "classifier" where None.
         display_size: (width, height) of the images.
         scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
         render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
@@ -44,12 +45,19 @@ class Upscaler:
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
             in [0, 1]. A frame without other tiles is a copy. "auto" is half a step of an 8-bit picture;
             "exact" draws every pixel, as graphs always do.
+        preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
+            other beats in both time and error (docs/pareto.md).
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
         record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
 
+    Attributes:
+        model: in use.
+        skip: how far tiles are left as they are.
+        stats: what has been done.
+
     Raises:
-        ArgumentError: sizes are missing or contradict each other.
+        ArgumentError: sizes are missing, or arguments contradict each other.
         ModelError, ProviderError: see `Model.load`.
         RecordingError: the file to record to is there already, or cannot be written. Any call may raise it
             before anything is done; later calls are then not recorded.
@@ -57,7 +65,7 @@ class Upscaler:
 
     def __init__(
         self,
-        model: Model | str | Path = "classifier",
+        model: Model | str | Path | None = None,
         *,
         display_size: Size | None = None,
         scale: float | None = None,
@@ -67,6 +75,7 @@ class Upscaler:
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
         skip: Skip = "auto",
+        preset: PresetName | None = None,
         validate: Literal["off", "warn", "strict"] = "warn",
         record: str | Path | None = None,
     ) -> None:
@@ -77,7 +86,8 @@ class Upscaler:
         self._scale = 1.0 if scale is None else _checked_scale(scale)
         self._render_size = None if render_size is None else _checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
-        self._skip = _checked_skip(skip)
+        model, precision, skip = chosen(preset, model, precision, skip)
+        self.skip = _checked_skip(skip)
         if isinstance(model, Model):
             if threads or (providers, executor, precision) != ("auto",) * 3:
                 name = "providers, threads, executor or precision"
@@ -284,7 +294,7 @@ class Upscaler:
         fresh = history is None
         history = history or self.model.first_history(display_size, frame.size)
         result, left = self.model.run_wanted(
-            frame, history, want, out=out, history_out=self._spare, skip=self._skip
+            frame, history, want, out=out, history_out=self._spare, skip=self.skip
         )
         self._display_size = display_size
         self._history, self._spare = left, history
@@ -336,7 +346,7 @@ class Upscaler:
             self.model,
             display_size=self._display_size,
             scale=self._scale,
-            skip=self._skip,
+            skip=self.skip,
             validate=self._checker.validate,
         )
 

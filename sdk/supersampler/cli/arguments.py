@@ -42,6 +42,14 @@ class ExecutorChoice(StrEnum):
     host = "host"
 
 
+class PresetChoice(StrEnum):
+    """Settings that lead in run time against error."""
+
+    fast = "fast"
+    balanced = "balanced"
+    high = "high"
+
+
 class Format(StrEnum):
     """Files to write pictures as."""
 

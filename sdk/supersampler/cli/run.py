@@ -37,7 +37,8 @@ from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
-from supersampler.model import Model, Precision, Skip
+from supersampler.model import Precision, Skip
+from supersampler.presets import PresetName, chosen
 from supersampler.recording.format import is_recording
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
@@ -64,7 +65,7 @@ class UpscaleJob:
 
     shot: Shot
     output: Path
-    model: str | Path = "classifier"
+    model: str | Path | None = None
     display_size: Size | None = None
     scale: float | None = None
     formats: Sequence[str] = ("exr",)
@@ -74,6 +75,7 @@ class UpscaleJob:
     threads: int = 0
     precision: Precision = "auto"
     skip: Skip = "auto"
+    preset: PresetName | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
     overwrite: bool = False
@@ -106,7 +108,7 @@ def run_job(job: UpscaleJob) -> Results:
 
 
 def _open_upscaler(job: UpscaleJob) -> Upscaler:
-    model = Model.load(job.model, providers=job.providers, threads=job.threads, precision=job.precision)
+    model, precision, skip = chosen(job.preset, job.model, job.precision, job.skip)
     if job.record is not None and is_recording(job.record):  # the shot makes it again
         job.record.unlink()
     size = job.display_size or (job.shot.display_size if job.scale is None else None)
@@ -115,7 +117,10 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
         display_size=size,
         scale=None if size else job.scale or 2.0,
         render_size=job.shot.render_size,
-        skip=job.skip,
+        providers=job.providers,
+        threads=job.threads,
+        precision=precision,
+        skip=skip,
         validate=job.validate,
         record=job.record,
     )
@@ -133,7 +138,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "providers": list(upscaler.model.providers),
         "executor": upscaler.model.executor,
         "precision": upscaler.model.precision,
-        "skip": job.skip,
+        "skip": upscaler.skip,
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }

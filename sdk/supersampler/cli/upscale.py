@@ -8,6 +8,7 @@ import typer
 from supersampler.cli.arguments import (
     Format,
     PrecisionName,
+    PresetChoice,
     ShotArgument,
     Validate,
     open_shot,
@@ -67,6 +68,10 @@ def upscale(
             help="exact: draw every pixel. auto, or how far a tile may be off: keep what stands still."
         ),
     ] = "auto",
+    preset: Annotated[
+        PresetChoice | None,
+        typer.Option(help="Sets method, precision and skip: what leads in time and error."),
+    ] = None,
     validate: Annotated[
         Validate,
         typer.Option(
@@ -100,7 +105,7 @@ def upscale(
     job = UpscaleJob(
         shot=open_shot(shot),
         output=output,
-        model=model or method or "classifier",
+        model=model or method,
         display_size=None if display_size is None else parse_size(display_size),
         scale=scale,
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
@@ -110,6 +115,7 @@ def upscale(
         threads=threads,
         precision=precision.value,
         skip=parse_skip(skip),
+        preset=None if preset is None else preset.value,
         validate=validate.value,
         record=record,
         overwrite=overwrite,
