@@ -31,7 +31,7 @@ def bench() -> None:
     """Measure methods on shots with references; every published number comes from here."""
 
 
-for _command in (cli_run.cost, cli_run.speed, cli_run.skip, cli_run.parity):
+for _command in (cli_run.cost, cli_run.speed, cli_run.skip, cli_run.parity, cli_run.stress):
     app.command()(_command)
 
 

@@ -1,4 +1,4 @@
-"""`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
+"""`supersampler bench ...` of how methods run, not of what they draw: cost, speed, skip, parity, stress."""
 
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -64,9 +64,7 @@ def speed(
 
     if update is not None:
         find_block(update, "speed")
-    names, kinds = _listed(methods), _listed(executors)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
+    names, kinds = _listed(methods), _executors(executors)
     kept = _listed(precisions)
     if not set(kept) <= {"auto", "fp32", "int8"}:
         raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, int8")
@@ -76,7 +74,7 @@ def speed(
         results = measure_speed(
             names,
             displays,
-            [cast("ExecutorName", kind) for kind in kinds],
+            kinds,
             counts,
             precisions=[cast("Precision", kind) for kind in kept],
             ratio=ratio,
@@ -145,6 +143,53 @@ def parity(
     _publish("parity", table, parity_record(results), json, update)
 
 
+def stress(
+    methods: Annotated[
+        str, typer.Option(help="Shipped models or model folders, with commas between.")
+    ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
+    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
+    only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
+    quick: Annotated[bool, typer.Option("--quick", help="A part of them, few and small frames.")] = False,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for curves, and for what was measured.")
+    ] = None,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Run methods for long and treat them badly, and hold what happens against what they promise.
+
+    With a folder, a run that was stopped goes on when the same command is given again.
+
+    \b
+    Examples:
+      supersampler bench stress --quick --methods classifier --executors host
+      supersampler bench stress -o stress --json stress.json --update docs/stability.md
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
+    from supersampler_bench.stress.runner import chosen, measure, runs
+    from supersampler_bench.stress.subjects import subjects
+
+    if update is not None:
+        find_block(update, "stress")
+    scenarios = chosen(_listed(only) if only else [], quick=quick)
+    stressed = subjects(_listed(methods), _executors(executors))
+    outcomes = []
+    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+        task = progress.add_task("scenarios", total=len(runs(scenarios, stressed)))
+        try:
+            for outcome in measure(scenarios, stressed, quick=quick, keep=output):
+                outcomes.append(outcome)
+                progress.advance(task)
+        except KeyboardInterrupt:
+            if output is not None:
+                _ERRORS.print("Stopped. The same command, given again, goes on.")
+            raise
+    if output is not None:
+        for path in draw_sheets(outcomes, output):
+            _ERRORS.print(str(path))
+    _publish("stress", markdown_table(outcomes), stress_record(outcomes, quick=quick), json, update)
+
+
 def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
     """Print a table; write its record to `json` and itself to the page `update`, where they are given."""
     Console().print(table, markup=False, soft_wrap=True)
@@ -156,3 +201,10 @@ def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, u
 
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
+
+
+def _executors(text: str) -> list[ExecutorName]:
+    kinds = _listed(text)
+    if not set(kinds) <= {"host", "graph"}:
+        raise ArgumentError("--executors", got=repr(text), want="host, graph or host,graph")
+    return [cast("ExecutorName", kind) for kind in kinds]
