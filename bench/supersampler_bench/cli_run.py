@@ -165,12 +165,13 @@ def stress(
       supersampler bench stress --quick --methods classifier --executors host
       supersampler bench stress -o stress --json stress.json --update docs/stability.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
+    from supersampler_bench.stress.report import draw_sheets, markdown_table, scenario_list, stress_record
     from supersampler_bench.stress.runner import chosen, measure, runs
     from supersampler_bench.stress.subjects import subjects
 
     if update is not None:
-        find_block(update, "stress")
+        for name in ("stress", "stress scenarios"):
+            find_block(update, name)
     scenarios = chosen(_listed(only) if only else [], quick=quick)
     stressed = subjects(_listed(methods), _executors(executors))
     outcomes = []
@@ -188,6 +189,8 @@ def stress(
         for path in draw_sheets(outcomes, output):
             _ERRORS.print(str(path))
     _publish("stress", markdown_table(outcomes), stress_record(outcomes, quick=quick), json, update)
+    if update is not None:
+        update_block(update, "stress scenarios", scenario_list())
 
 
 def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:

@@ -60,7 +60,7 @@ class Average:
 
 
 def subject(begin: Callable[[Size, int], Session]) -> Subject:
-    return Subject("average", "host", "fp32", (1.0, 4.0), shrinks=0.9, reach=8.0, begin=begin)
+    return Subject("average", "host", "fp32", shrinks=0.9, reach=8.0, begin=begin)
 
 
 SOUND = subject(lambda display, _: Average(display))
@@ -221,7 +221,8 @@ def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
 
 def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
     page = tmp_path / "page.md"
-    page.write_text("<!-- bench:stress -->\n<!-- /bench -->\n")
+    blocks = "<!-- bench:stress -->\n<!-- /bench -->\n", "<!-- bench:stress scenarios -->\n<!-- /bench -->\n"
+    page.write_text("".join(blocks))
     arguments = [
         "stress",
         "--quick",
@@ -237,5 +238,6 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
     )
     assert result.exit_code == 0, result.output
     assert "| scenario | figure | at most | taa host | taa graph | bilinear graph |" in page.read_text()
+    assert "| threads | One thread, two, three, five:" in page.read_text()
     assert '"outcomes"' in (tmp_path / "stress.json").read_text()
     assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000

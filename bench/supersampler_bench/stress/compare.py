@@ -42,7 +42,7 @@ def side_by_side(
 
 
 def alike(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Frame]]:
-    """The next `count` frames, for both sessions."""
+    """Return the next `count` frames, for both sessions."""
     return ((frame, frame) for frame in islice(frames, count))
 
 

@@ -132,7 +132,14 @@ SCENARIOS = (
         for name, values in VALUES.items()
     ),
     Scenario(
-        "one pixel not a number", "reach / frame", spread, host=128, graph=64, quick=32, remembers=False
+        "one pixel not a number",
+        "reach / frame",
+        spread,
+        host=128,
+        graph=64,
+        quick=32,
+        remembers=False,
+        logarithmic=False,
     ),
     Scenario("spike of 65504", "apart / frame", spike, host=96, graph=96, quick=56),
     Scenario("fireflies", "apart / frame", fireflies, host=96, graph=96),

@@ -1,6 +1,6 @@
 """What a run of scenarios says: a table, a record, a sheet of curves for each family."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Sheet
+from matplotlib.ticker import MaxNLocator
 
 from supersampler.files import replacing
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
@@ -44,10 +45,10 @@ def markdown_table(outcomes: Sequence[Outcome]) -> str:
     return "\n".join([*rows, "", _caption(outcomes), *_failures(outcomes)])
 
 
-def scenario_list(scenarios: Mapping[str, Sequence[Scenario]] = FAMILIES) -> str:
+def scenario_list() -> str:
     """Return as Markdown what each scenario does, and for how many frames."""
     rows = ["| scenario | what is done | frames, host | graph |", "| --- | --- | ---: | ---: |"]
-    for s in (s for family in scenarios.values() for s in family):
+    for s in (s for family in FAMILIES.values() for s in family):
         rows.append(f"| {s.name} | {s.done} | {s.host or '–'} | {s.graph or '–'} |")
     return "\n".join(rows)
 
@@ -152,4 +153,6 @@ def _draw_panel(axes: Axes, scenario: Scenario, outcomes: Sequence[Outcome], met
     axes.set(title=scenario.name, xlabel=across, ylabel=high)
     if scenario.logarithmic:
         axes.set_yscale("symlog", linthresh=1e-7)
+        axes.set_ylim(bottom=0.0)
+    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
     axes.grid(alpha=0.3)

@@ -48,7 +48,6 @@ class Subject:
         method: its name.
         executor: "host" or "graph".
         precision: of what is learned, "fp32" or "int8".
-        ratios: least and most.
         shrinks: by how much, a frame, a disturbance of a picture at rest shrinks if no more samples count
             than the method's limit; None of a method without a past.
         reach: display pixels around a bad one that may look different.
@@ -59,7 +58,6 @@ class Subject:
     method: str
     executor: str
     precision: str
-    ratios: tuple[float, float]
     shrinks: float | None
     reach: float
     begin: Callable[[Size, int], Session]
@@ -184,7 +182,7 @@ class Scenario:
         return subject.shrinks is not None or not self.remembers
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
-        """Return a run of it: pictures of 96x64 on the host, of 48x32 as a graph and where all is short."""
-        if quick or subject.executor == "graph":
-            return Trial(subject, (48, 32), self.quick if quick else self.graph)
-        return Trial(subject, (96, 64), self.host)
+        """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
+        graph = subject.executor == "graph"
+        display = (48, 32) if quick or graph or self.pairs else (96, 64)
+        return Trial(subject, display, self.quick if quick else self.graph if graph else self.host)

@@ -30,7 +30,6 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             method=method,
             executor=model.executor,
             precision=model.precision,
-            ratios=model.info.ratios,
             shrinks=shrinks_at_rest(model.info),
             reach=REACH + _sight(model.info),
             begin=_Begin(method, executor),
