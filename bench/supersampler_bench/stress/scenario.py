@@ -157,6 +157,7 @@ class Scenario:
         quick: frames of a short run in any; 0: it is left out there.
         remembers: only of methods with a past.
         pairs: only of subjects that are held against single precision.
+        same_size: graphs draw as large pictures as the host does.
         logarithmic: whether its curve is drawn so.
     """
 
@@ -168,6 +169,7 @@ class Scenario:
     quick: int = 0
     remembers: bool = True
     pairs: bool = False
+    same_size: bool = False
     logarithmic: bool = True
 
     @property
@@ -184,5 +186,6 @@ class Scenario:
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
         """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
         graph = subject.executor == "graph"
-        display = (48, 32) if quick or graph or self.pairs else (96, 64)
-        return Trial(subject, display, self.quick if quick else self.graph if graph else self.host)
+        small = quick or self.pairs or (graph and not self.same_size)
+        frames = self.quick if quick else self.graph if graph else self.host
+        return Trial(subject, (48, 32) if small else (96, 64), frames)

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -43,7 +43,7 @@ class _Begin:
 
     def __call__(self, display: Size, threads: int) -> Session:
         model = _model(self._method, self._executor, threads)
-        return cast("Session", Upscaler(model, display_size=display, skip="exact", validate="off"))
+        return Upscaler(model, display_size=display, skip="exact", validate="off")
 
 
 @cache
