@@ -110,7 +110,14 @@ SCENARIOS = (
     Scenario(
         "against single precision", "apart / loop", precisions, host=2080, graph=0, quick=480, pairs=True
     ),
-    Scenario("flicker at the jitter's period", "off the truth / frame", flicker, host=640, graph=640),
+    Scenario(
+        "flicker at the jitter's period",
+        "off the truth / frame",
+        flicker,
+        host=640,
+        graph=640,
+        logarithmic=False,
+    ),
     Scenario(
         "contraction at rest",
         "rate / 16 frames",
