@@ -1,5 +1,6 @@
 """What each choice of the classifier gives: one changed at a time, trained briefly, all alike, validated."""
 
+import json
 import multiprocessing
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -9,16 +10,17 @@ from typing import Any
 
 import torch
 
+from supersampler_bench.record import write_json
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier_inputs import SEEN
-from supersampler_model.methods.classifier_paper import PaperClassifier
-from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.methods.classifier_inputs import INPUTS
+from supersampler_model.methods.classifier_paper import PaperClassifier, PaperConfig
+from supersampler_model.methods.classifier_small import SmallClassifier, SmallConfig
 from supersampler_model.train.trainer import Plan, Trainer
 from supersampler_model.train.validate import validate, validation_entries
 
 BATCH, AVERAGE = 4, 100
-CHANCE = "default, from another seed"  # what differences mean nothing
+CHANCE = "all inputs seen, from another seed"  # what differences mean nothing
 
 
 @dataclass(frozen=True)
@@ -30,37 +32,45 @@ class Row:
     tpsnr: float
 
 
+ALL_SEEN = ClassifierConfig(inputs=INPUTS)
+"""What each variant but those of other widths differs from in one thing; the default does, too."""
+
+
 def without(*inputs: str) -> ClassifierConfig:
-    """Return the default with a network that does not see these inputs."""
-    return ClassifierConfig(inputs=tuple(name for name in SEEN if name not in inputs))
+    """Return `ALL_SEEN` with a network that does not see these inputs."""
+    return replace(ALL_SEEN, inputs=tuple(name for name in INPUTS if name not in inputs))
 
 
-_DEFAULT = ClassifierConfig()
+def changed(**fields: Any) -> Callable[[], Classifier]:
+    """Return what makes `ALL_SEEN` with other values of these fields."""
+    return lambda: Classifier(replace(ALL_SEEN, **fields))
+
+
 VARIANTS: Mapping[str, Callable[[], Classifier]] = {
-    "default": Classifier,
-    "half the width (`classifier-small`)": SmallClassifier,
-    "the paper's form (`classifier-paper`)": PaperClassifier,
-    "past not cut to the box": lambda: Classifier(replace(_DEFAULT, rectified=False)),
-    "no past by the pixel's own motion": lambda: Classifier(replace(_DEFAULT, own_motion=False)),
-    "warped past not filtered": lambda: Classifier(replace(_DEFAULT, corrected=False)),
+    "all inputs seen": changed(),
+    "half the width (`classifier-small`)": lambda: SmallClassifier(SmallConfig(inputs=INPUTS)),
+    "the paper's form (`classifier-paper`)": lambda: PaperClassifier(PaperConfig(inputs=INPUTS)),
+    "past not cut to the box": changed(rectified=False),
+    "no past by the pixel's own motion": changed(own_motion=False),
+    "warped past not filtered": changed(corrected=False),
     "differences of past and present not seen": lambda: Classifier(
         without("past_to_sample", "past_to_frame", "beyond")
     ),
-    "means of differences around not seen": lambda: Classifier(replace(_DEFAULT, around=())),
+    "means of differences around not seen": changed(around=()),
     "contrasts not seen": lambda: Classifier(without("contrast", "past_contrast")),
     "range of the past not seen": lambda: Classifier(without("least", "most")),
-    "range only grows": lambda: Classifier(replace(_DEFAULT, contraction=0.0)),
+    "range only grows": changed(contraction=0.0),
     "distance of samples not seen": lambda: Classifier(without("confidence")),
     "count not seen": lambda: Classifier(without("count")),
     "difference of depth and cover not seen": lambda: Classifier(without("difference", "surface")),
-    "classes of the frame before not seen": lambda: Classifier(replace(_DEFAULT, recurrent=False)),
-    "speed and blur not seen": lambda: Classifier(without("speed", "blur")),
-    "each channel toned alone": lambda: Classifier(replace(_DEFAULT, tone_space="channels")),
-    "toned by logarithms": lambda: Classifier(replace(_DEFAULT, tone_space="logarithm")),
-    "count seen by its logarithm": lambda: Classifier(replace(_DEFAULT, count_code="logarithm")),
-    "count seen as it is": lambda: Classifier(replace(_DEFAULT, count_code="linear")),
+    "classes of the frame before not seen": changed(recurrent=False),
+    "speed and blur not seen (the default)": Classifier,
+    "each channel toned alone": changed(tone_space="channels"),
+    "toned by logarithms": changed(tone_space="logarithm"),
+    "count seen by its logarithm": changed(count_code="logarithm"),
+    "count seen as it is": changed(count_code="linear"),
     "colour of the past not seen": lambda: Classifier(without("past")),
-    CHANCE: Classifier,
+    CHANCE: changed(),
 }
 
 
@@ -103,7 +113,7 @@ def markdown_table(rows: Sequence[Row], ablation: Ablation) -> str:
     """Return the table as Markdown, with its caption."""
     base = rows[0].psnr
     lines = [
-        "| variant | PSNR dB | against the default | tPSNR dB |",
+        "| variant | PSNR dB | against the first | tPSNR dB |",
         "| --- | ---: | ---: | ---: |",
         *(f"| {r.name} | {r.psnr:.2f} | {r.psnr - base:+.2f} | {r.tpsnr:.2f} |" for r in rows),
         "",
@@ -120,6 +130,9 @@ def _run(ablation: Ablation, name: str) -> Row:
     torch.manual_seed(seed)
     folder = ablation.folder / f"{list(VARIANTS).index(name):02d}"
     folder.mkdir(parents=True, exist_ok=True)
+    scored = folder / f"scored-{ablation.steps}.json"
+    if scored.exists():
+        return Row(name, **json.loads(scored.read_text(encoding="utf-8")))
     datasets = [open_dataset(path) for path in ablation.data]
     method = VARIANTS[name]()
     plan = Plan(steps=ablation.steps, batch=BATCH, average=AVERAGE, seed=seed)
@@ -128,4 +141,5 @@ def _run(ablation: Ablation, name: str) -> Row:
         trainer.run(trainer.done + 200)
         trainer.save()
     found = validate(trainer.average.eval(), validation_entries(datasets, method.ratios))
+    write_json({"psnr": found.psnr, "tpsnr": found.tpsnr}, scored)
     return Row(name, found.psnr, found.tpsnr)

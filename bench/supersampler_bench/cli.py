@@ -4,7 +4,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
@@ -14,12 +14,17 @@ from rich.table import Table
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_run, public_shots
+from supersampler_bench import cli_pareto, cli_run, cli_stress, color_video_vdp, public_shots
+from supersampler_bench.class_table import rich_class_table
+from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, setting, write_json
-from supersampler_bench.report import Report
-from supersampler_bench.table import find_block, rich_table, update_block
+from supersampler_bench.report import Report, block_names
+from supersampler_bench.table import find_block, find_blocks, rich_table, update_block, update_blocks
+
+if TYPE_CHECKING:
+    from supersampler_bench.gallery import Gallery
 
 app = typer.Typer(no_args_is_help=True)
 _CACHE_HELP = "Where the test shots are kept."
@@ -31,7 +36,18 @@ def bench() -> None:
     """Measure methods on shots with references; every published number comes from here."""
 
 
-for _command in (cli_run.cost, cli_run.speed, cli_run.skip, cli_run.parity, cli_run.stress):
+for _command in (
+    cli_run.cost,
+    cli_run.speed,
+    cli_run.device,
+    cli_run.skip,
+    cli_run.parity,
+    cli_run.precision,
+    cli_run.compare,
+    cli_pareto.pareto,
+    cli_pareto.suggest,
+    cli_stress.stress,
+):
     app.command()(_command)
 
 
@@ -47,7 +63,7 @@ def quality(
     methods: Annotated[
         str,
         typer.Option(
-            help="Shipped models or model folders, with commas between; NAME:fp32 for that precision."
+            help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     ratio: Annotated[
@@ -59,39 +75,56 @@ def quality(
             envvar=public_shots.CACHE_VARIABLE, help=_CACHE_HELP, show_default="the user's cache folder"
         ),
     ] = None,
+    cvvdp: Annotated[
+        bool, typer.Option("--cvvdp", help="Judge clips by ColorVideoVDP, too; takes its package.")
+    ] = False,
+    output: Annotated[
+        Path | None,
+        typer.Option("-o", "--output", help="Folder for curves over the frames, error heat maps, classes."),
+    ] = None,
     json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
     update: Annotated[
-        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
+        list[Path] | None,
+        typer.Option(help="Rewrite the tables between this Markdown file's bench marks; any number."),
     ] = None,
 ) -> None:
     """Compare the pictures of methods with a shot's references.
 
-    PSNR, SSIM and FLIP of frames; tPSNR and warped error of changes from frame to frame; PSNR where something
-    was hidden a frame ago, where the light changes, where one sample does not tell the colour, and where the
-    picture moves. All on pictures as a screen shows them: exposed, tone mapped, sRGB. For the test shots, a
-    table of each and of their mean.
+    PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR where
+    something was hidden a frame ago, where the light changes, where one sample does not tell the colour, and
+    where the picture moves; and what a classifier took pixels for. All on pictures as a screen shows them:
+    exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean. docs/quality.md has
+    what each metric is.
 
     \b
     Examples:
       supersampler bench quality plaza --methods bilinear,taau --update README.md
+      supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    gallery = None if output is None else _gallery(output)
+    if cvvdp:
+        color_video_vdp.require()  # what fails does so now, not after minutes of measuring
     if shot == public_shots.NAME:
         name, opened = shot, _opened_test_shots(cache, ratio)
     else:
         one = open_shot(shot)
         name, opened = one.name, [(one, {})]
-    if update is not None:
-        find_block(update, f"quality {name}")  # fails now, not after minutes of measuring
+    for page in update or []:
+        find_blocks(page, block_names(f"quality {name}"))
     names = [method.strip() for method in methods.split(",")]
-    report = Report([_measured(one, origin, names) for one, origin in opened])
+    report = Report([_measured(one, origin, names, cvvdp, gallery) for one, origin in opened])
+    if gallery is not None:
+        gallery.add_means(report)
     console = Console()
     for title, scores in [*report.shot_tables(), *report.mean_tables()]:
         console.print(rich_table(title, scores))
+        if (table := rich_class_table(title, scores)) is not None:
+            console.print(table)
     if json is not None:
         write_json(report.record(), json)
-    if update is not None:
-        update_block(update, f"quality {name}", report.markdown())
+    for page in update or []:
+        update_blocks(page, report.blocks(f"quality {name}"))
 
 
 def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:
@@ -113,11 +146,29 @@ def _warn_of(shots: list[PublicShot]) -> None:
         _ERRORS.print(f"warning: {warning}", style="yellow", soft_wrap=True)
 
 
-def _measured(shot: Shot, origin: dict[str, Any], methods: list[str]) -> Measured:
+def _measured(
+    shot: Shot, origin: dict[str, Any], methods: list[str], cvvdp: bool, gallery: "Gallery | None"
+) -> Measured:
+    maps = ErrorMaps(methods)
     with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
         task = progress.add_task(shot.name, total=len(shot))
-        results = measure_quality(shot, methods, on_frame=lambda n: progress.update(task, completed=n))
-    return Measured(shot, results, origin)
+        results = measure_quality(
+            shot,
+            methods,
+            cvvdp=cvvdp,
+            watch=(lambda _: None) if gallery is None else maps,
+            on_frame=lambda n: progress.update(task, completed=n),
+        )
+    measured = Measured(shot, results, origin)
+    if gallery is not None:
+        gallery.add(measured, maps)
+    return measured
+
+
+def _gallery(folder: Path) -> "Gallery":
+    from supersampler_bench.gallery import Gallery  # needs matplotlib
+
+    return Gallery(folder)
 
 
 @app.command()

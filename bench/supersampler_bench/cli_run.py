@@ -1,4 +1,4 @@
-"""`supersampler bench ...` of how methods run, not of what they draw: cost, speed, skip, parity, stress."""
+"""`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
 
 from pathlib import Path
 from typing import Annotated, Any, cast
@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 from rich.progress import Progress
 
-from supersampler.cli.arguments import parse_size
+from supersampler.cli.arguments import parse_size, parse_skip
 from supersampler.errors import ArgumentError
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.record import setting, write_json
@@ -47,7 +47,8 @@ def speed(
     sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
     executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
     threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
-    precisions: Annotated[str, typer.Option(help="auto, fp32, int8, with commas between.")] = "auto",
+    precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
+    skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
     json: _JSON = None,
@@ -64,19 +65,22 @@ def speed(
 
     if update is not None:
         find_block(update, "speed")
-    names, kinds = _listed(methods), _executors(executors)
+    names, kinds = _listed(methods), _listed(executors)
+    if not set(kinds) <= {"host", "graph"}:
+        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
     kept = _listed(precisions)
-    if not set(kept) <= {"auto", "fp32", "int8"}:
-        raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, int8")
+    if not set(kept) <= {"auto", "fp32", "fp16", "int8"}:
+        raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, fp16, int8")
     counts = [int(text) for text in _listed(threads)]
     displays = [parse_size(text) for text in _listed(sizes)]
     with _ERRORS.status("timing"):
         results = measure_speed(
             names,
             displays,
-            kinds,
+            [cast("ExecutorName", kind) for kind in kinds],
             counts,
             precisions=[cast("Precision", kind) for kind in kept],
+            skips=[parse_skip(text) for text in _listed(skip)],
             ratio=ratio,
             steps=steps,
         )
@@ -84,6 +88,41 @@ def speed(
     machine = setting()["machine"]
     table = markdown_table(results, limits, ratio, f"{machine['cpu']}, {machine['cores']} cores")
     _publish("speed", table, speed_record(results, limits), json, update)
+
+
+def device(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+    ] = "taau,classifier-small,classifier",
+    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "1920x1080,3840x2160",
+    precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
+    provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    steps: Annotated[int, typer.Option(min=1, help="That count, of each.")] = 100,
+    json: _JSON = None,
+    update: _UPDATE = None,
+) -> None:
+    """Time the graphs on a device: frames and pictures stay in its memory.
+
+    Example:
+      supersampler bench device --provider cuda --json device.json
+    """
+    from supersampler.model import Model
+    from supersampler_bench.device import device_record, markdown_table, measure_copy, measure_device
+
+    if update is not None:
+        find_block(update, "device")
+    kinds = _listed(precisions)
+    if not set(kinds) <= {"fp32", "fp16"}:
+        raise ArgumentError("--precisions", got=repr(precisions), want="fp32, fp16 or both")
+    names, displays = _listed(methods), [parse_size(text) for text in _listed(sizes)]
+    wanted = [cast("Precision", kind) for kind in kinds]
+    with _ERRORS.status("timing"):
+        results = measure_device(names, displays, wanted, provider=provider, ratio=ratio, steps=steps)
+        copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
+    machine = setting()["machine"]
+    table = markdown_table(results, copied, ratio, f"{machine['cpu']}, {machine['cores']} cores")
+    _publish("device", table, device_record(results, copied), json, update)
 
 
 def skip(
@@ -143,54 +182,70 @@ def parity(
     _publish("parity", table, parity_record(results), json, update)
 
 
-def stress(
+def precision(
+    scenes: Annotated[
+        str, typer.Option(help="Families of test shots, with commas between.")
+    ] = "machine_hall,market,night_garden,gallery,court",
     methods: Annotated[
-        str, typer.Option(help="Shipped models or model folders, with commas between.")
-    ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
-    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
-    only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="A part of them, few and small frames.")] = False,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for curves, and for what was measured.")
-    ] = None,
+        str, typer.Option(help="Names of shipped models that are learned, with commas between.")
+    ] = "classifier,classifier-small",
+    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "320x180",
+    frames: Annotated[int, typer.Option(min=30, help="That follow from one another.")] = 300,
+    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
+    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
     json: _JSON = None,
     update: _UPDATE = None,
 ) -> None:
-    """Run methods for long and treat them badly, and hold what happens against what they promise.
+    """Measure what coarser precisions cost at the end of long sequences, rendered here, with OpenGL.
 
-    With a folder, a run that was stopped goes on when the same command is given again.
-
-    \b
-    Examples:
-      supersampler bench stress --quick --methods classifier --executors host
-      supersampler bench stress -o stress --json stress.json --update docs/stability.md
-    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.stress.report import draw_sheets, markdown_table, scenario_list, stress_record
-    from supersampler_bench.stress.runner import chosen, measure, runs
-    from supersampler_bench.stress.subjects import subjects
+    Example:
+      supersampler bench precision --scenes court --methods classifier --update docs/executors.md
+    """
+    from supersampler_bench.precision import markdown_table, measure_precision, precision_record
 
     if update is not None:
-        for name in ("stress", "stress scenarios"):
-            find_block(update, name)
-    scenarios = chosen(_listed(only) if only else [], quick=quick)
-    stressed = subjects(_listed(methods), _executors(executors))
-    outcomes = []
+        find_block(update, "precision")
+    families, size = _listed(scenes), parse_size(display_size)
     with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
-        task = progress.add_task("scenarios", total=len(runs(scenarios, stressed)))
-        try:
-            for outcome in measure(scenarios, stressed, quick=quick, keep=output):
-                outcomes.append(outcome)
-                progress.advance(task)
-        except KeyboardInterrupt:
-            if output is not None:
-                _ERRORS.print("Stopped. The same command, given again, goes on.")
-            raise
-    if output is not None:
-        for path in draw_sheets(outcomes, output):
-            _ERRORS.print(str(path))
-    _publish("stress", markdown_table(outcomes), stress_record(outcomes, quick=quick), json, update)
-    if update is not None:
-        update_block(update, "stress scenarios", scenario_list())
+        task = progress.add_task("frames", total=len(families) * frames)
+        results = measure_precision(
+            families,
+            _listed(methods),
+            size,
+            frames,
+            ratio=ratio,
+            samples=samples,
+            on_frame=lambda: progress.advance(task),
+        )
+    table = markdown_table(results, size, frames, ratio)
+    _publish("precision", table, precision_record(results, frames), json, update)
+
+
+def compare(
+    before: Annotated[Path, typer.Argument(help="A file of `bench ... --json`.")],
+    after: Annotated[Path, typer.Argument(help="One of the same bench, later.")],
+    above: Annotated[
+        float,
+        typer.Option(min=0.0, help="What is worse by less is left out: dB, or a share."),
+    ] = 0.01,
+) -> None:
+    """Show what got worse from one record to the next, worst first; fails where something did.
+
+    Example:
+      supersampler bench compare bench/results/quality-plaza.json mine.json --above 0.05
+    """
+    from supersampler_bench.compare_records import changes, markdown_table, read_record
+
+    found = changes(read_record(before), read_record(after))
+    if not found:
+        want = "some values that are in both"
+        raise ArgumentError("records", got="none in common", want=want, hint="Run the same command twice.")
+    worse = [change for change in found if change.worse > above]
+    Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
+    better = sum(change.worse < -above for change in found)
+    _ERRORS.print(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
+    if worse:
+        raise typer.Exit(1)
 
 
 def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
@@ -204,10 +259,3 @@ def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, u
 
 def _listed(text: str) -> list[str]:
     return [part.strip() for part in text.split(",")]
-
-
-def _executors(text: str) -> list[ExecutorName]:
-    kinds = _listed(text)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(text), want="host, graph or host,graph")
-    return [cast("ExecutorName", kind) for kind in kinds]

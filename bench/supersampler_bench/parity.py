@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 import torch
@@ -11,6 +11,8 @@ from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.display import display_transform
 from supersampler.frame import Float32, Size
 from supersampler.graph_session import frame_inputs
+from supersampler.model import ExecutorName, Precision
+from supersampler.model_info import find_model, read_model_info
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
@@ -100,13 +102,15 @@ def _apart(method: str, runs: str, render: Size, display: Size, differences: Any
 
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
     yield "torch", _torch(method, render, display)
-    for executor in _EXECUTORS:
-        model = Model.load(method, providers="cpu", executor=executor)
+    for executor, precision in _RUNS:
+        if precision == "fp16" and precision not in read_model_info(find_model(method)).steps:
+            continue
+        model = Model.load(method, providers="cpu", executor=executor, precision=precision)
         upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
         yield f"{executor}, {model.precision}", upscaler.step
 
 
-_EXECUTORS: tuple[Literal["graph", "host"], ...] = ("graph", "host")
+_RUNS: Sequence[tuple[ExecutorName, Precision]] = (("graph", "fp32"), ("graph", "fp16"), ("host", "auto"))
 
 
 def _torch(name: str, render: Size, display: Size) -> Step:

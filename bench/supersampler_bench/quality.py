@@ -1,96 +1,75 @@
 """Quality of methods on a shot: one pass, one frame at a time, all methods side by side.
 
-What is measured and how: metrics.py and masks.py. Each frame's scores are kept for the whole picture ("full")
-and without a border ("cropped"), summaries of all frames ("all") and without the first ones ("warm").
+What is measured and how: metrics.py, strred.py, color_video_vdp.py, masks.py and confusion.py. Each frame's
+scores are kept for the whole picture ("full") and without a border ("cropped"), summaries of all frames
+("all") and without the first ones ("warm").
 """
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from itertools import product
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.display import auto_exposure, decibels, display_transform
+from supersampler.display import auto_exposure, display_transform
 from supersampler.errors import ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.model import Precision
+from supersampler.history import Result
 from supersampler.shot import ClassMaps, Shot, ShotFrame
 from supersampler.upscaler import Upscaler
-from supersampler_bench import masks, metrics
+from supersampler_bench import confusion, masks, metrics, strred
+from supersampler_bench.color_video_vdp import Clips
+from supersampler_bench.confusion import Counts
+from supersampler_bench.scores import BORDER, MASKED, WARM_UP_FRAMES, FrameScores, MethodScores, Scores
+from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
-Scores = dict[str, float]
-"""By the metric's name, and as `pixels_...` how many a masked PSNR saw. NaN where there was nothing."""
-
-WARM_UP_FRAMES = 8
-BORDER = 8  # display pixels
+Bands = tuple[strred.Plane, strred.Plane]
+"""Of a picture and the one before, which comes first."""
 ORACLE = "oracle"
-MASKED = ("disoccluded", "changing_light", "aliased", "moving")
-METRICS = (
-    "psnr",
-    "ssim",
-    "flip",
-    "tpsnr",
-    "warped_error_difference",
-    *(f"psnr_{mask}" for mask in MASKED),
-)
 
 
 @dataclass(frozen=True)
-class FrameScores:
-    """One method's scores of one frame, for the whole picture and without a border of `BORDER` pixels."""
+class Seen:
+    """One method's picture of a frame that has a reference, for those who watch.
 
+    Attributes:
+        method: its place in the list of methods.
+        frame: its number.
+        shown: (H, W, 3), as a screen shows it.
+        flip: (H, W), LDR-FLIP.
+    """
+
+    method: int
     frame: int
-    full: Scores
-    cropped: Scores
+    shown: Float32
+    flip: Float32
 
 
 @dataclass(frozen=True)
-class MethodScores:
-    """One method's scores of a shot, over the frames that have a reference."""
-
-    method: str
-    frames: list[FrameScores]
-
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """Return the mean of each metric over the frames that have it; NaN where none does.
-
-        PSNR in a mask is that of the mean squared error over all its pixels of all frames, so that a frame
-        with three such pixels does not weigh as one with three thousand.
-
-        Args:
-            warm: leave out the first `WARM_UP_FRAMES` of the shot.
-            cropped: leave out the border.
-        """
-        frames = [f for f in self.frames if f.frame >= WARM_UP_FRAMES or not warm]
-        scores = [f.cropped if cropped else f.full for f in frames]
-        return {name: _pooled(name, scores) for name in METRICS}
-
-
-@dataclass(frozen=True)
-class MeanScores:
-    """One method's scores of several shots, each of which weighs the same."""
-
-    method: str
-    shots: list[MethodScores]
-
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """Return the mean of the shots' summaries that have a metric; NaN where none has."""
-        found = [shot.summary(warm=warm, cropped=cropped) for shot in self.shots]
-        columns = {name: [s[name] for s in found if not np.isnan(s[name])] for name in METRICS}
-        return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
+class _Stepped:
+    image: Float32  # (H, W, 3) linear RGB
+    class_map: Float32 | None = None  # see `Result.class_map`
 
 
 def measure_quality(
-    shot: Shot, methods: Sequence[str | Path], *, on_frame: Callable[[int], None] | None = None
+    shot: Shot,
+    methods: Sequence[str | Path],
+    *,
+    cvvdp: bool = False,
+    watch: Callable[[Seen], None] = lambda _: None,
+    on_frame: Callable[[int], None] | None = None,
 ) -> list[MethodScores]:
     """Step every method through the shot and score the frames that have a reference.
 
     Args:
         shot: at least one frame with a reference.
-        methods: names of shipped models, or model folders, as they run by default or, with ":fp32" or ":int8"
-            after them, in that precision; "oracle" for `oracle.Oracle`.
+        methods: names of shipped models, or model folders, as they run by default or as `parse_spec` reads
+            what is after them (":fp32", ":exact"); "oracle" for `oracle.Oracle`.
+        cvvdp: judge the clip by ColorVideoVDP, too.
+        watch: called with each picture that is scored.
         on_frame: called with the number of frames done, after each.
 
     Returns:
@@ -98,40 +77,60 @@ def measure_quality(
 
     Raises:
         ShotError: no frame has a reference.
+        SupersamplerError: ColorVideoVDP is asked for and not installed.
         ModelError, FrameError: see `Upscaler`.
     """
     display_size = reference_size(shot)
+    clips = Clips(len(methods), shot.info.frame_rate) if cvvdp else None
     steppers = [_stepper(method, display_size) for method in methods]
-    results = [MethodScores(str(method), []) for method in methods]
+    frames: list[list[FrameScores]] = [[] for _ in methods]
     truths = _Truths(display_size)
     before: list[Float32 | None] = [None] * len(methods)
     for item in shot:
         truth = truths.next(item, shot.read_classes(item.index))
+        shown = []
         for i, step in enumerate(steppers):
-            image = step(item)
+            stepped = step(item)
             if truth is not None:
-                results[i].frames.append(_score(image, before[i], truth))
-            before[i] = image if truth is not None else None
+                picture = display_transform(stepped.image, truth.exposure)
+                flip = metrics.flip_map(picture, truth.shown)
+                frames[i].append(_score(picture, stepped.class_map, before[i], flip, truth))
+                watch(Seen(i, item.index, picture, flip))
+                shown.append(picture)
+            before[i] = stepped.image if truth is not None else None
+        if truth is not None and clips is not None:
+            clips.add(item.index, truth.shown, shown)
         if on_frame is not None:
             on_frame(item.index + 1)
-    return results
+    return [MethodScores(str(m), frames[i], _judged(clips, i)) for i, m in enumerate(methods)]
 
 
-def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], Float32]:
+def _judged(clips: Clips | None, method: int) -> dict[tuple[bool, bool], float]:
+    if clips is None:
+        return {}
+    return {
+        (warm, cropped): clips.score(method, WARM_UP_FRAMES * warm, BORDER * cropped)
+        for warm, cropped in product((True, False), repeat=2)
+    }
+
+
+def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], _Stepped]:
     if method == ORACLE:
         from supersampler_bench.oracle import Oracle  # needs torch
 
-        return Oracle(display_size).step
-    name, precision = _split(str(method))
-    upscaler = Upscaler(name, display_size=display_size, precision=precision, validate="off")
-    return lambda item: upscaler.step(item.frame)
+        oracle = Oracle(display_size)
+        return lambda item: _Stepped(oracle.step(item))
+    spec = parse_spec(str(method))
+    upscaler = Upscaler(
+        spec.model, display_size=display_size, precision=spec.precision, skip=spec.skip, validate="off"
+    )
+    want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
+    def step(item: ShotFrame) -> _Stepped:
+        result = upscaler.step(item.frame, want=want)
+        return _Stepped(result.image, result.class_map) if isinstance(result, Result) else _Stepped(result)
 
-def _split(method: str) -> tuple[str, Precision]:
-    """Name and precision; a colon may be part of a path."""
-    name, _, last = method.rpartition(":")
-    precisions: dict[str, Precision] = {"fp32": "fp32", "int8": "int8"}
-    return (name, precisions[last]) if last in precisions else (method, "auto")
+    return step
 
 
 def reference_size(shot: Shot) -> Size:
@@ -156,6 +155,8 @@ class _Truth:
     previous: Float32 | None  # the same of the frame before, at this frame's exposure; None without one
     motion: Float32  # (H, W, 2), display pixels
     masks: dict[str, Bool]  # (H, W) each; those that are known
+    classes: ClassMaps | None
+    bands: Bands | None  # None off STRRED's pairs
 
 
 class _Truths:
@@ -165,10 +166,12 @@ class _Truths:
         self._display_size = display_size
         self._frame: Frame | None = None
         self._reference: Float32 | None = None
+        self._paired = False  # whether the last frame ended a pair of STRRED's, which do not overlap
 
     def next(self, item: ShotFrame, classes: ClassMaps | None) -> _Truth | None:
         """Return the truth of the next frame in order; None where it has no reference."""
         truth = None if item.reference is None else self._truth(item, item.reference, classes)
+        self._paired = truth is not None and truth.bands is not None
         self._frame, self._reference = item.frame, item.reference
         return truth
 
@@ -180,29 +183,44 @@ class _Truths:
             known["disoccluded"] = self._to_display(masks.disoccluded(frame, self._frame), frame)
         else:
             known |= masks.of_classes(classes)
-        previous = None if frame.reset else self._reference
+        earlier = None if frame.reset else self._reference
+        shown = display_transform(reference, exposure)
+        previous = None if earlier is None else display_transform(earlier, exposure)
         return _Truth(
             frame=item.index,
             exposure=exposure,
-            shown=display_transform(reference, exposure),
-            previous=None if previous is None else display_transform(previous, exposure),
+            shown=shown,
+            previous=previous,
             motion=masks.display_motion(frame, self._display_size),
             masks=known,
+            classes=classes,
+            bands=None if previous is None or self._paired else _bands(previous, shown),
         )
 
     def _to_display(self, mask: Bool, frame: Frame) -> Bool:
         return masks.to_display(mask, frame.jitter, self._display_size)
 
 
-def _score(image: Float32, before: Float32 | None, truth: _Truth) -> FrameScores:
-    shown = display_transform(image, truth.exposure)
+def _bands(previous: Float32, shown: Float32) -> Bands:
+    return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
+
+
+def _score(
+    shown: Float32, class_map: Float32 | None, before: Float32 | None, flip: Float32, truth: _Truth
+) -> FrameScores:
     previous = None if before is None else display_transform(before, truth.exposure)
-    flip = metrics.flip_map(shown, truth.shown)
-    return FrameScores(
-        truth.frame,
-        full=_scores(shown, previous, truth, flip, 0),
-        cropped=_scores(shown, previous, truth, flip, BORDER),
-    )
+    bands = None if truth.bands is None or previous is None else _bands(previous, shown)
+
+    def scores(border: int) -> Scores:
+        found = _scores(shown, previous, truth, flip, border)
+        return found | _strred(bands, truth.bands, border)
+
+    def classes(border: int) -> Counts | None:
+        if class_map is None or truth.classes is None:
+            return None
+        return confusion.count(class_map, truth.classes, border)
+
+    return FrameScores(truth.frame, scores(0), scores(BORDER), classes(0), classes(BORDER))
 
 
 def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float32, border: int) -> Scores:
@@ -230,13 +248,13 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
     return scores
 
 
-def _pooled(name: str, scores: list[Scores]) -> float:
-    values = np.array([s[name] for s in scores])
-    known = ~np.isnan(values)
-    if not known.any():
-        return float("nan")
-    if name.removeprefix("psnr_") not in MASKED:
-        return float(values[known].mean())
-    pixels = np.array([s[name.replace("psnr", "pixels")] for s in scores])
-    squared_errors = 10.0 ** (-values[known] / 10.0)
-    return decibels(float(np.average(squared_errors, weights=pixels[known])))
+def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
+    """Score a pair; the border is cut off the bands, of which a pixel is as wide as `strred.BAND_PIXELS`."""
+    srred = trred = float("nan")
+    if bands is not None and truth is not None:
+        edge = -(-border // strred.BAND_PIXELS)
+        of_pair, of_truth = (
+            strred.information(*(metrics.crop(band, edge) for band in pair)) for pair in (bands, truth)
+        )
+        srred, trred = strred.distance(of_pair, of_truth)
+    return {"srred": srred, "trred": trred, "strred": srred * trred}

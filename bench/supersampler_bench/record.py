@@ -3,21 +3,22 @@
 import hashlib
 import json
 import math
-import os
 import platform
 import sys
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
 from supersampler.files import replacing
+from supersampler.machine import machine
 from supersampler.shot import Shot
-from supersampler_bench.quality import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
+from supersampler_bench.class_table import class_record
+from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
 
-_PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
+_PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator", "cvvdp")
 
 
 @dataclass(frozen=True)
@@ -53,7 +54,7 @@ def quality_record(
             for m in measured
         ],
         "means": [
-            {"ratio": ratio, "method": mean.method, "summary": _summaries(mean)}
+            {"ratio": ratio, **_scores_record(mean)}
             for ratio, of_ratio in (means or {}).items()
             for mean in of_ratio
         ],
@@ -69,11 +70,6 @@ def setting() -> dict[str, Any]:
         "command": ["supersampler", *sys.argv[1:]],
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
     }
-
-
-def machine() -> dict[str, Any]:
-    """Return the CPU's model, its logical cores and the operating system."""
-    return {"cpu": _cpu_model(), "cores": os.cpu_count(), "os": platform.platform()}
 
 
 def write_json(record: dict[str, Any], path: Path) -> None:
@@ -101,20 +97,25 @@ def _shot_record(shot: Shot) -> dict[str, Any]:
 
 
 def _method_record(result: MethodScores) -> dict[str, Any]:
-    frames = [asdict(f) for f in result.frames]
-    return {"method": result.method, "summary": _summaries(result), "frames": frames}
+    frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in result.frames]
+    return {**_scores_record(result), "frames": frames}
+
+
+def _scores_record(scores: MethodScores | MeanScores) -> dict[str, Any]:
+    ways = {
+        f"{frames}_{area}": {"warm": frames == "warm", "cropped": area == "cropped"}
+        for frames in ("warm", "all")
+        for area in ("cropped", "full")
+    }
+    return {
+        "method": scores.method,
+        "summary": {name: scores.summary(**way) for name, way in ways.items()},
+        "classes": {name: class_record(scores.classes(**way)) for name, way in ways.items()},
+    }
 
 
 def _has_classes(shot: Shot) -> bool:
     return bool(shot.reference_indices) and shot.read_classes(shot.reference_indices[0]) is not None
-
-
-def _summaries(scores: MethodScores | MeanScores) -> dict[str, Any]:
-    return {
-        f"{frames}_{area}": scores.summary(warm=frames == "warm", cropped=area == "cropped")
-        for frames in ("warm", "all")
-        for area in ("cropped", "full")
-    }
 
 
 def _version(package: str) -> str | None:
@@ -122,16 +123,6 @@ def _version(package: str) -> str | None:
         return version(package)
     except PackageNotFoundError:
         return None  # onnxruntime, say, goes by other names too
-
-
-def _cpu_model() -> str:
-    """Return the model's name where the system tells it, else the architecture."""
-    info = Path("/proc/cpuinfo")
-    if info.is_file():
-        for line in info.read_text(encoding="utf-8", errors="replace").splitlines():
-            if line.startswith("model name"):
-                return line.partition(":")[2].strip()
-    return platform.processor() or platform.machine()
 
 
 def _without_nan(value: Any) -> Any:

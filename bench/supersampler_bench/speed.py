@@ -15,7 +15,7 @@ import numpy as np
 from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.model import ExecutorName, Precision
+from supersampler.model import ExecutorName, Precision, Skip
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
@@ -31,6 +31,7 @@ class Setting:
     executor: ExecutorName
     threads: int
     precision: Precision = "auto"
+    skip: Skip = "exact"
 
 
 @dataclass(frozen=True)
@@ -39,7 +40,8 @@ class Timed:
 
     Attributes:
         setting: what.
-        precision: of what is learned.
+        executor: that it came to.
+        precision: of what is learned that it came to.
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of the host's `taa` at the same size and threads.
@@ -51,6 +53,7 @@ class Timed:
     """
 
     setting: Setting
+    executor: str
     precision: str
     median: float
     p95: float
@@ -84,8 +87,8 @@ class _Runner:
             executor=setting.executor,
             precision=setting.precision,
         )
-        self.setting, self.precision = setting, model.precision
-        self._upscaler = Upscaler(model, display_size=setting.display, skip="exact", validate="off")
+        self.setting, self._model = setting, model
+        self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle(frames)
         self._plan = model.plan(frames[0].size, setting.display)
@@ -114,7 +117,8 @@ class _Runner:
         p95, p99 = (float(np.quantile(walls, share)) for share in (0.95, 0.99))
         return Timed(
             setting=self.setting,
-            precision=self.precision,
+            executor=self._model.executor,
+            precision=self._model.precision,
             median=median,
             p95=p95,
             p99=p99,
@@ -135,6 +139,7 @@ def measure_speed(
     threads: Sequence[int],
     *,
     precisions: Sequence[Precision] = ("auto",),
+    skips: Sequence[Skip] = ("exact",),
     ratio: float = 2.0,
     steps: int = 30,
     on_step: Callable[[], None] = lambda: None,
@@ -147,24 +152,50 @@ def measure_speed(
         executors: of those that a method has.
         threads: of the processor.
         precisions: of those that an executor has.
+        skips: see `Upscaler`.
         ratio: display over render size.
         steps: that count, of each setting.
         on_step: called after each.
     """
     results = []
     for display, count in itertools.product(displays, threads):
-        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-        kinds = itertools.product(methods, executors, precisions)
-        wanted = [Setting(m, display, e, count, p) for m, e, p in kinds]
-        first = Setting(REFERENCE, display, "host", count)
-        runners = [_Runner(first, frames), *_runners([s for s in wanted if s != first], frames)]
-        for _ in range(steps):
-            for runner in runners:
-                runner.step()
-                on_step()
-        reference = statistics.median(runners[0].wall)
-        results += [runner.timed(reference) for runner in runners if runner.setting in {first, *wanted}]
+        kinds = itertools.product(methods, executors, precisions, skips)
+        wanted = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
+        results += measure_settings(wanted, ratio=ratio, steps=steps, on_step=on_step)
     return results
+
+
+def measure_settings(
+    settings: Sequence[Setting],
+    *,
+    ratio: float,
+    steps: int,
+    frames: Sequence[Frame] | None = None,
+    on_step: Callable[[], None] = lambda: None,
+) -> list[Timed]:
+    """Time settings of one size and number of threads, and `REFERENCE`, in turns.
+
+    Args:
+        settings: those that a method does not have are left out.
+        ratio: display over render size.
+        steps: that count, of each.
+        frames: that are stepped, again and again; the shipped shot, repeated to the size, where None.
+        on_step: called after each.
+
+    Returns:
+        The reference first.
+    """
+    display, threads = settings[0].display, settings[0].threads
+    if frames is None:
+        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
+    first = Setting(REFERENCE, display, "host", threads)
+    runners = [_Runner(first, frames), *_runners([s for s in settings if s != first], frames)]
+    for _ in range(steps):
+        for runner in runners:
+            runner.step()
+            on_step()
+    reference = statistics.median(runners[0].wall)
+    return [runner.timed(reference) for runner in runners]
 
 
 def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_Runner]:
@@ -240,13 +271,13 @@ def markdown_table(results: Sequence[Timed], limits: Limits, ratio: float, machi
         seconds = 1e-3 * r.median
         learned = f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–"
         rows.append(
-            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {r.setting.executor}, {r.precision} "
+            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {_runs(r)} "
             f"| {r.median:.1f} | {r.p95:.1f} | {r.p99:.1f} | {r.processor:.1f} | {r.multiple:.1f} "
             f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
         )
     caption = (
-        f"A step at ratio {ratio:g}, frame in memory to picture in memory, nothing skipped, on the shipped "
-        f"shot repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
+        f"A step at ratio {ratio:g}, frame in memory to picture in memory, on the shipped shot, whose camera "
+        f"moves, repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
         "together. Memory: share of the step in which frame, history and picture could be moved, at the "
         f"{1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds of the network over the "
         "time of the whole step; a product of matrices in single precision reaches "
@@ -270,6 +301,11 @@ def _stage_rows(results: Sequence[Timed]) -> list[str]:
         "",
         "Milliseconds by stage, means.",
     ]
+
+
+def _runs(result: Timed) -> str:
+    skip = result.setting.skip
+    return f"{result.executor}, {result.precision}" + ("" if skip == "exact" else f", skip {skip}")
 
 
 def _size(result: Timed) -> str:

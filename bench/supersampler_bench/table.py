@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -12,7 +12,8 @@ from rich.table import Table
 from supersampler.errors import ArgumentError
 from supersampler.files import replacing
 from supersampler.shot import Shot
-from supersampler_bench.quality import BORDER, ORACLE, WARM_UP_FRAMES, MeanScores, MethodScores
+from supersampler_bench.quality import ORACLE
+from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
 
 Summaries: TypeAlias = Sequence[MethodScores | MeanScores]
 
@@ -39,23 +40,35 @@ COLUMNS = (
     Column("psnr_aliased", "PSNR dB, aliased ↑", 2, True),
     Column("psnr_moving", "PSNR dB, moving ↑", 2, True),
 )
+"""Of the first table, which README shows."""
+
+CLIP_COLUMNS = (
+    *(column for column in COLUMNS if not column.metric.startswith("psnr_")),
+    Column("strred", "STRRED ↓", 1, False),
+    Column("cvvdp", "ColorVideoVDP JOD ↑", 3, True),
+)
+"""Of the second one: what concerns all pixels, with the metrics of whole clips."""
 
 
-def cells(results: Summaries, bold: str) -> list[list[str]]:
+def cells(
+    results: Summaries, bold: str, columns: Sequence[Column] = COLUMNS, *, everything: bool = False
+) -> list[list[str]]:
     """Return one row a method: its name and its figures, the best of each column within `bold` marks.
 
     Args:
-        results: the summaries without warm-up and border are shown.
+        results: whose summaries are shown.
         bold: such as "**{}**".
+        columns: in order.
+        everything: count the first frames and the border, too.
     """
-    columns = [_column(column, results, bold) for column in COLUMNS]
+    shown = [_column(column, results, bold, everything) for column in columns]
     return [
-        [result.method, *figures] for result, figures in zip(results, zip(*columns, strict=True), strict=True)
+        [result.method, *figures] for result, figures in zip(results, zip(*shown, strict=True), strict=True)
     ]
 
 
-def _column(column: Column, results: Summaries, bold: str) -> list[str]:
-    values = [result.summary()[column.metric] * column.scale for result in results]
+def _column(column: Column, results: Summaries, bold: str, everything: bool = False) -> list[str]:
+    values = [_value(column.metric, result, everything) * column.scale for result in results]
     figures = ["–" if math.isnan(value) else f"{value:.{column.digits}f}" for value in values]
     known = [  # as shown: equal figures are equally good
         float(f) for f, r in zip(figures, results, strict=True) if f != "–" and r.method != ORACLE
@@ -67,25 +80,43 @@ def _column(column: Column, results: Summaries, bold: str) -> list[str]:
     return [bold.format(f) if good else f for f, good in zip(figures, best_ones, strict=True)]
 
 
-def caption(shot: Shot, results: Sequence[MethodScores]) -> str:
+def _value(metric: str, result: MethodScores | MeanScores, everything: bool) -> float:
+    return result.summary(warm=not everything, cropped=not everything)[metric]
+
+
+def _measured(columns: Sequence[Column], results: Summaries) -> list[Column]:
+    """Leave out ColorVideoVDP where it was not asked for."""
+    asked = any(not math.isnan(_value("cvvdp", result, False)) for result in results)
+    return [column for column in columns if asked or column.metric != "cvvdp"]
+
+
+def caption(shot: Shot, results: Sequence[MethodScores], *, everything: bool = False) -> str:
     """Say in one line what was measured."""
+    scored = sum(frame.frame >= WARM_UP_FRAMES or everything for frame in results[0].frames)
+    return f"{sizes(shot)}: {scored} reference frames of {len(shot)}, {_counted(everything)}"
+
+
+def sizes(shot: Shot) -> str:
+    """Return the name of a shot with references and its sizes."""
     width, height = shot.render_size
     large_width, large_height = shot.display_size or (0, 0)
-    scored = sum(frame.frame >= WARM_UP_FRAMES for frame in results[0].frames)
-    return (
-        f"{shot.name}, {width}x{height} to {large_width}x{large_height}: {scored} reference frames of "
-        f"{len(shot)}, without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
-    )
+    return f"{shot.name}, {width}x{height} to {large_width}x{large_height}"
 
 
-def mean_caption(shots: Sequence[Shot], ratio: float) -> str:
+def mean_caption(shots: Sequence[Shot], ratio: float, *, everything: bool = False) -> str:
     """Say in one line of which shots a table shows the mean."""
     large_width, large_height = shots[0].display_size or (0, 0)
     names = ", ".join(shot.name for shot in shots)
     return (
         f"Mean of the shots {names} at ratio {ratio:g} to {large_width}x{large_height}: {len(shots[0])} "
-        f"frames each, without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
+        f"frames each, {_counted(everything)}"
     )
+
+
+def _counted(everything: bool) -> str:
+    if everything:
+        return "from the first frame and to the border"
+    return f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
 
 
 def rich_table(title: str, results: Summaries) -> Table:
@@ -93,17 +124,20 @@ def rich_table(title: str, results: Summaries) -> Table:
     table = Table("", caption=title)
     for result in results:
         table.add_column(result.method, justify="right")
-    for column in COLUMNS:
+    for column in _measured(list(dict.fromkeys((*COLUMNS, *CLIP_COLUMNS))), results):
         table.add_row(column.heading, *_column(column, results, "[bold]{}[/bold]"))
     return table
 
 
-def markdown_table(title: str, results: Summaries) -> str:
+def markdown_table(
+    title: str, results: Summaries, columns: Sequence[Column] = COLUMNS, *, everything: bool = False
+) -> str:
     """Return the table as Markdown, with its caption."""
-    heading = ["method", *(column.heading for column in COLUMNS)]
-    rows = [heading, ["---", *(["---:"] * len(COLUMNS))], *cells(results, "**{}**")]
-    lines = [*("| " + " | ".join(row) + " |" for row in rows), "", f"{title}.", *coverage(results)]
-    return "\n".join(lines)
+    columns = _measured(columns, results)
+    heading = ["method", *(column.heading for column in columns)]
+    figures = cells(results, "**{}**", columns, everything=everything)
+    rows = [heading, ["---", *(["---:"] * len(columns))], *figures]
+    return "\n".join([*("| " + " | ".join(row) + " |" for row in rows), "", f"{title}."])
 
 
 def coverage(results: Summaries) -> list[str]:
@@ -116,6 +150,25 @@ def coverage(results: Summaries) -> list[str]:
     return [
         f"Of the way from taau to the oracle, {name} goes {share:.0%}." for name, share in covered.items()
     ]
+
+
+def update_blocks(path: Path, texts: Mapping[str, str]) -> None:
+    """Replace each of the named blocks that a Markdown file has; see `update_block`."""
+    for name in find_blocks(path, list(texts)):
+        update_block(path, name, texts[name])
+
+
+def find_blocks(path: Path, names: Sequence[str]) -> list[str]:
+    """Return those of the blocks `names` that a Markdown file has.
+
+    Raises:
+        ArgumentError: it has none of them, or one twice, or cannot be read.
+    """
+    content = path.read_text(encoding="utf-8") if path.is_file() else ""
+    found = [name for name in names if f"<!-- bench:{name} -->" in content]
+    for name in found or names[:1]:
+        find_block(path, name)
+    return found
 
 
 def update_block(path: Path, name: str, text: str) -> None:

@@ -15,7 +15,7 @@ from supersampler_model.methods.classifier import Classifier
 SCALES, FRAMES = (1.5, 2.5), 10
 SHARE = 0.9999
 """At this share of the values a range ends; the few beyond it would cost all others their steps."""
-MARGIN = 1.15
+MARGIN = 1.5
 """Room for scenes whose values are larger than those of the shot at hand."""
 
 

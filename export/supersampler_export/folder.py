@@ -15,8 +15,17 @@ from supersampler import __version__
 from supersampler.model_info import CONTRACT
 from supersampler_export.count import multiply_adds
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
+from supersampler_export.half import in_half
 from supersampler_export.host import host_network
-from supersampler_export.parity import FRAMES, SHARE, TOLERANCE, Parity, check_fused, check_parity
+from supersampler_export.parity import (
+    FRAMES,
+    SHARE,
+    TOLERANCE,
+    TOLERANCE_HALF,
+    Parity,
+    check_fused,
+    check_parity,
+)
 from supersampler_model.method import TENSORS, Fused, Method, Shape
 from supersampler_model.methods.carry import Carry
 
@@ -27,11 +36,8 @@ def write_model_folder(method: Method, folder: Path) -> None:
     Raises:
         ExportError: opset, operators or parity are not as they must be; nothing is written.
     """
-    graph = export_graph(method)
     described = describe(method)
-    for key in ("contract", "method"):
-        entry = graph.metadata_props.add()
-        entry.key, entry.value = f"supersampler.{key}", str(described[key])
+    graph = _labelled(export_graph(method), described)
     step, carry = _serialized(graph), _serialized(export_graph(Carry()))
     parity = check_parity(method, step)
     check_parity(Carry(), carry)
@@ -40,6 +46,10 @@ def write_model_folder(method: Method, folder: Path) -> None:
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
         check_fused(fused, files["network.onnx"])
+    half = in_half(method)
+    if half is not None:
+        files["step.fp16.onnx"] = _serialized(_labelled(export_graph(half), described))
+        check_parity(method, files["step.fp16.onnx"], TOLERANCE_HALF)
     host = host_network(method)
     if host is not None:
         files["network.npz"] = host
@@ -50,6 +60,14 @@ def write_model_folder(method: Method, folder: Path) -> None:
         _replace(folder / name, content)
     _replace(folder / "MODEL_CARD.md", model_card(described, graph, parity).encode())
     _replace(folder / "model.json", (json.dumps(described, indent=1) + "\n").encode())
+
+
+def _labelled(graph: onnx.ModelProto, described: Mapping[str, Any]) -> onnx.ModelProto:
+    """Have the graph say what it is."""
+    for key in ("contract", "method"):
+        entry = graph.metadata_props.add()
+        entry.key, entry.value = f"supersampler.{key}", str(described[key])
+    return graph
 
 
 def _serialized(graph: onnx.ModelProto) -> bytes:
@@ -101,6 +119,11 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past. "
         "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells."
         + (" `network.onnx` is the learned part alone." if "network" in described else "")
+        + (
+            " `step.fp16.onnx` is the step with the learned part in half precision."
+            if "step.fp16.onnx" in described["files"]
+            else ""
+        )
         + (
             " `network.npz` is it in bytes, for the host executor."
             if "network.npz" in described["files"]

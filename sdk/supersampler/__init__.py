@@ -17,6 +17,7 @@ from supersampler.errors import (
     FrameWarning,
     ModelError,
     ProviderError,
+    RecordingError,
     ShotError,
     SupersamplerError,
 )
@@ -35,7 +36,9 @@ if TYPE_CHECKING:
     from supersampler.history import History, Result
     from supersampler.model import Model
     from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
-    from supersampler.upscaler import State, Stats, Upscaler
+    from supersampler.state import State
+    from supersampler.stats import Stats
+    from supersampler.upscaler import Upscaler
 
 __version__ = "0.1.0"
 
@@ -53,6 +56,7 @@ __all__ = [
     "ModelInfo",
     "ProviderError",
     "RawFrame",
+    "RecordingError",
     "Result",
     "Shot",
     "ShotError",
@@ -82,7 +86,9 @@ _LAZY = {
     **dict.fromkeys(("History", "Result"), "history"),
     "Model": "model",
     **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
-    **dict.fromkeys(("State", "Stats", "Upscaler"), "upscaler"),
+    "State": "state",
+    "Stats": "stats",
+    "Upscaler": "upscaler",
 }
 
 

@@ -13,10 +13,9 @@ import base64
 import json
 import platform
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from html import escape
-from importlib.metadata import PackageNotFoundError, version
 from importlib.resources import files
 from pathlib import Path
 from typing import IO
@@ -28,6 +27,7 @@ from supersampler.errors import ArgumentError
 from supersampler.files import replacing
 from supersampler.frame import Array, Float32, Frame, Size
 from supersampler.image_io import Bytes, encode_jpeg, encode_png
+from supersampler.machine import installed_versions
 
 ERROR_SCALE = 0.25
 """The error that the false colours end at, in units of the display range."""
@@ -202,10 +202,7 @@ def false_color(values: Array) -> Bytes:
 def versions() -> str:
     """Return one line with the versions that made a page, as far as they are installed."""
     names = ("supersampler", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numpy")
-    installed = []
-    for name in names:
-        with suppress(PackageNotFoundError):
-            installed.append(f"{name} {version(name)}")
+    installed = [f"{name} {version}" for name, version in installed_versions(*names).items()]
     return ", ".join([*installed, f"Python {platform.python_version()}", platform.platform(terse=True)])
 
 

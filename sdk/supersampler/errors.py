@@ -4,6 +4,7 @@ SupersamplerError
   FrameError         one input of one frame breaks the contract
   ArgumentError      an argument of a call that is not a frame's input (sizes, conventions, options)
   ShotError          a file of a shot cannot be read or written; names the file and the channel
+  RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
   ModelError         a model folder that this runtime cannot drive
   ProviderError      an ONNX Runtime execution provider was asked for and cannot be had
 
@@ -37,12 +38,18 @@ class ArgumentError(SupersamplerError, ValueError):
         super().__init__(f"{name} is {got}; want {want}. {hint}".rstrip())
 
 
-class ShotError(SupersamplerError, OSError):
-    """A file of a shot cannot be used; names the file, what is wrong with it and what to do."""
-
+class _FileError(SupersamplerError, OSError):
     def __init__(self, path: Path | str, problem: str, hint: str = "") -> None:
         self.path, self.problem, self.hint = Path(path), problem, hint
         super().__init__(f"{path}: {problem}. {hint}".rstrip())
+
+
+class ShotError(_FileError):
+    """A file of a shot cannot be used; names the file, what is wrong with it and what to do."""
+
+
+class RecordingError(_FileError):
+    """A recording cannot be used; names the file, what is wrong with it and what to do."""
 
 
 class ModelError(SupersamplerError, ValueError):

@@ -16,7 +16,7 @@ class Executor(Protocol):
 
     Attributes:
         name: "graph" or "host".
-        precision: "fp32", or "int8" where the learned part runs in bytes.
+        precision: of the learned part, "fp32", "fp16" or, in bytes, "int8".
     """
 
     name: str

@@ -1,6 +1,6 @@
 """One rendered frame and the contract of its inputs: docs/contract.md is this file in prose."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
 from typing import Any, TypeAlias
 
@@ -94,21 +94,39 @@ class Frame:
             _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
-        try:
-            x, y = (float(v) for v in self.jitter)
-        except (TypeError, ValueError):
-            raise FrameError("jitter", got=repr(self.jitter), want="(x, y) in render pixels") from None
-        if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
-            hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
-            raise FrameError("jitter", got=(x, y), want="render pixels in [-0.5, 0.5]", hint=hint)
-        object.__setattr__(self, "jitter", (x, y))
-        if self.exposure is not None:
-            exposure = float(self.exposure)
-            if not 0.0 < exposure < float("inf"):
-                hint = "None measures the exposure from the frames."
-                raise FrameError("exposure", got=exposure, want="a finite number > 0, or None", hint=hint)
-            object.__setattr__(self, "exposure", exposure)
+        object.__setattr__(self, "jitter", checked_jitter(self.jitter))
+        object.__setattr__(self, "exposure", checked_exposure(self.exposure))
         object.__setattr__(self, "reset", bool(self.reset))
+
+
+def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
+    """Return a frame's jitter.
+
+    Raises:
+        FrameError: it is no pair in [-0.5, 0.5].
+    """
+    try:
+        x, y = (float(v) for v in jitter)
+    except (TypeError, ValueError):
+        raise FrameError("jitter", got=repr(jitter), want="(x, y) in render pixels") from None
+    if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
+        hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
+        raise FrameError("jitter", got=(x, y), want="render pixels in [-0.5, 0.5]", hint=hint)
+    return x, y
+
+
+def checked_exposure(exposure: float | None) -> float | None:
+    """Return a frame's exposure.
+
+    Raises:
+        FrameError: it is neither None nor a finite number > 0.
+    """
+    if exposure is None:
+        return None
+    if not 0.0 < float(exposure) < float("inf"):
+        hint = "None measures the exposure from the frames."
+        raise FrameError("exposure", got=float(exposure), want="a finite number > 0, or None", hint=hint)
+    return float(exposure)
 
 
 def as_array(name: str, value: object) -> NDArray[Any]:

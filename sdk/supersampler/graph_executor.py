@@ -13,6 +13,7 @@ from supersampler.graph_session import frame_inputs, open_session
 from supersampler.host.layout import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.providers import check_provider_in_use
+from supersampler.tensors import check_tensor, render_size_of
 
 _DEVICES = {
     "CUDAExecutionProvider": "cuda",
@@ -23,25 +24,29 @@ Tensors = dict[str, ort.OrtValue]
 
 
 class GraphExecutor:
-    """Runs `step.onnx`; see `Executor`.
+    """Runs a graph of the whole step; see `Executor`.
 
     Args:
         info: the model.
         options: of the session.
         providers: execution providers, in order.
+        precision: one of the model's `steps`.
 
     Attributes:
         providers: those in use.
+        device: that buffers lie on, as ONNX Runtime calls it.
     """
 
-    name, precision = "graph", "fp32"
+    name = "graph"
 
-    def __init__(self, info: ModelInfo, options: ort.SessionOptions, providers: Sequence[str]) -> None:
-        self._info = info
-        self._session = open_session(info.step_path, options, providers)
+    def __init__(
+        self, info: ModelInfo, options: ort.SessionOptions, providers: Sequence[str], precision: str
+    ) -> None:
+        self._info, self.precision = info, precision
+        self._session = open_session(info.steps[precision], options, providers)
         self.providers: list[str] = self._session.get_providers()
         check_provider_in_use(providers[0], self.providers)
-        self._device = _DEVICES.get(self.providers[0], "cpu")
+        self.device = _DEVICES.get(self.providers[0], "cpu")
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
@@ -72,17 +77,53 @@ class GraphExecutor:
             for t in self._info.told
             if t.name in told
         }
+        given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
+        self._run(
+            _values(given), past, left, {**_values(outputs), **_values({self._info.image.name: planes})}
+        )
+        np.copyto(image, planes[0].transpose(1, 2, 0))
+        return outputs
+
+    def step_tensors(
+        self, given: Tensors, display: Size, past: Tensors, left: Tensors, image: ort.OrtValue | None
+    ) -> ort.OrtValue:
+        """Upscale a frame that is on the device, to an image that stays there.
+
+        Args:
+            given: the graph's inputs.
+            display: (W, H).
+            past: what the frame before left.
+            left: where this one leaves it; not `past`.
+            image: (1, 3, H, W), written to; a new one where None.
+
+        Raises:
+            FrameError: an input or `image` is of another type or shape, or on another device.
+        """
+        info = self._info
+        render = render_size_of(given["color"])
+        sizes = {"render": render, "display": display, "previous": render}
+        if image is None:
+            shape = info.image.shape_for(**sizes)  # ONNX Runtime's own memory: who takes it may keep it alone
+            image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
+        vectors = ("jitter", "exposure", "display_size")  # which come from the host, and are small
+        for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
+            value = image if tensor is info.image else given[tensor.name]
+            check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
+        self._run(given, past, left, {info.image.name: image})
+        return image
+
+    def _run(self, given: Tensors, past: Tensors, left: Tensors, made: Tensors) -> None:
         binding = self._session.io_binding()
-        for name, array in frame_inputs(frame, display, [t.name for t in self._info.inputs]).items():
-            binding.bind_cpu_input(name, array)
+        for name, value in given.items():
+            binding.bind_ortvalue_input(name, value)
         for h in self._info.history:
             binding.bind_ortvalue_input(h.input.name, past[h.input.name])
             binding.bind_ortvalue_output(h.output, left[h.input.name])
-        for name, array in ((self._info.image.name, planes), *outputs.items()):
-            binding.bind_ortvalue_output(name, ort.OrtValue.ortvalue_from_numpy(array))
+        for name, value in made.items():
+            binding.bind_ortvalue_output(name, value)
+        binding.synchronize_inputs()  # others have written on streams of their own
         self._session.run_with_iobinding(binding)
-        np.copyto(image, planes[0].transpose(1, 2, 0))
-        return outputs
+        binding.synchronize_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
@@ -114,4 +155,9 @@ class GraphExecutor:
 
     def _zeros(self, tensor: TensorInfo, display: Size, render: Size) -> ort.OrtValue:
         shape = tensor.shape_for(render=render, display=display, previous=render)
-        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self._device, 0)
+        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self.device, 0)
+
+
+def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
+    """The same memory, as ONNX Runtime has it."""
+    return {name: ort.OrtValue.ortvalue_from_numpy(array) for name, array in arrays.items()}

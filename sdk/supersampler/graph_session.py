@@ -25,12 +25,19 @@ def open_session(path: Path, options: ort.SessionOptions, providers: Sequence[st
 
 def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:
     """What a graph takes of a frame, by name: images as contiguous NCHW, the rest as small vectors."""
-    vectors: dict[str, np.ndarray[Any, Any]] = {
-        "jitter": np.array([frame.jitter], np.float32),
-        "exposure": np.array([frame.exposure or 0.0], np.float32),
+    vectors = vector_inputs(frame.jitter, frame.exposure, display_size)
+    return {name: vectors[name] if name in vectors else planes_of(getattr(frame, name)) for name in names}
+
+
+def vector_inputs(
+    jitter: tuple[float, float], exposure: float | None, display_size: Size
+) -> dict[str, np.ndarray[Any, Any]]:
+    """What a graph takes of a frame beside images, by name."""
+    return {
+        "jitter": np.array([jitter], np.float32),
+        "exposure": np.array([exposure or 0.0], np.float32),
         "display_size": np.array(display_size, np.int64),
     }
-    return {name: vectors[name] if name in vectors else planes_of(getattr(frame, name)) for name in names}
 
 
 def planes_of(image: np.ndarray[Any, Any]) -> Float32:

@@ -11,18 +11,19 @@ from numpy.typing import NDArray
 from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.executor import Executor
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
 from supersampler.graph_executor import GraphExecutor
-from supersampler.graph_session import pixels_of
+from supersampler.graph_session import pixels_of, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
 from supersampler.plan import Plan
 from supersampler.providers import CPU, resolve_providers
+from supersampler.tensors import Tensor, render_size_of, taken
 
 ExecutorName = Literal["auto", "graph", "host"]
-Precision = Literal["auto", "fp32", "int8"]
+Precision = Literal["auto", "fp32", "fp16", "int8"]
 Skip = Literal["auto", "exact"] | float
 TOLERANCE = 0.5 / 255.0
 """Of skip="auto"."""
@@ -35,11 +36,15 @@ class Model:
         info: what its model.json says.
         providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
             step, and counts as the CPU's.
+        threads: on the CPU, as they were asked for; 0 takes every core.
     """
 
-    def __init__(self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str]) -> None:
+    def __init__(
+        self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str], threads: int
+    ) -> None:
         self.info = info
         self.providers = providers
+        self.threads = threads
         self._carrier = carrier
         self._executor = executor
 
@@ -63,8 +68,8 @@ class Model:
             executor: "graph" runs the model's graph in ONNX Runtime, "host" kernels compiled for this
                 processor, which is several times as fast; "auto" takes those where the provider is the CPU
                 and the model has them.
-            precision: "int8" runs the learned part in bytes, which the host executor always does, "fp32" in
-                single precision, which the graph always does; what is not learned is fp32 everywhere.
+            precision: of the learned part: "int8", in bytes, as the host executor always runs it; "fp32" or
+                "fp16" in a graph. What is not learned is fp32 everywhere.
 
         Raises:
             ModelError: no such model, a damaged folder, or another contract.
@@ -81,13 +86,14 @@ class Model:
         if executor != "graph" and list(names) == [CPU]:
             host = host_executor(info, threads)
             if host is not None and precision in ("auto", host.precision):
-                return cls(info, host, carrier, [CPU])
-        graph = GraphExecutor(info, options, names)
-        if executor == "host" or precision not in ("auto", graph.precision):
+                return cls(info, host, carrier, [CPU], threads)
+        kind = "fp32" if precision == "auto" else precision
+        if executor == "host" or kind not in info.steps:
             got = f"executor={executor!r}, precision={precision!r}, providers {', '.join(names)}"
-            want = f"what {info.method!r} has: the graph in fp32, or, on the CPU, what `executors` lists"
+            want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want)
-        return cls(info, graph, carrier, graph.providers)
+        graph = GraphExecutor(info, options, names, kind)
+        return cls(info, graph, carrier, graph.providers, threads)
 
     @property
     def executor(self) -> str:
@@ -95,8 +101,13 @@ class Model:
         return self._executor.name
 
     @property
+    def device(self) -> str:
+        """Where histories, and tensors for `run_tensors`, lie: "cpu", "cuda", "dml"."""
+        return self._executor.device if isinstance(self._executor, GraphExecutor) else "cpu"
+
+    @property
     def precision(self) -> str:
-        """Of what is learned: "fp32" or "int8"."""
+        """Of what is learned: "fp32", "fp16" or "int8"."""
         return self._executor.precision
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
@@ -179,6 +190,45 @@ class Model:
         if "carry" in want:
             left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
         return self._result(image, want, told, left), left
+
+    def run_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        history: History,
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        out: Tensor | None = None,
+        history_out: History | None = None,
+    ) -> tuple[Tensor, History]:
+        """Upscale a frame that lies on the provider's device; see `Upscaler.step_tensors`.
+
+        Raises:
+            FrameError: an input is missing, or its type, shape, range or device does not fit.
+            ArgumentError: the executor is not a graph, or `history_out` is `history`.
+        """
+        if not isinstance(self._executor, GraphExecutor):
+            want = "'graph', which takes tensors"
+            raise ArgumentError("executor", got=repr(self.executor), want=want)
+        if history_out is history:
+            raise ArgumentError("history_out", got="history itself", want="other buffers")
+        jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
+        vectors = vector_inputs(jitter, exposure, history.display_size)
+        given = {}
+        for tensor in self.info.inputs:
+            if tensor.name in vectors:
+                given[tensor.name] = ort.OrtValue.ortvalue_from_numpy(vectors[tensor.name])
+            elif tensor.name not in tensors:
+                raise FrameError(tensor.name, got=None, want=f"a tensor {tensor.shape}")
+            else:
+                given[tensor.name] = taken(tensors[tensor.name], tensor.name)
+        render_size = render_size_of(given["color"])
+        self._check_ratio(render_size, history.display_size)
+        left = self._prepared(history_out, history.display_size, render_size)
+        target = None if out is None else taken(out, "image")
+        display = history.display_size
+        image = self._executor.step_tensors(given, display, history.buffers, left.buffers, target)
+        return (image if out is None else out), left
 
     def plan(self, render_size: Size, display_size: Size) -> Plan:
         """Return what frames of this size need; nothing of it is made.

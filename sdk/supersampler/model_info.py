@@ -84,9 +84,10 @@ class ModelInfo:
     versions: Mapping[str, str]
 
     @property
-    def step_path(self) -> Path:
-        """The graph of the whole recurrent step."""
-        return self.folder / "step.onnx"
+    def steps(self) -> Mapping[str, Path]:
+        """Graphs of the whole recurrent step, by the precision of what is learned."""
+        names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
+        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
 
     @property
     def carry_path(self) -> Path:
@@ -108,13 +109,17 @@ def find_model(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if (path / "model.json").is_file():
         return path
-    shipped = _shipped() / str(name_or_path)
     if str(name_or_path) in model_names():
-        return shipped
+        return shipped_model(str(name_or_path))
     raise ModelError(
         f"no model {str(name_or_path)!r}: it is neither one of {', '.join(model_names())} "
         "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
     )
+
+
+def shipped_model(name: str) -> Path:
+    """Folder of a model that ships, whatever lies in the working directory by that name."""
+    return _shipped() / name
 
 
 def read_model_info(folder: Path) -> ModelInfo:

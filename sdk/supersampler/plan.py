@@ -12,7 +12,7 @@ class Plan:
 
     Attributes:
         executor: "graph" or "host"; see `Model.load`.
-        precision: of what is learned, "fp32" or "int8".
+        precision: of what is learned, "fp32", "fp16" or "int8".
         history_bytes: what one frame leaves for the next, twice: one is read while the other is written.
         working_bytes: what a step works in, which Upscalers of one Model share; what they keep to know what
             stands still is counted, too. None for a graph: ONNX Runtime decides.

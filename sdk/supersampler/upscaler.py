@@ -2,59 +2,25 @@
 
 import time
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Literal, overload
+from typing import Literal, overload
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler.checks import FrameChecker
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
-
-
-@dataclass(frozen=True)
-class State:
-    """A copy of an Upscaler's history; plain arrays and numbers, so it can be pickled or sent elsewhere."""
-
-    method: str
-    display_size: Size | None
-    render_size: Size | None
-    history: Mapping[str, NDArray[Any]] | None
-
-
-@dataclass(frozen=True)
-class Stats:
-    """What an Upscaler has done since it was made.
-
-    Attributes:
-        frames: frames stepped.
-        resets: times that the history was dropped, the first frame's included.
-        seconds: wall time spent in `step`.
-        work: of the work that drawing every pixel of every frame is, how many frames' worth was done; a
-            `frames - work` was skipped.
-        full_frames: frames of which every pixel was drawn.
-        full_seconds: wall time spent on those.
-    """
-
-    frames: int = 0
-    resets: int = 0
-    seconds: float = 0.0
-    work: float = 0.0
-    full_frames: int = 0
-    full_seconds: float = 0.0
-
-    @property
-    def saved_seconds(self) -> float:
-        """What all frames would have taken at the pace of the full ones, less what they took."""
-        if not self.full_frames:
-            return 0.0
-        return self.full_seconds / self.full_frames * self.frames - self.seconds
+from supersampler.presets import PresetName, chosen
+from supersampler.recording.calls import Setup
+from supersampler.recording.recorder import Recorder, setup_here
+from supersampler.state import State
+from supersampler.stats import Stats
+from supersampler.tensors import Tensor, render_size_of, taken
 
 
 class Upscaler:
@@ -67,7 +33,7 @@ class Upscaler:
     Not for use from two threads at once; several Upscalers may share one Model and step in parallel.
 
     Args:
-        model: a `Model`, the name of a shipped one, or a model folder.
+        model: a `Model`, the name of a shipped one, or a model folder; "classifier" where None.
         display_size: (width, height) of the images.
         scale: instead of `display_size`: display size over the first frame's render size, rounded to pixels.
         render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
@@ -79,17 +45,27 @@ class Upscaler:
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
             in [0, 1]. A frame without other tiles is a copy. "auto" is half a step of an 8-bit picture;
             "exact" draws every pixel, as graphs always do.
+        preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
+            other beats in both time and error (docs/pareto.md).
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
+        record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
+
+    Attributes:
+        model: in use.
+        skip: how far tiles are left as they are.
+        stats: what has been done.
 
     Raises:
-        ArgumentError: sizes are missing or contradict each other.
+        ArgumentError: sizes are missing, or arguments contradict each other.
         ModelError, ProviderError: see `Model.load`.
+        RecordingError: the file to record to is there already, or cannot be written. Any call may raise it
+            before anything is done; later calls are then not recorded.
     """
 
     def __init__(
         self,
-        model: Model | str | Path = "classifier",
+        model: Model | str | Path | None = None,
         *,
         display_size: Size | None = None,
         scale: float | None = None,
@@ -99,7 +75,9 @@ class Upscaler:
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
         skip: Skip = "auto",
+        preset: PresetName | None = None,
         validate: Literal["off", "warn", "strict"] = "warn",
+        record: str | Path | None = None,
     ) -> None:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
@@ -108,7 +86,8 @@ class Upscaler:
         self._scale = 1.0 if scale is None else _checked_scale(scale)
         self._render_size = None if render_size is None else _checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
-        self._skip = _checked_skip(skip)
+        model, precision, skip = chosen(preset, model, precision, skip)
+        self.skip = _checked_skip(skip)
         if isinstance(model, Model):
             if threads or (providers, executor, precision) != ("auto",) * 3:
                 name = "providers, threads, executor or precision"
@@ -124,6 +103,7 @@ class Upscaler:
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
+        self._recorder = None if record is None else Recorder(record, self._setup())
 
     @staticmethod
     def plan(
@@ -193,26 +173,52 @@ class Upscaler:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
             ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
-        started = time.perf_counter()
-        if self._closed:
-            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
-        display_size = self._display_size or self._scaled(frame.size)
-        history = None if frame.reset else self._history
-        carried = None if history is None else history.carry
-        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
-        self._checker.check(frame, display_size)
-        fresh = history is None
-        history = history or self.model.first_history(display_size, frame.size)
-        result, left = self.model.run_wanted(
-            frame, history, want, out=out, history_out=self._spare, skip=self._skip
-        )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
-        return result if want else result.image
+        if self._recorder is None:
+            return self._step(frame, out, want)
+        return self._recorder.step(frame, want, partial(self._step, frame, out, want))
+
+    def step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        *,
+        jitter: tuple[float, float],
+        exposure: float | None = None,
+        reset: bool = False,
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """Upscale the next frame where it lies, on the provider's device: no image goes to or from the host.
+
+        >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
+        >>> image = torch.from_dlpack(image)
+
+        For executor="graph". Pixels are not read and checked as `step` does.
+
+        Args:
+            tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
+                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w). Anything that speaks DLPack
+                (torch, CuPy, JAX).
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            reset: see `Frame`.
+            out: (1, 3, H, W) to write the image to; a new tensor where None.
+
+        Returns:
+            (1, 3, H, W) linear RGB on the device; `out` if given.
+
+        Raises:
+            FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
+                before.
+            ArgumentError: the executor takes no tensors.
+        """
+        run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
+        if self._recorder is None:
+            return run()
+        return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
+        if self._recorder is not None:
+            self._recorder.reset()
         self._history = None
         self._checker.reset()
 
@@ -256,14 +262,18 @@ class Upscaler:
         history = None
         if state.history is not None and state.display_size and state.render_size:
             history = self.model.load_history(state.display_size, state.render_size, state.history)
+        if self._recorder is not None:
+            self._recorder.load_state(state)
         self._history, self._spare = history, None
         self._display_size = state.display_size
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history; `step` raises afterwards."""
+        """Free the history, and end the recording; `step` raises afterwards."""
         self._history = self._spare = None
         self._closed = True
+        if self._recorder is not None:
+            self._recorder.close()
 
     def __enter__(self) -> "Upscaler":
         return self
@@ -272,6 +282,53 @@ class Upscaler:
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
         self.close()
+
+    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+        started = time.perf_counter()
+        self._check_open()
+        display_size = self._display_size or self._scaled(frame.size)
+        history = None if frame.reset else self._history
+        carried = None if history is None else history.carry
+        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
+        self._checker.check(frame, display_size)
+        fresh = history is None
+        history = history or self.model.first_history(display_size, frame.size)
+        result, left = self.model.run_wanted(
+            frame, history, want, out=out, history_out=self._spare, skip=self.skip
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
+        return result if want else result.image
+
+    def _step_tensors(
+        self,
+        tensors: Mapping[str, Tensor],
+        jitter: tuple[float, float],
+        exposure: float | None,
+        reset: bool,
+        out: Tensor | None,
+    ) -> Tensor:
+        started = time.perf_counter()
+        self._check_open()
+        if "color" not in tensors:
+            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+        size = render_size_of(taken(tensors["color"], "color"))
+        display_size = self._display_size or self._scaled(size)
+        history = None if reset else self._history
+        fresh = history is None
+        history = history or self.model.first_history(display_size, size)
+        image, left = self.model.run_tensors(
+            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
+        )
+        self._display_size = display_size
+        self._history, self._spare = left, history
+        self._count(fresh, 1.0, time.perf_counter() - started)
+        return image
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
     def _count(self, fresh: bool, work: float, seconds: float) -> None:
         s, full = self.stats, work == 1.0
@@ -282,6 +339,15 @@ class Upscaler:
             work=s.work + work,
             full_frames=s.full_frames + full,
             full_seconds=s.full_seconds + (seconds if full else 0.0),
+        )
+
+    def _setup(self) -> Setup:
+        return setup_here(
+            self.model,
+            display_size=self._display_size,
+            scale=self._scale,
+            skip=self.skip,
+            validate=self._checker.validate,
         )
 
     def _scaled(self, render_size: Size) -> Size:

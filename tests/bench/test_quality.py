@@ -2,17 +2,19 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
-from supersampler import Frame, ShotError
+from supersampler import Frame, Result, ShotError
 from supersampler.display import CEILING_DB
 from supersampler.frame import Float32
 from supersampler.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench import metrics, quality
-from supersampler_bench.quality import FrameScores, MeanScores, MethodScores, measure_quality
+from supersampler_bench.quality import measure_quality
+from supersampler_bench.scores import BORDER, MASKED, METRICS, FrameScores, MeanScores, MethodScores
 from supersampler_bench.table import cells, coverage
 from supersampler_model.data.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
@@ -42,11 +44,12 @@ class Painter:
 
     def __init__(self, paint: Callable[[int], Float32]) -> None:
         self.paint, self.number = paint, -1
+        self.model = SimpleNamespace(info=SimpleNamespace(maps={}))
 
     def __call__(self, *_: Any, **__: Any) -> "Painter":
         return self
 
-    def step(self, _: Frame) -> Float32:
+    def step(self, _: Frame, **__: Any) -> Float32:
         self.number += 1
         return np.asarray(self.paint(self.number), np.float32)
 
@@ -71,10 +74,10 @@ def test_a_perfect_picture_scores_perfectly_in_everything(
     frames = painted(monkeypatch, shot, lambda i: stored.get(i, truth(i)))
     assert [f.frame for f in frames] == [2, 4, 5]
     for scores in (frames[-1].full, frames[-1].cropped):
-        perfect = {"flip": 0.0, "ssim": 1.0, "warped_error_difference": 0.0}
+        perfect = {"flip": 0.0, "ssim": 1.0, "warped_error_difference": 0.0, "strred": 0.0}
         assert scores == {
             name: pytest.approx(perfect.get(name, CEILING_DB))
-            if name in quality.METRICS
+            if name in METRICS
             else pytest.approx(scores[name])
             for name in scores
         }
@@ -139,6 +142,45 @@ def test_without_truth_classes_what_only_they_tell_is_not_measured(
     assert scores["pixels_aliased"] == 0
 
 
+def test_strred_is_of_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = write_shot(tmp_path, references=[1, 2, 3, 4, 5, 8, 9], count=10)
+    frames = painted(monkeypatch, shot, lambda i: truth(i - i % 2))
+    paired = [f.frame for f in frames if not np.isnan(f.cropped["strred"])]
+    assert paired == [2, 4, 9]
+    assert all(f.full["trred"] > 0.0 for f in frames if f.frame in paired)
+
+
+def test_what_a_method_said_of_classes_is_held_against_the_truth(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    ghost[20:22, 30:40] = 1
+    classes = np.zeros((DISPLAY[1] // 2, DISPLAY[0] // 2, 6), np.float32)
+    classes[..., 0], classes[..., 5] = 0.5, 1.0
+    classes[10, 15:18, 1] = 0.9
+
+    class Teller(Painter):
+        def __init__(self) -> None:
+            super().__init__(truth)
+            self.model.info.maps["class_map"] = None
+
+        def step(self, _: Frame, **asked: Any) -> Result:  # type: ignore[override]
+            assert asked == {"want": ["class_map"]}
+            return Result(super().step(_), class_map=classes)
+
+    monkeypatch.setattr(quality, "Upscaler", Teller())
+    [result] = measure_quality(write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias)), ["t"])
+    counts = result.classes(warm=False, cropped=False)
+    assert counts is not None
+    of_ghosting, of_aliasing = counts
+    assert of_ghosting[1].tolist() == [8, 12, 0]
+    assert of_aliasing.tolist() == [[0, 0, 96 * 54], [0, 0, 0], [0, 0, 0]]
+    assert result.classes() is None  # no frame after the warm-up
+    cropped = result.frames[0].cropped_classes
+    assert cropped is not None
+    assert cropped.sum() == 2 * 80 * 38
+
+
 def test_the_border_is_left_out_of_the_cropped_scores(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -146,7 +188,7 @@ def test_the_border_is_left_out_of_the_cropped_scores(
 
     def framed(index: int) -> Float32:
         picture = truth(index) * (index % 2)
-        metrics.crop(picture, quality.BORDER)[...] = metrics.crop(truth(index), quality.BORDER)
+        metrics.crop(picture, BORDER)[...] = metrics.crop(truth(index), BORDER)
         return picture
 
     scores = painted(monkeypatch, shot, framed)[-1]
@@ -168,9 +210,10 @@ def test_a_shot_without_references_says_so(tmp_path: Path) -> None:
 
 
 def scores_of(frame: int, psnr: float, pixels: float) -> FrameScores:
-    scores = dict.fromkeys(quality.METRICS, float("nan"))
+    scores = dict.fromkeys(METRICS, float("nan"))
     scores |= {"psnr": psnr, "psnr_moving": psnr if pixels else float("nan"), "pixels_moving": pixels}
-    scores |= dict.fromkeys((f"pixels_{name}" for name in quality.MASKED if name != "moving"), 0.0)
+    scores |= dict.fromkeys((f"pixels_{name}" for name in MASKED if name != "moving"), 0.0)
+    scores |= {"srred": psnr, "trred": 2.0 if pixels else float("nan")}
     return FrameScores(frame, full=scores, cropped={**scores, "psnr": psnr + 1})
 
 
@@ -183,6 +226,7 @@ def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
     assert result.summary()["psnr_moving"] == pytest.approx(pooled)
     assert np.isnan(result.summary()["psnr_disoccluded"])
     assert np.isnan(result.summary()["tpsnr"])
+    assert result.summary()["strred"] == pytest.approx(25 * 2)
 
 
 def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:

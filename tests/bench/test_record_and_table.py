@@ -1,27 +1,38 @@
 """What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
+from OpenImageIO import ImageBuf
 from typer.testing import CliRunner
 
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
-from supersampler.shot import ShotWriter, shipped_shot
-from supersampler_bench import quality
-from supersampler_bench.quality import FrameScores, MethodScores
+from supersampler.shot import ClassMaps, ShotWriter, shipped_shot
+from supersampler_bench.gallery import Gallery
 from supersampler_bench.record import Measured, quality_record, write_json
-from supersampler_bench.table import caption, cells, markdown_table, update_block
+from supersampler_bench.report import NO_CLASSES, Report, block_names
+from supersampler_bench.scores import METRICS, FrameScores, MethodScores
+from supersampler_bench.table import (
+    CLIP_COLUMNS,
+    caption,
+    cells,
+    find_blocks,
+    markdown_table,
+    update_block,
+)
 from supersampler_model.data.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
 
 
 def result(method: str, psnr: float, flip: float) -> MethodScores:
-    scores = dict.fromkeys(quality.METRICS, float("nan"))
+    scores = dict.fromkeys(METRICS, float("nan"))
     scores |= {"psnr": psnr, "flip": flip, "pixels_moving": 0.0, "pixels_disoccluded": 0.0}
-    scores["warped_error_difference"] = 0.00123
+    scores |= {"warped_error_difference": 0.00123, "srred": 3.0, "trred": 4.0}
     return MethodScores(method, [FrameScores(8, full=scores, cropped=scores)])
 
 
@@ -114,8 +125,74 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
 
 
+def test_the_command_draws_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
+    first, second = tmp_path / "README.md", tmp_path / "quality.md"
+    first.write_text(README.replace("plaza", "own"), encoding="utf-8")
+    names = ("quality own clip", "quality own classes")
+    second.write_text("\n".join(f"<!-- bench:{n} -->\n<!-- /bench -->" for n in names), encoding="utf-8")
+    scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
+    aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
+    with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:
+        for index in range(10):
+            truth = scene.truth(index, size, samples=2)
+            writer.write(scene.frame(index, (40, 30)), reference=truth, classes=aliased)
+    options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out")]
+    pages = ["--update", str(first), "--update", str(second)]
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options, *pages])
+    assert answer.exit_code == 0, answer.output
+    assert "aliasing: geometry" in answer.stdout
+    assert "STRRED" in answer.stdout
+    assert "STRRED" not in first.read_text(encoding="utf-8")
+    filled = second.read_text(encoding="utf-8")
+    assert filled.count("STRRED") == 2  # without and with warm-up and border
+    assert "ColorVideoVDP" not in filled
+    assert filled.count("`classifier-small`") == 2
+    drawn = {
+        p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
+    }
+    assert set(drawn) == {"curves.png", "errors.png", "classes.png"}
+    assert all(picture.std() > 10.0 for picture in drawn.values())
+
+
+def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(README, encoding="utf-8")
+    with pytest.raises(ArgumentError, match="0 blocks of 'quality other'"):
+        find_blocks(page, block_names("quality other"))
+    assert find_blocks(page, block_names("quality plaza")) == ["quality plaza"]
+
+
+def test_clip_metrics_stand_in_the_second_table_only_where_they_were_asked_for() -> None:
+    judged = [MethodScores(r.method, r.frames, {(True, True): 9.0 + i}) for i, r in enumerate(RESULTS)]
+    assert "ColorVideoVDP" not in markdown_table("title", RESULTS, CLIP_COLUMNS)
+    lines = markdown_table("title", judged, CLIP_COLUMNS).splitlines()
+    assert lines[0].endswith("| STRRED ↓ | ColorVideoVDP JOD ↑ |")
+    assert lines[3].endswith("| **12.0** | **10.000** |")
+    record = quality_record([Measured(shipped_shot(), judged)])["shots"][0]["methods"][1]["summary"]
+    assert record["warm_cropped"]["cvvdp"] == 10.0
+
+
+def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
+    told = [
+        MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
+        for r in RESULTS
+    ]
+    report = Report([Measured(shipped_shot(), methods, {"ratio": 2.0}) for methods in (told, told)])
+    first, clip, classes = report.blocks("quality shots").values()
+    assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
+    assert clip.count("Mean of the shots") == 2
+    assert "**12.0**" in clip
+    assert "33.3 %" in classes
+    assert classes.count("Mean of the shots") == 1
+    Gallery(tmp_path / "out").add_means(report)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
+    untold = Report([Measured(shipped_shot(), RESULTS, {})])
+    assert untold.blocks("quality plaza")["quality plaza classes"] == NO_CLASSES
+
+
 def test_the_command_teaches_its_options() -> None:
     answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
     assert answer.exit_code == 0
-    for word in ("--methods", "--ratio", "--cache", "--json", "--update", "plaza", "test-shots"):
+    options = ("--methods", "--ratio", "--cache", "--cvvdp", "--output", "--json", "--update")
+    for word in (*options, "plaza", "test-shots"):
         assert word in answer.stdout

@@ -6,7 +6,7 @@ import numpy as np
 from typer.testing import CliRunner
 
 from supersampler_bench.cli import app
-from supersampler_bench.speed import frames_of, measure_speed
+from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_speed
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
@@ -17,6 +17,14 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
     for result in results:
         assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
         assert result.processor > 0.0
+
+
+def test_skipping_is_a_setting_like_others() -> None:
+    results = measure_speed(["taa"], [(64, 36)], ["host"], [1], skips=["exact", "auto"], steps=1)
+    assert [r.setting.skip for r in results] == ["exact", "auto"]
+    table = markdown_table(results, Limits(1e10, 1e11), 2.0, "a machine")
+    assert "| host, fp32 |" in table
+    assert "| host, fp32, skip auto |" in table
 
 
 def test_frames_of_any_size_show_the_shipped_shot() -> None:

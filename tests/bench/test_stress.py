@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, Frame, Model
 from supersampler.frame import Float32, Size
-from supersampler.upscaler import State
+from supersampler.state import State
 from supersampler_bench.cli import app
 from supersampler_bench.stress.compare import Off, recovery
 from supersampler_bench.stress.contraction import contraction

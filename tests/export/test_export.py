@@ -22,7 +22,7 @@ from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
-from supersampler_export.parity import SIZES, TOLERANCE, check_fused, check_parity, compare
+from supersampler_export.parity import SIZES, TOLERANCE, TOLERANCE_HALF, check_fused, check_parity, compare
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.spatial import Bilinear
@@ -56,6 +56,15 @@ def test_the_shipped_graph_draws_what_torch_draws_at_sizes_not_traced(name: str)
         assert compare(made_method(name), session, render, display).difference <= TOLERANCE
 
 
+@pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
+def test_the_shipped_graph_in_half_precision_draws_what_torch_draws(name: str) -> None:
+    path = find_model(name) / "step.fp16.onnx"
+    check_portable(onnx.load(path))
+    session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
+    for render, display in SIZES[1:7]:
+        assert compare(made_method(name), session, render, display).difference <= TOLERANCE_HALF
+
+
 @pytest.mark.parametrize("name", shipped_methods())
 def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
     model = onnx.load(find_model(name) / "step.onnx")
@@ -67,7 +76,7 @@ def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
     info = Model.load(name).info
-    graph = onnx.load(info.step_path).graph
+    graph = onnx.load(info.steps["fp32"]).graph
     inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
     assert [value.name for value in graph.input] == inputs
     outputs = [info.image.name, *(h.output for h in info.history), *(t.name for t in info.told)]

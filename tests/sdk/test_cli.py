@@ -100,7 +100,7 @@ def test_the_module_is_the_command() -> None:
 
 
 @pytest.mark.parametrize(
-    "command", ["demo", "upscale", "info", "check", "import", "render", "export", "bench"]
+    "command", ["demo", "upscale", "info", "check", "replay", "import", "render", "export", "bench"]
 )
 def test_every_command_has_help_and_the_top_lists_it(command: str) -> None:
     assert f"\n  {command} " in run("--help").output

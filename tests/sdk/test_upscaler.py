@@ -4,6 +4,7 @@ import itertools
 import pickle
 import threading
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from noise import noise
 from supersampler import ArgumentError, FrameError, Model, ModelError, ProviderError, Upscaler, model_names
 from supersampler.frame import Float32
+from supersampler.presets import PRESETS, PresetName
 
 DISPLAY = (64, 36)
 METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
@@ -303,3 +305,20 @@ def test_an_odd_chain_of_sizes_in_one_process(models: dict[str, Model]) -> None:
         upscaler = Upscaler(models["taau"], scale=display, validate="off")
         for seed in range(3):
             assert np.isfinite(upscaler.step(noise(seed, size))).all()
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_a_preset_sets_model_precision_and_skipping(name: PresetName) -> None:
+    upscaler = Upscaler(preset=name, scale=2.0)
+    model, precision, skip = PRESETS[name]
+    assert upscaler.model.info.method == model
+    assert upscaler.skip == skip
+    assert precision in ("auto", upscaler.model.precision)
+
+
+@pytest.mark.parametrize(
+    "beside", [{"model": "taau"}, {"precision": "fp32"}, {"skip": "exact"}, {"preset": "fastest"}]
+)
+def test_a_preset_goes_alone_and_exists(beside: dict[str, Any]) -> None:
+    with pytest.raises(ArgumentError, match="preset"):
+        Upscaler(**{"preset": "fast", "scale": 2.0, **beside})

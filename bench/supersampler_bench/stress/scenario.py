@@ -10,7 +10,7 @@ import numpy as np
 from supersampler import Frame
 from supersampler.frame import Float32, Size
 from supersampler.model import TOLERANCE
-from supersampler.upscaler import State
+from supersampler.state import State
 
 STEP = 1.0 / 255.0
 """Of an 8-bit picture: what pictures that should be alike may differ by on average."""

@@ -87,7 +87,7 @@ class ClassifierConfig:
 
     Attributes:
         network: its widths.
-        inputs: names of SEEN that the network sees.
+        inputs: those of INPUTS that the network sees.
         around: names of AROUND that it sees.
         count_code: how it sees the count of samples; see COUNTS.
         recurrent: whether it also sees the classes of the frame before.

@@ -18,7 +18,7 @@ from supersampler_model.motion import Past, squared_length
 from supersampler_model.networks.classifier import pack
 from supersampler_model.sampling import blurred, extreme, sum_of
 
-SEEN = (
+INPUTS = (
     "frame",  # luma of this frame, smoothly upsampled
     "sample",  # luma of the nearest samples
     "past",  # luma of the warped past
@@ -40,6 +40,9 @@ SEEN = (
 )
 """Names of what the network may see of a pixel, (1, 1, H, W) each."""
 
+SEEN = tuple(name for name in INPUTS if name not in ("speed", "blur"))
+"""Those that it does see, sixteen: the two others give nothing (docs/methods.md)."""
+
 AROUND = (
     "drift",  # how far past and frame are apart on the mean: their light differs
     "grain",  # the mean of how far they are apart: so they are in detail alone, too
@@ -59,7 +62,7 @@ COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
 def inputs_of(
     present: Present, past: Remembered, there: Past, count: CountCode = "saturating"
 ) -> dict[str, Tensor]:
-    """All of SEEN, about 1 at most."""
+    """All of INPUTS, about 1 at most."""
     frame, sample, color, range_ = (_root(c) for c in (present.frame, present.sample, past.color, past.range))
     luma, luma_before = luminance(sample), luminance(color)
     low, high = extreme(luma_before, torch.minimum), extreme(luma_before, torch.maximum)

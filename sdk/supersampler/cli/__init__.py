@@ -9,12 +9,14 @@ from supersampler.cli.check import check
 from supersampler.cli.demo import demo
 from supersampler.cli.import_ import import_shot
 from supersampler.cli.info import info
+from supersampler.cli.replay import replay
 from supersampler.cli.upscale import upscale
 
 app.command()(demo)
 app.command()(upscale)
 app.command()(info)
 app.command()(check)
+app.command()(replay)
 app.command("import")(import_shot)
 app.command()(render)
 app.command()(train)

@@ -23,6 +23,7 @@ EXTRAS = {
     "onnx": "train",
     "onnxscript": "train",
     "tensorboard": "train",
+    "matplotlib": "bench",
     "moderngl": "render",
     "safetensors": "render",
 }

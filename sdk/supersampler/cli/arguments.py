@@ -30,7 +30,24 @@ class PrecisionName(StrEnum):
 
     auto = "auto"
     fp32 = "fp32"
+    fp16 = "fp16"
     int8 = "int8"
+
+
+class ExecutorChoice(StrEnum):
+    """How a model runs."""
+
+    auto = "auto"
+    graph = "graph"
+    host = "host"
+
+
+class PresetChoice(StrEnum):
+    """Settings that lead in run time against error."""
+
+    fast = "fast"
+    balanced = "balanced"
+    high = "high"
 
 
 class Format(StrEnum):
@@ -68,6 +85,12 @@ def parse_size(text: str) -> Size:
     if found is None:
         raise ArgumentError("--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, 1920x1080 say")
     return int(found[1]), int(found[2])
+
+
+def parse_providers(text: str) -> str | list[str]:
+    """Read "cuda,cpu" as names in order; one alone is not listed, as "auto" is no name in a list."""
+    names = [name.strip() for name in text.split(",")]
+    return names[0] if len(names) == 1 else names
 
 
 def parse_skip(text: str) -> "Skip":

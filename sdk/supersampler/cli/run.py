@@ -1,7 +1,6 @@
 """Upscale a shot into a folder, one frame at a time, resumably: what `upscale` and `demo` run."""
 
 import time
-import warnings
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from dataclasses import dataclass, field
@@ -10,7 +9,6 @@ from typing import Literal
 
 import typer
 from rich.console import Console
-from rich.markup import escape
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -24,6 +22,7 @@ from rich.text import Text
 
 from supersampler import __version__
 from supersampler.cli.arguments import size_text
+from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.results import Results
 from supersampler.compare import (
     ERROR_LEGEND,
@@ -34,11 +33,13 @@ from supersampler.compare import (
     versions,
 )
 from supersampler.display import ExposureMeter
-from supersampler.errors import FrameError, FrameWarning, ShotError
+from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
-from supersampler.model import Model, Precision, Skip
+from supersampler.model import Precision, Skip
+from supersampler.presets import PresetName, chosen
+from supersampler.recording.format import is_recording
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
@@ -59,11 +60,12 @@ class UpscaleJob:
     """What to upscale, how, and to where; sizes are (width, height).
 
     Without `display_size` and `scale` the pictures are of the shot's display size, or 2x where it has none.
+    `record` is a file to record to, all frames from the first on; an earlier recording is replaced.
     """
 
     shot: Shot
     output: Path
-    model: str | Path = "classifier"
+    model: str | Path | None = None
     display_size: Size | None = None
     scale: float | None = None
     formats: Sequence[str] = ("exr",)
@@ -73,7 +75,9 @@ class UpscaleJob:
     threads: int = 0
     precision: Precision = "auto"
     skip: Skip = "auto"
+    preset: PresetName | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
+    record: Path | None = None
     overwrite: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
 
@@ -89,7 +93,8 @@ def run_job(job: UpscaleJob) -> Results:
     with _open_upscaler(job) as upscaler:
         upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
         first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
-        if first == count and (not job.compare or results.is_newest(job.output / PAGE)):
+        page_is_there = not job.compare or results.is_newest(job.output / PAGE)
+        if first == count and page_is_there and job.record is None:
             job.console.print(f"All {count} frames are there already.")
             return results
         try:
@@ -103,14 +108,21 @@ def run_job(job: UpscaleJob) -> Results:
 
 
 def _open_upscaler(job: UpscaleJob) -> Upscaler:
+    model, precision, skip = chosen(job.preset, job.model, job.precision, job.skip)
+    if job.record is not None and is_recording(job.record):  # the shot makes it again
+        job.record.unlink()
     size = job.display_size or (job.shot.display_size if job.scale is None else None)
     return Upscaler(
-        Model.load(job.model, providers=job.providers, threads=job.threads, precision=job.precision),
+        model,
         display_size=size,
         scale=None if size else job.scale or 2.0,
         render_size=job.shot.render_size,
-        skip=job.skip,
+        providers=job.providers,
+        threads=job.threads,
+        precision=precision,
+        skip=skip,
         validate=job.validate,
+        record=job.record,
     )
 
 
@@ -126,7 +138,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "providers": list(upscaler.model.providers),
         "executor": upscaler.model.executor,
         "precision": upscaler.model.precision,
-        "skip": job.skip,
+        "skip": upscaler.skip,
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }
@@ -136,7 +148,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     """Step through the frames; those before `first` rebuild the history and fill the page."""
     count = len(job.shot)
     page_start = max(0, count - COMPARE_FRAMES) if job.compare else count
-    start = _last_cut(job.shot, min(first, page_start))
+    start = 0 if job.record else _last_cut(job.shot, min(first, page_start))
     meter, began = ExposureMeter(), time.perf_counter()
     with _page(job, upscaler) as page, _progress(job.console) as progress:
         task = progress.add_task("", total=count - start)
@@ -221,16 +233,9 @@ def _progress(console: Console) -> Progress:
 
 @contextmanager
 def _named(job: UpscaleJob, index: int) -> Iterator[None]:
-    """Say of which frame an error is, and FrameWarnings in one line, above the progress bar."""
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", FrameWarning)
-        try:
+    """Say of which frame an error or a warning is."""
+    try:
+        with frame_warnings(job.console, index):
             yield
-        except FrameError as error:
-            raise ShotError(job.shot.path, f"frame {index}: {str(error).rstrip('.')}") from error
-    for warning in caught:
-        if issubclass(warning.category, FrameWarning):
-            text = escape(f"frame {index}: {warning.message}")
-            job.console.print(f"[yellow]warning:[/yellow] {text}", soft_wrap=True)
-        else:
-            warnings.showwarning(warning.message, warning.category, warning.filename, warning.lineno)
+    except FrameError as error:
+        raise ShotError(job.shot.path, f"frame {index}: {str(error).rstrip('.')}") from error

@@ -8,9 +8,11 @@ import typer
 from supersampler.cli.arguments import (
     Format,
     PrecisionName,
+    PresetChoice,
     ShotArgument,
     Validate,
     open_shot,
+    parse_providers,
     parse_size,
     parse_skip,
 )
@@ -57,7 +59,7 @@ def upscale(
     precision: Annotated[
         PrecisionName,
         typer.Option(
-            help="int8: what is learned in bytes, fast on a CPU. fp32: exactly the graph that ships."
+            help="Of what is learned. int8: in bytes, fast on a CPU. fp32, fp16: a graph that ships."
         ),
     ] = PrecisionName.auto,
     skip: Annotated[
@@ -66,12 +68,19 @@ def upscale(
             help="exact: draw every pixel. auto, or how far a tile may be off: keep what stands still."
         ),
     ] = "auto",
+    preset: Annotated[
+        PresetChoice | None,
+        typer.Option(help="Sets method, precision and skip: what leads in time and error."),
+    ] = None,
     validate: Annotated[
         Validate,
         typer.Option(
             help="off: check shapes. warn: read pixels after each cut. strict: every frame, and stop."
         ),
     ] = Validate.warn,
+    record: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="Record all frames, for `supersampler replay`.")
+    ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Start over where results are already.")
     ] = False,
@@ -93,23 +102,26 @@ def upscale(
         raise ArgumentError("--method and --model", got="both given", want="one of the two")
     if display_size is not None and scale is not None:
         raise ArgumentError("--display-size and --scale", got="both given", want="one of the two")
-    names = [name.strip() for name in providers.split(",")]
     job = UpscaleJob(
         shot=open_shot(shot),
         output=output,
-        model=model or method or "classifier",
+        model=model or method,
         display_size=None if display_size is None else parse_size(display_size),
         scale=scale,
         formats=tuple(sorted({item.value for item in format or [Format.exr]})),
         compare=compare,
         maps=maps,
-        providers=names[0] if len(names) == 1 else names,
+        providers=parse_providers(providers),
         threads=threads,
         precision=precision.value,
         skip=parse_skip(skip),
+        preset=None if preset is None else preset.value,
         validate=validate.value,
+        record=record,
         overwrite=overwrite,
     )
     run_job(job)
+    if record is not None:
+        typer.echo(f"Replay: supersampler replay {record}")
     if compare:
         typer.echo(f"Open in a browser: {output / 'compare.html'}")

@@ -21,9 +21,9 @@ TAAU_PIXEL = 5
 
 CLASSIFIER_PIXEL = 8
 """Values of a pixel that go from frame to frame: linear RGB, count, range, and two of room."""
-SEEN = 18
+SEEN = 16
 """Bytes that the network sees of a pixel: see kernels.classifier_seen."""
-RECORD = 20
+RECORD = 18
 """Words of four packed pixels: SEEN, and two at half size."""
 PAST = 3
 """Floats of a pixel from gather to finish: the colour that goes around, where rounding would add up."""

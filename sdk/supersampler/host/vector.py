@@ -169,22 +169,6 @@ def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 
 @intrinsic
-def store_pairs(_: Any, pointer: Any, index: Any, pitch: Any, vector: Any) -> Any:
-    """Write the lanes of a vector two by two, `pitch` apart."""
-
-    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        pointer, index, pitch, value = args
-        undefined = ir.Constant(vector.llvm, ir.Undefined)
-        for i in range(0, vector.lanes, 2):
-            pair = builder.shuffle_vector(value, undefined, ir.Constant(ir.VectorType(_I32, 2), [i, i + 1]))
-            builder.store(pair, _place(builder, pointer, index, pair.type)).align = 4
-            index = builder.add(index, pitch)
-        return context.get_dummy_value()
-
-    return types.void(pointer, types.intp, types.intp, vector), make
-
-
-@intrinsic
 def gather(_: Any, pointer: Any, index: Any) -> Any:
     """Read one float32 or int32 for each lane, where the i32 lanes of `index` say; a load for each."""
     vector = index.of("i32" if pointer.dtype == types.int32 else "f32")

@@ -199,8 +199,6 @@ def gather_rows(
             frame_root, sample_root = roots(frame), roots(sample)
             frame_luma = luma_of(frame_root)
             store(apart, (y % 4) * width + x, luma - frame_luma)
-            speed = square_root(mx * mx + my * my)
-            tx, ty = px - floor(px), py - floor(py)
             to = ring_row + x
             put(seen, see.FRAME * width + to, frame_luma)
             put(seen, see.SAMPLE * width + to, luma_of(sample_root))
@@ -215,8 +213,6 @@ def gather_rows(
             put(seen, see.COUNT * width + to, count / (count + 4.0))
             put(seen, see.DIFFERENCE * width + to, difference * 0.5 + 0.5)
             put(seen, see.SURFACE * width + to, surface)
-            put(seen, see.SPEED * width + to, speed / (speed + 4.0))
-            put(seen, see.BLUR * width + to, (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0)
             put(seen, see.EDGE * width + to, edge)
         if inside and y % 2 == 0:
             half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2

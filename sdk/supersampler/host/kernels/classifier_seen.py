@@ -1,7 +1,7 @@
 """What the network of `classifier` sees, in bytes: twins of `classifier_inputs`.
 
-A record is what is known of four pixels: 20 words of four bytes. Words 0 to 17 are SEEN, a word a name, a
-byte a pixel; 18 and 19 are at half size: six classes, drift, grain.
+A record is what is known of four pixels: 18 words of four bytes. Words 0 to 15 are SEEN, a word a name, a
+byte a pixel; 16 and 17 are at half size: six classes, drift, grain.
 """
 
 import numpy as np
@@ -11,7 +11,7 @@ from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.layout import PAD, RECORD, SEEN
-from supersampler.host.shuffles import evens, odds, transposed, zipped
+from supersampler.host.shuffles import evens, odds, transposed
 from supersampler.host.vector import (
     absolute,
     load8,
@@ -20,16 +20,15 @@ from supersampler.host.vector import (
     minimum,
     packed,
     store,
-    store_pairs,
     to_float,
     to_int,
 )
 
 (
     FRAME, SAMPLE, PAST, TO_SAMPLE, TO_FRAME, CONTRAST, PAST_CONTRAST, BEYOND, LEAST, MOST, DETAIL,
-    CONFIDENCE, COUNT, DIFFERENCE, SURFACE, SPEED, BLUR, EDGE,
-) = range(18)  # fmt: skip
-CLASSES = 18  # word of a record
+    CONFIDENCE, COUNT, DIFFERENCE, SURFACE, EDGE,
+) = range(16)  # fmt: skip
+CLASSES = 16  # word of a record
 
 
 @njit
@@ -75,10 +74,8 @@ def pack_rows(seen, upper, lower, width, p0, p1, records, to):
             words_of(seen, u + 12 * w, v + 12 * w), words_of(seen, u + 13 * w, v + 13 * w),
             words_of(seen, u + 14 * w, v + 14 * w), words_of(seen, u + 15 * w, v + 15 * w),
         ))  # fmt: skip
-        pairs = zipped(words_of(seen, u + 16 * w, v + 16 * w), words_of(seen, u + 17 * w, v + 17 * w))
         for i in range(16):
             store(records, to + RECORD * (x + i), rows[i])
-        store_pairs(records, to + RECORD * x + 16, RECORD, pairs)
 
 
 @njit

@@ -1,0 +1,121 @@
+"""What got worse from one record of a bench to the next."""
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from supersampler.errors import ArgumentError
+
+HIGHER, LOWER = 1.0, -1.0
+DIRECTIONS: Mapping[str, float] = {
+    **dict.fromkeys(("psnr", "ssim", "tpsnr", "cvvdp"), HIGHER),
+    **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
+    **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
+}
+"""By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
+DECIBELS = ("psnr", "tpsnr")
+IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
+"""Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
+CONTAINERS = ("shots", "means", "methods", "summary", "warm_cropped", "timed", "results", "rows", "scenes")
+"""Parts whose names say nothing of a value."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One value in both records.
+
+    Attributes:
+        what: which.
+        before: its value in the first.
+        after: in the second.
+        worse: by how much it is worse, dB where that is its unit, else a share of `before`; below 0: better.
+    """
+
+    what: str
+    before: float
+    after: float
+    worse: float
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return a record that a bench command wrote with `--json`.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(record["bench"], str):
+            return dict(record)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
+    raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
+
+
+def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Change]:
+    """Return all values that both records have, the worst first.
+
+    Raises:
+        ArgumentError: they are of different benches.
+    """
+    if before["bench"] != after["bench"]:
+        want = f"records of one bench, as of {before['bench']!r}"
+        raise ArgumentError("records", got=f"one of {after['bench']!r}", want=want)
+    old, new = dict(_values(before)), dict(_values(after))
+    found = [_change(what, old[what], new[what]) for what in old if what in new]
+    return sorted(found, key=lambda change: -change.worse)
+
+
+def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
+    """All scores under a node, each by what it is a score of."""
+    if isinstance(node, dict):
+        for name, value in node.items():
+            if name not in IGNORED:
+                yield from _values(value, (*path, name))
+    elif isinstance(node, list):
+        for item in node:
+            if isinstance(item, dict):
+                yield from _values(item, (*path, _identity(item)))
+    elif isinstance(node, (int, float)) and not isinstance(node, bool) and _direction(path):
+        yield path, node
+
+
+def _identity(item: Mapping[str, Any]) -> str:
+    """What tells a row from its neighbours: all that is no score."""
+    said = []
+    for name, value in item.items():
+        if isinstance(value, dict) and name == "setting":
+            said.append(_identity(value))
+        elif _direction((name,)) or name in ("moved", "multiply_adds", "shot_json_sha256", "pixels_sha256"):
+            continue
+        elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
+            said.append(str(value))
+        elif isinstance(value, list) and all(isinstance(part, int) for part in value):
+            said.append("x".join(map(str, value)))
+    return " ".join(said)
+
+
+def _direction(path: Sequence[str]) -> float:
+    for name in reversed(path):
+        for known, direction in DIRECTIONS.items():
+            if name == known or name.startswith(f"{known}_"):
+                return direction
+    return 0.0
+
+
+def _change(path: tuple[str, ...], before: float, after: float) -> Change:
+    lost = _direction(path) * (before - after)
+    in_decibels = any(name.startswith(DECIBELS) for name in path)
+    what = ", ".join(name for name in path if name not in CONTAINERS)
+    return Change(what, before, after, lost if in_decibels else lost / max(abs(before), 1e-12))
+
+
+def markdown_table(found: Sequence[Change]) -> str:
+    """Return changes as Markdown."""
+    rows = ["| what | before | after | worse by |", "| --- | ---: | ---: | ---: |"]
+    for change in found:
+        worse = f"{change.worse:+.3f} dB" if "psnr" in change.what else f"{change.worse:+.1%}"
+        rows.append(f"| {change.what} | {change.before:.5g} | {change.after:.5g} | {worse} |")
+    return "\n".join(rows)

@@ -1,0 +1,38 @@
+"""The folder of figures that a measurement leaves: one folder a shot, and the classes of all."""
+
+from pathlib import Path
+
+from supersampler_bench import figures
+from supersampler_bench.class_table import said_of_classes
+from supersampler_bench.error_maps import ErrorMaps
+from supersampler_bench.record import Measured
+from supersampler_bench.report import Report
+from supersampler_bench.table import caption, sizes
+from supersampler_model.data.shots import variant_name
+
+
+class Gallery:
+    """Draws into a folder; what is there under the same names is replaced.
+
+    Args:
+        folder: made when something is drawn.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def add(self, measured: Measured, maps: ErrorMaps) -> None:
+        """Draw curves, errors and, where a method tells them, classes of one shot."""
+        shot, results = measured.shot, measured.methods
+        ratio = measured.origin.get("ratio")
+        folder = self._folder / (shot.name if ratio is None else f"{shot.name}-{variant_name(ratio)}")
+        figures.draw_curves(sizes(shot), results, folder / "curves.png")
+        figures.draw_errors(sizes(shot), maps, folder / "errors.png")
+        if told := said_of_classes(results):
+            figures.draw_classes(caption(shot, results), told, folder / "classes.png")
+
+    def add_means(self, report: Report) -> None:
+        """Draw the classes of all shots at each ratio, where there are several shots."""
+        for (title, scores), ratio in zip(report.mean_tables(), report.means, strict=True):
+            if told := said_of_classes(scores):
+                figures.draw_classes(title, told, self._folder / f"classes-{variant_name(ratio)}.png")

@@ -1,0 +1,207 @@
+"""Run time against error: which settings no other setting beats in both.
+
+Errors come from a record of `bench quality test-shots`, which any machine measures alike; times are measured
+here. Settings are compared at one ratio: what a ratio saves, it saves where frames are rendered.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.speed import Setting, measure_settings
+
+ORACLE = "oracle"  # draws by the reference: an error without a time
+SPATIAL = ("bilinear", "bicubic")
+CLEARLY, HARDLY = 1.0, 0.05  # dB: what a preset must gain over no history, and what no preset pays time for
+
+
+@dataclass(frozen=True)
+class Metric:
+    """An error or a quality of pictures.
+
+    Attributes:
+        name: in a quality record.
+        heading: for people.
+        digits: after the point.
+        scale: what it is shown times.
+        higher: whether more is better.
+    """
+
+    name: str
+    heading: str
+    digits: int
+    scale: float = 1.0
+    higher: bool = True
+
+
+METRICS = (
+    Metric("psnr", "PSNR dB", 2),
+    Metric("ssim", "SSIM", 4),
+    Metric("flip", "FLIP", 4, higher=False),
+    Metric("tpsnr", "tPSNR dB", 2),
+    Metric("warped_error_difference", "warped error 1e-3", 2, 1e3, higher=False),
+    Metric("strred", "STRRED", 1, higher=False),
+)
+
+
+@dataclass(frozen=True)
+class Point:
+    """One setting at one ratio.
+
+    Attributes:
+        spec: method, precision and skipping.
+        runs: executor and precision that it came to.
+        ratio: display over render size.
+        milliseconds: median wall time of a step.
+        scores: by the metric's name, mean over the test shots.
+    """
+
+    spec: Spec
+    runs: str
+    ratio: float
+    milliseconds: float
+    scores: Mapping[str, float]
+
+
+def measure_pareto(
+    record: Mapping[str, Any],
+    display: Size,
+    *,
+    threads: int,
+    steps: int = 20,
+    on_ratio: Callable[[float], None] = lambda _: None,
+) -> list[Point]:
+    """Time all settings that a quality record has scores of, on this machine.
+
+    Args:
+        record: of `bench quality test-shots --json`.
+        display: (width, height) of the pictures that are timed.
+        threads: of the processor.
+        steps: that count, of each setting.
+        on_ratio: called before the settings of a ratio.
+
+    Raises:
+        ArgumentError: the record has no means over shots.
+    """
+    points = []
+    for ratio, scores in scores_of(record).items():
+        on_ratio(ratio)
+        wanted = {
+            spec: Setting(spec.model, display, "auto", threads, spec.precision, spec.skip) for spec in scores
+        }
+        timed = {t.setting: t for t in measure_settings(list(wanted.values()), ratio=ratio, steps=steps)}
+        for spec, setting in wanted.items():
+            t = timed[setting]
+            points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
+    return points
+
+
+def scores_of(record: Mapping[str, Any]) -> dict[float, dict[Spec, dict[str, float]]]:
+    """Mean scores by ratio and setting, without the warm-up and a border.
+
+    Raises:
+        ArgumentError: the record has no means over shots.
+    """
+    found: dict[float, dict[Spec, dict[str, float]]] = {}
+    for mean in record.get("means", ()):
+        if mean["method"] != ORACLE:
+            summary = mean["summary"]["warm_cropped"]
+            known = {m.name: summary[m.name] for m in METRICS if summary.get(m.name) is not None}
+            found.setdefault(mean["ratio"], {})[parse_spec(mean["method"])] = known
+    if not found:
+        got, want = f"of bench {record.get('bench')!r}", "one of `bench quality test-shots --json`"
+        raise ArgumentError("record", got=got, want=want)
+    return found
+
+
+def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:
+    """Those that none beats in time and error, the fastest first; of one ratio."""
+    sign = 1.0 if metric.higher else -1.0
+    known = [p for p in points if metric.name in p.scores]
+    found: list[Point] = []
+    for point in sorted(known, key=lambda p: (p.milliseconds, -sign * p.scores[metric.name])):
+        if not found or sign * (point.scores[metric.name] - found[-1].scores[metric.name]) > 0.0:
+            found.append(point)
+    return found
+
+
+def presets(points: Sequence[Point]) -> dict[str, Spec]:
+    """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
+
+    fast: the fastest that is `CLEARLY` better than pictures without a history. high: the fastest that is
+    within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
+    over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
+    what skipping saves, shots in motion do not show.
+    """
+    psnr = METRICS[0]
+    line = frontier([p for p in points if p.spec.skip == "auto"], psnr)
+    floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
+    good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
+    best = max(p.scores["psnr"] for p in line)
+    fast = good[0]
+    high = next(p for p in line if p.scores["psnr"] >= best - HARDLY)
+    between = [p for p in good if fast.milliseconds < p.milliseconds < high.milliseconds]
+    balanced = max(between, key=lambda p: _gain(p, fast), default=high)
+    exact = replace(high.spec, skip="exact")
+    return {"fast": fast.spec, "balanced": exact if balanced is high else balanced.spec, "high": exact}
+
+
+def _gain(point: Point, fast: Point) -> float:
+    return (point.scores["psnr"] - fast.scores["psnr"]) / (point.milliseconds - fast.milliseconds)
+
+
+def by_ratio(points: Sequence[Point]) -> dict[float, list[Point]]:
+    """Points of each ratio."""
+    return {ratio: [p for p in points if p.ratio == ratio] for ratio in sorted({p.ratio for p in points})}
+
+
+def pareto_record(points: Sequence[Point], display: Size, threads: int) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    rows = [{**asdict(point), "spec": str(point.spec)} for point in points]
+    return {"bench": "pareto", "display": list(display), "threads": threads, "points": rows}
+
+
+def points_of(record: Mapping[str, Any]) -> list[Point]:
+    """Points of a record by `pareto_record`."""
+    return [Point(**{**row, "spec": parse_spec(row["spec"])}) for row in record["points"]]
+
+
+def markdown_table(points: Sequence[Point], display: Size, threads: int, machine: str) -> str:
+    """Return the table as Markdown, with its caption; what is on a metric's frontier is bold there."""
+    metrics = [m for m in METRICS if any(m.name in p.scores for p in points)]
+    rows = [
+        f"| ratio | setting | runs | ms | {' | '.join(m.heading for m in metrics)} |",
+        f"| ---: | --- | --- | ---: | {' | '.join('---:' for _ in metrics)} |",
+    ]
+    for ratio, group in by_ratio(points).items():
+        lines = {m.name: frontier(group, m) for m in metrics}
+        for point in sorted(group, key=lambda p: p.milliseconds):
+            cells = [_cell(point, m, point in lines[m.name]) for m in metrics]
+            head = f"{ratio:g} | {point.spec} | {point.runs} | {point.milliseconds:.1f}"
+            rows.append(f"| {head} | {' | '.join(cells)} |")
+    caption = (
+        f"Time of a step to {display[0]}x{display[1]} on {threads} threads ({machine}), and mean scores of "
+        "the test shots. Bold: no other setting at that ratio is both faster and better."
+    )
+    return "\n".join([*rows, "", caption])
+
+
+def _cell(point: Point, metric: Metric, leads: bool) -> str:
+    if metric.name not in point.scores:
+        return "–"
+    text = f"{metric.scale * point.scores[metric.name]:.{metric.digits}f}"
+    return f"**{text}**" if leads else text
+
+
+def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
+    """Points of the ratio that is nearest."""
+    groups = by_ratio(points)
+    return groups[min(groups, key=lambda known: abs(known - ratio))]
+
+
+def timed_again(points: Sequence[Point], milliseconds: Mapping[Spec, float]) -> list[Point]:
+    """The same points with other times; those without one are left out."""
+    return [replace(p, milliseconds=milliseconds[p.spec]) for p in points if p.spec in milliseconds]

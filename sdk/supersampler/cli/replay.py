@@ -1,0 +1,183 @@
+"""`supersampler replay`."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from supersampler.cli.arguments import ExecutorChoice, Format, PrecisionName, parse_providers, size_text
+
+if TYPE_CHECKING:
+    from supersampler.cli.results import Results
+    from supersampler.recording import Call
+    from supersampler.recording.replay import Replay, Replayed, Summary
+
+
+def replay(
+    recording: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder to write the pictures to.")
+    ] = None,
+    format: Annotated[  # noqa: A002  # the option's name
+        list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
+    ] = None,
+    model: Annotated[
+        str | None,
+        typer.Option(
+            help="A model folder, or a shipped model by name, whatever was recorded.", show_default="recorded"
+        ),
+    ] = None,
+    executor: Annotated[
+        ExecutorChoice | None,
+        typer.Option(
+            help="How to run it. graph: in ONNX Runtime. host: as kernels.", show_default="recorded"
+        ),
+    ] = None,
+    precision: Annotated[
+        PrecisionName | None, typer.Option(help="Of what is learned.", show_default="recorded")
+    ] = None,
+    providers: Annotated[
+        str | None,
+        typer.Option(
+            help="ONNX Runtime providers, as of `supersampler upscale`.", show_default="recorded, or auto"
+        ),
+    ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Start over where pictures of another replay are.")
+    ] = False,
+) -> None:
+    """Do again what `upscale --record FILE` or `Upscaler(record=FILE)` recorded, and compare.
+
+    Prints how many frames are bit for bit what they were, the first that is not, and how far pictures are
+    apart at most. Exit code 1 where they are further apart than tolerated, or where a frame is refused that
+    was not, or the other way round.
+
+    \b
+    Examples:
+      supersampler replay kitchen.recording
+      supersampler replay kitchen.recording -o out --format png --executor graph
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.recording import open_recording
+    from supersampler.recording.replay import Replay, Summary
+
+    replayed = Replay(
+        open_recording(recording),
+        model=model,
+        executor=None if executor is None else executor.value,
+        precision=None if precision is None else precision.value,
+        providers=None if providers is None else parse_providers(providers),
+    )
+    formats = sorted({item.value for item in format or [Format.exr]})
+    results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
+    summary = Summary()
+    for line in _heads(replayed):
+        _say(line)
+    try:
+        _run(replayed, summary, results)
+    finally:  # of a damaged file: on the frames before
+        for line in _verdict(replayed, summary):
+            _say(line)
+    if summary.beyond is not None:
+        raise typer.Exit(1)
+
+
+def _say(line: str) -> None:
+    """Print a line; a stranger's file has no say over the terminal."""
+    typer.echo("".join(character if character.isprintable() else "?" for character in line))
+
+
+def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
+    from supersampler import __version__
+    from supersampler.cli.results import Results
+
+    results = Results(folder, formats)
+    settings = {
+        "supersampler": __version__,
+        "recording": str(replay.recording.path.resolve()),
+        "method": replay.model.info.method,
+        "model files": dict(replay.model.info.files),
+        "providers": list(replay.model.providers),
+        "executor": replay.model.executor,
+        "precision": replay.model.precision,
+        "formats": formats,
+    }
+    results.begin(settings, 0, overwrite=overwrite)
+    return results
+
+
+def _heads(replay: "Replay") -> list[str]:
+    """Of what the recording is, and both machines."""
+    from supersampler.machine import machine
+    from supersampler.recording.recorder import versions
+
+    setup, model = replay.recording.setup, replay.model
+    size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
+    there = _place(setup.executor, setup.precision, setup.providers, setup.versions, setup.machine)
+    here = _place(model.executor, model.precision, model.providers, versions(), machine())
+    return [f"{replay.recording.path}: {setup.method}, {size}", f"  there  {there}", f"  here   {here}"]
+
+
+def _place(
+    executor: str,
+    precision: str,
+    providers: Sequence[str],
+    versions: Mapping[str, str],
+    machine: Mapping[str, object],
+) -> str:
+    provider = providers[0].removesuffix("ExecutionProvider") if providers else "unknown"
+    packages = ", ".join(f"{name} {version}" for name, version in versions.items())
+    where = f"{machine.get('cpu')}, {machine.get('cores')} cores, {machine.get('os')}"
+    return f"{provider} ({executor}, {precision}); {packages}; {where}"
+
+
+def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> None:
+    """Do all calls; print, sum up and write what comes of each."""
+    from rich.console import Console
+
+    from supersampler.cli.frame_warnings import frame_warnings
+    from supersampler.recording import CloseCall, StepCall
+
+    console = Console(stderr=True, highlight=False)
+    last: Replayed | None = None  # that returned an image
+    call: Call | None = None
+    for call in replay.recording:
+        if isinstance(call, StepCall) and call.outcome is None:  # said before: it may end this process, too
+            _say(f"frame {call.index}: the recording does not say what came of it")
+        with frame_warnings(console, summary.steps):
+            step = replay.call(call)
+        if step is not None:
+            summary.add(step)
+            if step.note:
+                _say(f"frame {step.index}: {step.note}")
+            if step.result is not None:
+                last = step
+                if results is not None:
+                    results.write(step.index, step.result.image, step.exposure, step.result.carry)
+    if not isinstance(call, CloseCall):
+        _say("The recording was not closed; it ends with its last whole call.")
+    elif results is not None and last is not None and call.image is not None:
+        recorded = type(results)(results.folder / "recorded", results.formats)
+        recorded.write(last.index, call.image, last.exposure)
+
+
+def _verdict(replay: "Replay", summary: "Summary") -> Iterator[str]:
+    """What is asked first of a report: is it so here, from which frame on, and by how much."""
+    if not replay.is_recorded_model:
+        yield "The model is not the recorded one: pictures are bound to differ."
+    same = f"{summary.exact} of {summary.steps - summary.unknown} frames are bit for bit what they were"
+    if summary.first is None:
+        yield f"{same}."
+        return
+    yield f"{same}; frame {summary.first} is the first that is not."
+    apart, tolerance = summary.apart, replay.tolerance
+    if summary.largest is not None:
+        yield (
+            f"Largest difference: {apart.largest:.2g} of [0, 1] on a screen, in frame {summary.largest}; "
+            f"mean up to {apart.mean:.2g}, at 99 % up to {apart.most:.2g}."
+        )
+    limits = f"mean {tolerance.mean:.2g}, at 99 % {tolerance.most:.2g}"
+    if summary.beyond is None:
+        yield f"That is within tolerance: {limits}."
+    else:
+        yield f"Frame {summary.beyond} is the first beyond tolerance: {limits}."

@@ -1,0 +1,197 @@
+"""What a recording holds, as records and back: how an Upscaler was made, and each call with its outcome."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, fields
+from typing import Any, Literal, TypeAlias, cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Float32, Frame, Size
+from supersampler.model_info import ModelInfo
+from supersampler.recording.format import Record
+from supersampler.recording.outcome import Outcome
+from supersampler.state import State
+
+FORMAT = 1
+"""Version of the records. One that a reader does not know is refused."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup:
+    """How an Upscaler was made, and where.
+
+    Attributes:
+        contract: version of the meaning of a frame's inputs (docs/contract.md).
+        folder: name of the model's folder, without those it lies in.
+        method: of the model.
+        files: sha256 of the model's files, by name.
+        config: the method's constants.
+        executor: "graph" or "host".
+        precision: of what is learned, "fp32" or "int8".
+        providers: of ONNX Runtime.
+        threads: as asked for; 0 takes every core.
+        display_size: (width, height); None where `scale` makes it of the first frame.
+        scale: display over render size; not looked at beside a display size.
+        skip, validate: see `Upscaler`.
+        versions: of this package, Python and the packages that pictures depend on.
+        machine: see `supersampler.machine`.
+    """
+
+    contract: int
+    folder: str
+    method: str
+    files: Mapping[str, str]
+    config: Mapping[str, Any]
+    executor: str
+    precision: str
+    providers: tuple[str, ...]
+    threads: int
+    display_size: Size | None
+    scale: float
+    skip: Literal["auto", "exact"] | float
+    validate: Literal["off", "warn", "strict"]
+    versions: Mapping[str, str]
+    machine: Mapping[str, Any]
+
+    def is_of(self, model: ModelInfo) -> bool:
+        """Tell whether it was this model."""
+        there = (self.method, dict(self.files), dict(self.config))
+        return there == (model.method, dict(model.files), dict(model.config))
+
+
+@dataclass(frozen=True, eq=False)
+class StepCall:
+    """`Upscaler.step`, or `step_tensors`.
+
+    Attributes:
+        index: how many steps were before it, those that were refused included.
+        frame: as it was handed in.
+        want: what else than the image was asked for.
+        tensors: whether the frame came as tensors on a device, whose pixels nothing checks.
+        outcome: what came of it; None where the process ended within the step, or just after it.
+    """
+
+    index: int
+    frame: Frame
+    want: tuple[str, ...]
+    tensors: bool
+    outcome: Outcome | None
+
+
+@dataclass(frozen=True)
+class ResetCall:
+    """`Upscaler.reset`."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadStateCall:
+    """`Upscaler.load_state`."""
+
+    state: State
+
+
+@dataclass(frozen=True, eq=False)
+class CloseCall:
+    """`Upscaler.close`. A recording without it is of a process that ended before, or that goes on.
+
+    Attributes:
+        image: (H, W, 3) the last image, whole; None where there is none.
+    """
+
+    image: Float32 | None
+
+
+Call: TypeAlias = StepCall | ResetCall | LoadStateCall | CloseCall
+
+
+def setup_record(setup: Setup) -> Record:
+    """The first record of a file."""
+    return Record("setup", {"format": FORMAT, **{f.name: getattr(setup, f.name) for f in fields(Setup)}})
+
+
+def setup_of(record: Record) -> Setup:
+    """Undo `setup_record`.
+
+    Raises:
+        KeyError, TypeError, ValueError: something is missing or of a wrong type.
+    """
+    values: dict[str, Any] = {f.name: record.values[f.name] for f in fields(Setup)}
+    size, skip = values["display_size"], values["skip"]
+    values |= {
+        "contract": int(values["contract"]),
+        "files": {str(name): str(digest) for name, digest in dict(values["files"]).items()},
+        "config": dict(values["config"]),
+        "providers": tuple(map(str, values["providers"])),
+        "threads": int(values["threads"]),
+        "display_size": None if size is None else _size(size),
+        "scale": float(values["scale"]),
+        "skip": str(skip) if isinstance(skip, str) else float(skip),
+        "versions": dict(values["versions"]),
+        "machine": dict(values["machine"]),
+    }
+    for name in ("folder", "method", "executor", "precision", "validate"):
+        values[name] = str(values[name])
+    if values["threads"] < 0:
+        raise ValueError(f"{values['threads']} threads")
+    return Setup(**values)
+
+
+def step_record(frame: Frame, want: Collection[str], *, tensors: bool = False) -> Record:
+    """A frame: what is no array as JSON, arrays by their field, those of a mapping as field.key."""
+    values: dict[str, Any] = {}
+    arrays: dict[str, NDArray[Any]] = {}
+    for field in fields(frame):
+        value = getattr(frame, field.name)
+        if isinstance(value, np.ndarray):
+            arrays[field.name] = value
+        elif isinstance(value, Mapping):
+            values[field.name] = {}
+            arrays |= {f"{field.name}.{key}": array for key, array in value.items()}
+        else:
+            values[field.name] = value
+    return Record("step", {"frame": values, "want": list(map(str, want)), "tensors": tensors}, arrays)
+
+
+def frame_of(record: Record) -> Frame:
+    """Undo `step_record`.
+
+    Raises:
+        FrameError, AttributeError, KeyError, TypeError: it is no frame.
+    """
+    inputs: dict[str, Any] = dict(record.values["frame"])
+    for name, array in record.arrays.items():
+        outer, _, inner = name.partition(".")
+        if inner:
+            inputs[outer][inner] = array
+        else:
+            inputs[outer] = array
+    return Frame(**inputs)
+
+
+def state_record(state: State) -> Record:
+    """A state: its history's arrays by name."""
+    values = {
+        "method": state.method,
+        "display_size": state.display_size,
+        "render_size": state.render_size,
+        "past": state.history is not None,
+    }
+    return Record("load_state", values, state.history or {})
+
+
+def state_of(record: Record) -> State:
+    """Undo `state_record`.
+
+    Raises:
+        KeyError, TypeError, ValueError: it is no state.
+    """
+    sizes = [record.values[name] for name in ("display_size", "render_size")]
+    display, render = (None if size is None else _size(size) for size in sizes)
+    past = cast("bool", record.values["past"])
+    return State(str(record.values["method"]), display, render, record.arrays if past else None)
+
+
+def _size(numbers: Any) -> Size:
+    width, height = (int(number) for number in numbers)
+    return width, height

@@ -1,0 +1,105 @@
+"""A recording, read call by call."""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from supersampler.errors import FrameError, RecordingError
+from supersampler.model_info import CONTRACT
+from supersampler.recording.calls import (
+    FORMAT,
+    Call,
+    CloseCall,
+    LoadStateCall,
+    ResetCall,
+    Setup,
+    StepCall,
+    frame_of,
+    setup_of,
+    state_of,
+)
+from supersampler.recording.format import Record, read_records
+from supersampler.recording.outcome import outcome_of
+
+_WRONG = (FrameError, AttributeError, KeyError, TypeError, ValueError)
+
+
+class Recording:
+    """The calls of an Upscaler, in order. Each iteration reads the file anew, one frame at a time.
+
+    Attributes:
+        path: the file.
+        setup: how the Upscaler was made, and where.
+    """
+
+    def __init__(self, path: Path, setup: Setup) -> None:
+        self.path, self.setup = path, setup
+
+    def __iter__(self) -> Iterator[Call]:
+        """Yield the calls up to the last whole one.
+
+        Raises:
+            RecordingError: a record is damaged, or is none that an Upscaler writes; after the calls before.
+        """
+        records = read_records(self.path)
+        next(records)  # the setup
+        steps, step = 0, None  # the latter waits for its outcome
+        for record in records:
+            if step is not None:
+                outcome = record if record.kind == "outcome" else None
+                yield self._call(step, steps, outcome)
+                steps, step = steps + 1, None
+                if outcome is not None:
+                    continue
+            if record.kind == "step":
+                step = record
+            else:
+                yield self._call(record)
+        if step is not None:
+            yield self._call(step, steps)
+
+    def _call(self, record: Record, index: int = 0, outcome: Record | None = None) -> Call:
+        try:
+            match record.kind:
+                case "step":
+                    told = None if outcome is None else outcome_of(outcome)
+                    want, tensors = tuple(record.values["want"]), bool(record.values["tensors"])
+                    return StepCall(index, frame_of(record), want, tensors, told)
+                case "load_state":
+                    return LoadStateCall(state_of(record))
+                case "reset":
+                    return ResetCall()
+                case "close":
+                    return CloseCall(record.arrays.get("image"))
+        except _WRONG as error:
+            raise _strange(self.path, record) from error
+        raise _strange(self.path, record)
+
+
+def open_recording(path: Path | str) -> Recording:
+    """Open what `Upscaler(record=...)` wrote, or still writes.
+
+    >>> for call in open_recording("kitchen.recording"):
+    ...     if isinstance(call, StepCall):
+    ...         print(call.index, call.frame.size, call.outcome)
+
+    Raises:
+        RecordingError: it is missing, of another kind or of another version.
+    """
+    first = next(read_records(path), None)
+    if first is None:
+        raise RecordingError(path, "ends in its first record", "The process ended, or the disk was full.")
+    if first.kind != "setup" or first.values.get("format") != FORMAT:
+        problem = f"is of format {first.values.get('format')}; this package reads {FORMAT}"
+        raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
+    try:
+        setup = setup_of(first)
+    except _WRONG as error:
+        raise _strange(path, first) from error
+    if setup.contract != CONTRACT:
+        problem = f"holds frames of contract {setup.contract}; this package drives {CONTRACT}"
+        raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
+    return Recording(Path(path), setup)
+
+
+def _strange(path: Path | str, record: Record) -> RecordingError:
+    return RecordingError(path, f"has a {record.kind!r} record that no Upscaler writes")

@@ -1,0 +1,274 @@
+"""`Replay`: does again what a recording holds, and says how far what comes of it is from what came there."""
+
+from collections.abc import Sequence
+from dataclasses import astuple, dataclass
+from pathlib import Path
+from typing import Literal, cast
+
+import numpy as np
+
+from supersampler.display import ExposureMeter, display_transform
+from supersampler.errors import ProviderError, RecordingError
+from supersampler.history import Result
+from supersampler.model import ExecutorName, Model, Precision
+from supersampler.model_info import find_model, model_names, read_model_info, shipped_model
+from supersampler.providers import resolve_providers
+from supersampler.recording.calls import Call, LoadStateCall, ResetCall, Setup, StepCall
+from supersampler.recording.outcome import Outcome, raised, returned
+from supersampler.recording.recording import Recording
+from supersampler.recording.tensors import image_of_tensor, tensors_of_frame
+from supersampler.upscaler import Upscaler
+
+
+@dataclass(frozen=True)
+class Difference:
+    """How far pictures are apart, value by value: of what a screen shows, in [0, 1].
+
+    Attributes:
+        mean: over all values.
+        most: at 99 % of them.
+        largest: of them.
+    """
+
+    mean: float
+    most: float
+    largest: float
+
+    def is_within(self, tolerance: "Difference") -> bool:
+        """Tell whether mean and most are: single values may be far off, where a decision tips over."""
+        return self.mean <= tolerance.mean and self.most <= tolerance.most
+
+
+SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
+"""Tolerated between machines and executors: with what is learned in single precision; in halves or bytes."""
+_NOTHING, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True, eq=False)
+class Replayed:
+    """What came of a step here.
+
+    Attributes:
+        index: of the step.
+        result: what it returned; None where it raised.
+        exposure: that pictures are compared with.
+        exact: every bit of what it returned is as it was there, or the same was raised; None where it is not
+            known what came of it there.
+        difference: of the pixels that were recorded; None where there is nothing to compare.
+        within: not known to be beyond tolerance.
+        note: what else is to be said: errors, here or there.
+    """
+
+    index: int
+    result: Result | None
+    exposure: float
+    exact: bool | None
+    difference: Difference | None
+    within: bool
+    note: str = ""
+
+
+class Replay:
+    """An Upscaler as the recorded one was, and its calls.
+
+    >>> replay = Replay(open_recording("kitchen.recording"))
+    >>> steps = [replay.call(call) for call in replay.recording]
+
+    Args:
+        recording: the recording.
+        model: a model's name or folder, whatever was recorded; None takes the recorded one, if it ships.
+        executor: see `Model.load`. Where none of these three is given, and the model is the recorded one, it
+            runs as it did there; else what is not given is "auto".
+        precision: see `Model.load`.
+        providers: see `Model.load`; None takes the recorded ones where they are installed, else "auto".
+
+    Attributes:
+        recording: the recording.
+        model: that steps.
+        is_recorded_model: whether it is the one that was recorded.
+        tolerance: within which pictures that are not the same are taken for it.
+
+    Raises:
+        RecordingError: the model is neither given nor one of those that ship.
+        ModelError, ProviderError, ArgumentError: see `Model.load`.
+    """
+
+    def __init__(
+        self,
+        recording: Recording,
+        *,
+        model: str | Path | None = None,
+        executor: ExecutorName | None = None,
+        precision: Precision | None = None,
+        providers: str | Sequence[str] | None = None,
+    ) -> None:
+        setup = recording.setup
+        folder = _recorded_model(recording) if model is None else find_model(model)
+        self.is_recorded_model = setup.is_of(read_model_info(folder))
+        asked = not self.is_recorded_model or (executor, precision, providers) != (None, None, None)
+        self.recording = recording
+        self.model = Model.load(
+            folder,
+            providers=_providers(setup) if providers is None else providers,
+            threads=setup.threads,
+            executor=(executor or "auto") if asked else cast("ExecutorName", setup.executor),
+            precision=(precision or "auto") if asked else cast("Precision", setup.precision),
+        )
+        self.tolerance = SINGLE if setup.precision == self.model.precision == "fp32" else LESS
+        self._upscaler = Upscaler(
+            self.model,
+            display_size=setup.display_size,
+            scale=setup.scale if setup.display_size is None else None,
+            skip=setup.skip,
+            validate=setup.validate,
+        )
+        self._meter = ExposureMeter()
+
+    def call(self, call: Call) -> Replayed | None:
+        """Do what was done there; return what came of it where it was a step.
+
+        Raises:
+            ArgumentError: a state that was loaded there is not one of this model.
+
+        Warns:
+            FrameWarning: as the recorded Upscaler did.
+        """
+        match call:
+            case StepCall():
+                return self._step(call)
+            case ResetCall():
+                self._upscaler.reset()
+                self._meter = ExposureMeter()
+            case LoadStateCall(state):
+                self._upscaler.load_state(state)
+        return None
+
+    def _step(self, call: StepCall) -> Replayed:
+        try:
+            result = self._made(call)
+        except Exception as error:  # whatever was raised there may be raised here: it is what is looked for
+            return _refused(call, raised(error))
+        frame, there = call.frame, call.outcome
+        exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
+        if there is None:
+            return Replayed(call.index, result, exposure, exact=None, difference=None, within=True)
+        if any(there.error):
+            note = f"raises nothing; there: {_text(there)}"
+            return Replayed(
+                call.index, result, exposure, exact=False, difference=None, within=False, note=note
+            )
+        here = returned(call.index, result)
+        exact = here.digests == there.digests
+        difference = _NOTHING if exact else _difference(here, there, exposure)
+        within = exact or difference.is_within(self.tolerance)
+        return Replayed(call.index, result, exposure, exact, difference, within)
+
+    def _made(self, call: StepCall) -> Result:
+        frame, upscaler = call.frame, self._upscaler
+        if call.tensors and self.model.executor == "graph":  # kernels take no tensors
+            tensors = tensors_of_frame(frame, self.model.device)
+            image = upscaler.step_tensors(
+                tensors, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
+            )
+            return Result(image_of_tensor(image))
+        made = upscaler.step(frame, want=call.want)
+        return made if isinstance(made, Result) else Result(made)
+
+
+@dataclass
+class Summary:
+    """What the steps of a replay come to.
+
+    Attributes:
+        steps: how many.
+        exact: those that are the same bit for bit.
+        unknown: those of which it is not known what came of them there.
+        first: index of the first that is not the same.
+        beyond: index of the first that is not within tolerance.
+        apart: the largest mean, the largest most and the largest difference of any step.
+        largest: index of the step with the last of these.
+    """
+
+    steps: int = 0
+    exact: int = 0
+    unknown: int = 0
+    first: int | None = None
+    beyond: int | None = None
+    apart: Difference = _NOTHING
+    largest: int | None = None
+
+    def add(self, step: Replayed) -> None:
+        """Take in the next step."""
+        self.steps += 1
+        self.exact += step.exact is True
+        self.unknown += step.exact is None
+        if self.first is None and step.exact is False:
+            self.first = step.index
+        if self.beyond is None and not step.within:
+            self.beyond = step.index
+        if step.difference is not None:
+            if step.difference.largest > self.apart.largest:
+                self.largest = step.index
+            pairs = zip(astuple(self.apart), astuple(step.difference), strict=True)
+            self.apart = Difference(*(max(pair) for pair in pairs))
+
+
+def _refused(call: StepCall, here: Outcome) -> Replayed:
+    """A step that raised here."""
+    there, exact = call.outcome, None
+    note = f"raises {_text(here)}"
+    if there is not None:
+        kind, text = there.error
+        exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # ours say the same
+        note += ", as there" if exact else f"; there: {_text(there) if kind else 'nothing'}"
+    return Replayed(call.index, None, 1.0, exact, None, within=exact is True, note=note)
+
+
+def _text(outcome: Outcome) -> str:
+    kind, text = outcome.error
+    return f"{kind} ({text.rstrip('.')})"
+
+
+def _difference(here: Outcome, there: Outcome, exposure: float) -> Difference:
+    """Of the pixels that are kept; what is carried is no light: its difference is relative above 1."""
+    shapes = [{name: pixels.shape for name, pixels in outcome.samples.items()} for outcome in (here, there)]
+    if shapes[0] != shapes[1]:
+        return _ALL
+    apart = []
+    for name, pixels in here.samples.items():
+        other = there.samples[name]
+        if name == "image":
+            off = display_transform(pixels, exposure) - display_transform(other, exposure)
+        else:
+            off = (pixels - other) / np.maximum(1.0, np.maximum(np.abs(pixels), np.abs(other)))
+        apart.append(np.abs(off).ravel())
+    values = np.nan_to_num(np.concatenate(apart), nan=1.0)
+    return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
+
+
+def _recorded_model(recording: Recording) -> Path:
+    """Folder of the model that was recorded, among those that ship.
+
+    Raises:
+        RecordingError: it is not among them.
+    """
+    setup = recording.setup
+    hint = "Hand in the recorded one's folder: --model FOLDER."
+    if setup.folder not in model_names():
+        problem = f"was recorded with the model {setup.folder!r} ({setup.method}), which does not ship"
+        raise RecordingError(recording.path, problem, hint)
+    folder = shipped_model(setup.folder)
+    here = read_model_info(folder)
+    if not setup.is_of(here):
+        name = next((name for name in setup.files if setup.files[name] != here.files.get(name)), "model.json")
+        there, version = setup.files.get(name, "")[:12], setup.versions.get("supersampler")
+        problem = f"was recorded with another {setup.folder!r}: {name} differs (sha256 {there}... there)"
+        raise RecordingError(recording.path, f"{problem}, of supersampler {version}", hint)
+    return folder
+
+
+def _providers(setup: Setup) -> Sequence[str] | Literal["auto"]:
+    try:
+        return resolve_providers(setup.providers)
+    except ProviderError:
+        return "auto"

@@ -1,0 +1,43 @@
+"""Tensors on a device, for a file and back: what `Upscaler.step_tensors` takes and gives."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import onnxruntime as ort
+
+from supersampler.errors import FrameError
+from supersampler.frame import Float32, Frame
+from supersampler.graph_session import pixels_of, planes_of
+from supersampler.tensors import Tensor, taken
+
+_IMAGES = ("color", "depth", "motion")
+
+
+def frame_of_tensors(
+    tensors: Mapping[str, Tensor], jitter: tuple[float, float], exposure: float | None, *, reset: bool
+) -> Frame:
+    """Return the frame that tensors are, copied to the host.
+
+    Raises:
+        FrameError: they are none: one is missing, or of a wrong type, shape or range.
+    """
+    images: dict[str, Any] = {}
+    for name in _IMAGES:
+        if name not in tensors:
+            raise FrameError(name, got=None, want="a tensor")
+        planes: Float32 = taken(tensors[name], name).numpy()
+        if planes.ndim != 4 or planes.shape[0] != 1:
+            raise FrameError(name, got=planes.shape, want="(1, c, h, w)")
+        images[name] = pixels_of(planes)
+    return Frame(**images, jitter=jitter, exposure=exposure, reset=reset)
+
+
+def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
+    """Return what `frame_of_tensors` took, on a device as `Model.device` names it."""
+    images = {name: planes_of(getattr(frame, name)) for name in _IMAGES}
+    return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
+
+
+def image_of_tensor(image: Tensor) -> Float32:
+    """Return (H, W, 3) of (1, 3, H, W), copied to the host."""
+    return pixels_of(taken(image, "image").numpy())

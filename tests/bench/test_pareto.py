@@ -1,0 +1,133 @@
+"""Time against error: who leads, which presets follow, and what a shot's budget leaves."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supersampler import ArgumentError, shipped_shot
+from supersampler_bench.pareto import (
+    METRICS,
+    Point,
+    at_ratio,
+    frontier,
+    markdown_table,
+    measure_pareto,
+    pareto_record,
+    points_of,
+    presets,
+)
+from supersampler_bench.pareto_figures import draw_pareto
+from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.suggest import measure_candidates, upscale_command
+
+PSNR, FLIP = METRICS[0], METRICS[2]
+SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_size=1, max_size=8)
+
+
+def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
+    scores = {"psnr": psnr, "flip": 1.0 / psnr}
+    return Point(parse_spec(word), "host, fp32", ratio, milliseconds, scores)
+
+
+KNOWN = [
+    point("bilinear", 9.0, 26.7),
+    point("taa", 5.0, 26.8),
+    point("taau", 8.0, 29.2),
+    point("classifier-small", 13.0, 30.1),
+    point("classifier:exact", 15.5, 30.6),
+    point("classifier", 16.0, 30.48),
+    point("classifier:fp32", 380.0, 30.50),
+]
+
+
+@given(SCORES)
+def test_what_leads_is_beaten_by_none_and_what_does_not_by_some(found: list[tuple[float, float]]) -> None:
+    points = [point(f"m{i}", *pair) for i, pair in enumerate(found)]
+    for metric in (PSNR, FLIP):
+        sign = 1.0 if metric.higher else -1.0
+        line = frontier(points, metric)
+        for p in points:
+            beaten = any(
+                q.milliseconds <= p.milliseconds
+                and sign * (q.scores[metric.name] - p.scores[metric.name]) >= 0.0
+                and q is not p
+                for q in points
+            )
+            assert p in line or beaten
+        times = [p.milliseconds for p in line]
+        assert times == sorted(times)
+
+
+def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
+    chosen = presets(KNOWN)
+    assert chosen == {
+        "fast": Spec("taau"),
+        "balanced": Spec("classifier-small"),
+        "high": Spec("classifier", skip="exact"),
+    }
+    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == Spec("better", skip="exact")
+    assert presets([p for p in KNOWN if p.spec.model != "classifier-small"])["balanced"] == chosen["high"]
+
+
+@pytest.mark.parametrize(
+    ("word", "spec"),
+    [
+        ("taau", Spec("taau")),
+        ("classifier:fp32", Spec("classifier", "fp32")),
+        ("classifier:int8:exact", Spec("classifier", "int8", "exact")),
+        ("taau:0.01", Spec("taau", skip=0.01)),
+        ("C:/models/mine", Spec("C:/models/mine")),
+        ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
+    ],
+)
+def test_a_word_says_a_setting_and_back(word: str, spec: Spec) -> None:
+    assert parse_spec(word) == spec
+    assert str(spec) == word
+
+
+def record() -> dict[str, Any]:
+    def mean(method: str, psnr: float) -> dict[str, Any]:
+        scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
+        return {"ratio": 2.0, "method": method, "summary": {"warm_cropped": scores}}
+
+    means = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:exact", 30.0), ("oracle", 35.0)]
+    return {"bench": "quality", "means": [mean(*m) for m in means]}
+
+
+def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
+    points = measure_pareto(record(), (48, 27), threads=1, steps=1)
+    assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
+    assert [p.runs for p in points] == ["graph, fp32", "host, fp32", "host, int8"]
+    assert all(p.milliseconds > 0.0 for p in points)
+    table = markdown_table(points, (48, 27), 1, "a machine")
+    assert "| **30.00** | " in table
+    assert "STRRED" not in table
+    written = draw_pareto(points, "a title", tmp_path)
+    assert {path.name for path in written} >= {"pareto-psnr.png", "pareto-flip.png"}
+    assert all(path.stat().st_size > 5000 for path in written)
+    assert points_of(pareto_record(points, (48, 27), 1)) == points
+
+
+def test_a_record_without_means_is_refused() -> None:
+    with pytest.raises(ArgumentError, match="test-shots"):
+        measure_pareto({"bench": "speed"}, (48, 27), threads=1)
+
+
+def test_what_fits_a_budget_comes_first_the_best_of_it_before_the_rest() -> None:
+    known = [point("bilinear", 9.0, 26.7), point("taau", 8.0, 29.2), point("taa", 5.0, 26.8)]
+    shot = shipped_shot()
+    rich, poor = (
+        measure_candidates(shot, (360, 200), budget, known, threads=1, steps=2) for budget in (1e5, 0.0)
+    )
+    assert [c.spec.model for c in rich] == ["taau", "taa", "bilinear"]
+    assert all(c.fits for c in rich)
+    assert not any(c.fits for c in poor)
+    assert poor[0].p95 == min(c.p95 for c in poor)
+    assert at_ratio(known, 1.1) == known
+    command = upscale_command("plaza", (360, 200), Spec("taau", skip="exact"), 2)
+    assert command == (
+        "supersampler upscale plaza -o out --display-size 360x200 --method taau --skip exact --threads 2"
+    )

@@ -1,0 +1,389 @@
+"""A recording holds all that an Upscaler was asked, bit for bit, whatever ends the process that writes it."""
+
+import shutil
+import signal
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from noise import noise
+from supersampler import ArgumentError, Frame, FrameError, Model, RecordingError, Upscaler
+from supersampler.frame import Float32
+from supersampler.graph_session import planes_of
+from supersampler.recording import CloseCall, LoadStateCall, ResetCall, StepCall, open_recording
+from supersampler.recording.format import Record, RecordWriter, read_records
+from supersampler.recording.replay import Replay, Replayed
+
+DISPLAY = (64, 36)
+
+
+@pytest.fixture(scope="module")
+def models() -> dict[str, Model]:
+    return {name: Model.load(name, threads=1) for name in ("taau", "classifier")}
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    return tmp_path / "new folder" / "a.recording"
+
+
+def recorded(model: Model, file: Path, **arguments: Any) -> Upscaler:
+    return Upscaler(model, **{"display_size": DISPLAY, "validate": "off", "record": file, **arguments})
+
+
+def replayed(file: Path, **arguments: Any) -> list[Replayed]:
+    replay = Replay(open_recording(file), **arguments)
+    return [step for step in map(replay.call, replay.recording) if step is not None]
+
+
+def images(steps: list[Replayed]) -> list[Float32 | None]:
+    return [None if step.result is None else step.result.image for step in steps]
+
+
+def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
+    """Every field that a frame can have, halves and arrays that do not lie in one piece among them."""
+    random = np.random.default_rng(seed)
+    plain = noise(seed, size)
+    assert plain.color is not None
+    (width, height), (wide, high) = size, DISPLAY
+    return replace(
+        plain,
+        color=plain.color.astype(np.float16),
+        motion=np.asfortranarray(plain.motion),
+        exposure=0.7 + 0.1 * seed,
+        gbuffer={"normal": random.random((height, width, 3), np.float32)},
+        gbuffer_display={"depth": random.random((high, wide), np.float32)},
+        carry=random.random((height, width, 4), np.float32)[..., ::2],
+    )
+
+
+@pytest.mark.parametrize("name", ["taau", "classifier"])
+def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], name: str, file: Path) -> None:
+    made: list[Float32 | None] = []
+    with recorded(models[name], file, skip="exact") as upscaler:
+        maps = ("carry", *models[name].info.maps)
+        for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
+            result = upscaler.step(with_all_inputs(seed, size), want=maps)
+            assert not isinstance(result, np.ndarray)
+            made.append(result.image)
+        state = upscaler.save_state()
+        made += [upscaler.step(noise(seed)) for seed in (3, 4)]
+        upscaler.load_state(state)
+        made.append(upscaler.step(noise(5)))
+        with pytest.raises(FrameError, match="size"):
+            upscaler.step(noise(6, (128, 72)))
+        made += [None, upscaler.step(noise(7))]
+        upscaler.reset()
+        made += [upscaler.step(noise(8)), upscaler.step(noise(0, reset=True))]
+    steps = replayed(file)
+    assert [step.exact for step in steps] == [True] * len(made)
+    for image, again in zip(made, images(steps), strict=True):
+        np.testing.assert_equal(image, again)
+
+
+def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
+    """The memory of what stands still is part of a state, in numbers of other types than pictures."""
+    still = noise(0, motion=np.zeros((18, 32, 2), np.float32), exposure=1.0)
+    frames = [replace(still, jitter=(0.25 * (index % 2), 0.0), reset=index == 0) for index in range(60)]
+    with recorded(models["taau"], file, skip=0.1) as upscaler:
+        for frame in frames:
+            upscaler.step(frame, want=("work",))
+        state = upscaler.save_state()
+        upscaler.step(noise(1))
+        upscaler.load_state(state)
+        upscaler.step(replace(frames[1], reset=False), want=("work",))
+        assert upscaler.stats.work < upscaler.stats.frames
+    assert all(step.exact for step in replayed(file))
+
+
+def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path) -> None:
+    frame = with_all_inputs(1, (32, 18))
+    with recorded(models["taau"], file, scale=2.0, display_size=None, skip=0.25) as upscaler:
+        image = upscaler.step(frame, want=["carry"]).image  # type: ignore[union-attr]
+        state = upscaler.save_state()
+        upscaler.load_state(state)
+        upscaler.reset()
+    recording = open_recording(file)
+    step, loaded, reset, close = recording
+    assert isinstance(step, StepCall)
+    for field in fields(Frame):
+        np.testing.assert_equal(getattr(step.frame, field.name), getattr(frame, field.name))
+    assert step.frame.color is not None
+    assert step.frame.color.dtype == np.float16
+    assert (step.index, step.want) == (0, ("carry",))
+    assert isinstance(loaded, LoadStateCall)
+    assert (loaded.state.method, loaded.state.render_size) == (state.method, state.render_size)
+    np.testing.assert_equal(loaded.state.history, state.history)
+    assert isinstance(reset, ResetCall)
+    assert isinstance(close, CloseCall)
+    np.testing.assert_array_equal(close.image, image)
+    setup = recording.setup
+    assert (setup.method, setup.display_size, setup.scale, setup.skip) == ("taau", None, 2.0, 0.25)
+    assert setup.versions["supersampler"]
+    assert setup.machine["cores"]
+    assert str(file.parent) not in file.read_bytes().decode("latin-1")  # no path of the user's
+
+
+def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
+    with recorded(Model.load("taau", threads=1, executor="graph"), file, validate="strict") as upscaler:
+        for seed in range(3):
+            frame = noise(seed)
+            images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}
+            images["color"][0, :, 3, 5] = np.nan  # which `step` would refuse
+            upscaler.step_tensors(images, jitter=frame.jitter, exposure=0.5, reset=frame.reset)
+        for broken in ({**images, "depth": np.zeros((1, 1, 4, 4), np.float32)}, {"color": images["color"]}):
+            with pytest.raises(FrameError, match="depth"):
+                upscaler.step_tensors(broken, jitter=(0.0, 0.0))
+    calls = list(open_recording(file))
+    assert [isinstance(call, StepCall) and call.tensors for call in calls] == [True, True, True, False]
+    assert [step.exact for step in replayed(file)] == [True] * 3
+    assert not replayed(file, executor="host")[0].exact
+
+
+def test_nothing_changes_by_being_recorded(models: dict[str, Model], file: Path) -> None:
+    plain = Upscaler(models["taau"], display_size=DISPLAY, validate="off")
+    with recorded(models["taau"], file) as upscaler:
+        for seed in range(3):
+            np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
+
+
+def test_frames_that_checks_refuse_are_refused_again_in_the_same_words(
+    models: dict[str, Model], file: Path
+) -> None:
+    color = np.array(noise(1).color)
+    color[3, 5] = np.nan
+    with recorded(models["taau"], file, validate="strict") as upscaler:
+        upscaler.step(noise(0))
+        with pytest.raises(FrameError, match="color"):
+            upscaler.step(noise(1, color=color))
+    refused = replayed(file)[1]
+    assert (refused.exact, refused.within, refused.result) == (True, True, None)
+    assert "FrameError (frame.color" in refused.note
+    assert refused.note.endswith(", as there")
+
+
+def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
+    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        with pytest.raises(ArgumentError, match="out"):
+            upscaler.step(noise(1), out=np.empty((1, 1, 3), np.float32))
+        with pytest.raises(ArgumentError, match="want"):
+            upscaler.step(noise(1), want=(3,))  # type: ignore[arg-type]
+        with monkeypatch.context() as patch:
+            patch.setattr(Model, "run_wanted", lambda *_, **__: signal.raise_signal(signal.SIGINT))
+            with pytest.raises(KeyboardInterrupt):
+                upscaler.step(noise(1))
+        upscaler.step(noise(2))
+    assert [step.exact for step in replayed(file)] == [True, True]
+
+
+def test_a_bug_that_raised_there_and_not_here_is_told(
+    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise ZeroDivisionError("by zero")
+
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(Model, "run_wanted", fail)
+            with pytest.raises(ZeroDivisionError):
+                upscaler.step(noise(1))
+    told = replayed(file)[1]
+    assert (told.exact, told.within) == (False, False)
+    assert told.note == "raises nothing; there: ZeroDivisionError (by zero)"
+    with monkeypatch.context() as patch:
+        patch.setattr(Model, "run_wanted", fail)
+        other, same = replayed(file)
+    assert (other.within, same.within) == (False, True)
+    assert other.note == "raises ZeroDivisionError (by zero); there: nothing"
+
+
+def test_a_frame_in_which_the_process_ends_is_in_the_recording(
+    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    left = file.with_name("left.recording")
+    run = Model.run_wanted
+
+    def crash(*arguments: Any, **options: Any) -> Any:
+        shutil.copy(file, left)  # what lies on the disk at this moment
+        return run(*arguments, **options)
+
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(Model, "run_wanted", crash)
+            upscaler.step(noise(1))
+    first, last = replayed(left)
+    assert (first.exact, last.exact, last.within) == (True, None, True)
+    assert last.result is not None
+
+
+def test_an_upscaler_that_is_dropped_leaves_all_its_frames(models: dict[str, Model], file: Path) -> None:
+    upscaler = recorded(models["taau"], file)
+    upscaler.step(noise(0))
+    upscaler.step(noise(1))
+    del upscaler
+    assert [step.exact for step in replayed(file)] == [True, True]
+    assert not any(isinstance(call, CloseCall) for call in open_recording(file))
+
+
+def test_wherever_a_file_is_cut_the_frames_before_are_there(models: dict[str, Model], file: Path) -> None:
+    ends = []
+    with recorded(models["taau"], file) as upscaler:
+        for seed in range(3):
+            upscaler.step(noise(seed, (16, 9), reset=False))
+            ends.append(file.stat().st_size)
+    whole, cut = file.read_bytes(), file.with_name("cut")
+    for frames, (begin, end) in enumerate(pairwise(ends), 1):
+        for size in (begin, begin + 1, begin + 30, (begin + end) // 2, end - 1):
+            cut.write_bytes(whole[:size])
+            calls = [call for call in open_recording(cut) if isinstance(call, StepCall)]
+            assert len([call for call in calls if call.outcome is not None]) == frames
+    for size in (0, 5, 20, 200):
+        cut.write_bytes(whole[:size])
+        with pytest.raises(RecordingError, match=r"is not a recording|ends in its first record"):
+            open_recording(cut)
+
+
+def test_damage_is_an_error_after_the_frames_before(models: dict[str, Model], file: Path) -> None:
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        begin = file.stat().st_size
+        upscaler.step(noise(1))
+    whole = bytearray(file.read_bytes())
+    for place in (begin, begin + 15, begin + 40, begin + 2000):
+        damaged = whole.copy()
+        damaged[place] ^= 0x10
+        file.write_bytes(damaged)
+        calls = iter(open_recording(file))
+        assert isinstance(next(calls), StepCall)
+        with pytest.raises(RecordingError, match=rf"damaged record at byte {begin}\. The file is damaged"):
+            next(calls)
+
+
+@pytest.mark.parametrize(
+    ("record", "message"),
+    [
+        (Record("setup", {"format": 99}), "is of format 99; this package reads 1"),
+        (Record("setup", {"format": 1}), "a 'setup' record that no Upscaler writes"),
+        (Record("step"), "is of format None"),
+    ],
+)
+def test_a_file_of_another_kind_or_version_is_refused(record: Record, message: str, file: Path) -> None:
+    RecordWriter(file).write(record)
+    with pytest.raises(RecordingError, match=message):
+        open_recording(file)
+    file.write_text("not a recording")
+    with pytest.raises(RecordingError, match="is not a recording"):
+        open_recording(file)
+    with pytest.raises(RecordingError, match="there is no such file"):
+        open_recording(file.with_name("nowhere"))
+
+
+@pytest.mark.parametrize(
+    "record",
+    [
+        Record("step", {"frame": {"jitter": [9, 9]}, "want": []}, {"depth": np.ones((2, 2), np.float32)}),
+        Record("step", {"frame": {"surprise": 1}, "want": []}),
+        Record("step", {"frame": 1, "want": []}),
+        Record("load_state", {"method": "taau"}),
+        Record("explode"),
+    ],
+)
+def test_a_record_that_no_upscaler_writes_is_refused(
+    record: Record, models: dict[str, Model], file: Path
+) -> None:
+    recorded(models["taau"], file).close()
+    other = file.with_name("other")
+    writer = RecordWriter(other)
+    writer.write(next(read_records(file)))
+    writer.write(record)
+    with pytest.raises(RecordingError, match="no Upscaler writes"):
+        list(open_recording(other))
+
+
+def test_a_file_that_is_there_is_not_written_over(models: dict[str, Model], file: Path) -> None:
+    recorded(models["taau"], file).close()
+    before = file.read_bytes()
+    with pytest.raises(RecordingError, match=r"is there already\. Choose another name"):
+        recorded(models["taau"], file)
+    assert file.read_bytes() == before
+
+
+@contextmanager
+def full_disk(size: int) -> Iterator[None]:
+    """Files end there: writes first come short, then fail."""
+    resource = pytest.importorskip("resource", reason="Windows limits no file's size")
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (size, limits[1]))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+
+@pytest.mark.parametrize("room", [100, -100])
+def test_a_full_disk_is_said_before_anything_is_done_and_the_history_stays(
+    room: int, models: dict[str, Model], file: Path
+) -> None:
+    """With room for part of the frame, and with room for the frame but not for what came of it."""
+    upscaler, plain = recorded(models["taau"], file), Upscaler(models["taau"], display_size=DISPLAY)
+    before = file.stat().st_size
+    upscaler.step(noise(0))
+    used = file.stat().st_size
+    plain.step(noise(0))
+    seed = 1
+    with full_disk(used + room if room > 0 else 2 * used - before + room):
+        if room < 0:
+            np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
+            seed += 1
+        with pytest.raises(RecordingError, match=r"a\.recording: cannot be written .* Is the disk full"):
+            upscaler.step(noise(seed))
+    assert file.stat().st_size == used
+    np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
+    upscaler.close()
+    assert [step.exact for step in replayed(file)] == [True]
+
+
+def test_another_executor_is_within_tolerance_and_another_picture_is_not(
+    models: dict[str, Model], file: Path
+) -> None:
+    with recorded(models["classifier"], file) as upscaler:
+        for seed in range(3):
+            upscaler.step(noise(seed))
+    steps = replayed(file, executor="graph")
+    assert [(step.exact, step.within) for step in steps] == [(False, True)] * 3
+    assert all(step.difference and 0 < step.difference.mean <= step.difference.largest for step in steps)
+    other = replayed(file, model="taau")
+    assert not other[0].within
+
+
+def test_a_model_of_the_users_own_is_asked_for(models: dict[str, Model], file: Path) -> None:
+    own = file.parent / "mine"
+    shutil.copytree(models["taau"].info.folder, own)
+    with recorded(Model.load(own, threads=1), file) as upscaler:
+        upscaler.step(noise(0))
+    with pytest.raises(RecordingError, match=r"model 'mine' \(taau\), which does not ship.*--model FOLDER"):
+        replayed(file)
+    assert replayed(file, model=own)[0].exact
+
+
+def test_a_shipped_model_that_has_changed_is_named(models: dict[str, Model], file: Path) -> None:
+    recorded(models["taau"], file).close()
+    setup, other = next(read_records(file)), file.with_name("other")
+    files = {**setup.values["files"], "step.onnx": 64 * "0"}
+    RecordWriter(other).write(replace(setup, values={**setup.values, "files": files}))
+    with pytest.raises(
+        RecordingError, match=r"another 'taau': step\.onnx differs \(sha256 000000000000.*--model"
+    ):
+        replayed(other)
+    assert not Replay(open_recording(other), model="taau").is_recorded_model

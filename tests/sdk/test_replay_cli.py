@@ -1,0 +1,158 @@
+"""`supersampler upscale --record` and `supersampler replay`: one file, and an exit code."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from noise import noise
+from supersampler import Upscaler
+from supersampler.cli import app
+from supersampler.image_io import read_exr
+from supersampler.recording import StepCall, open_recording
+from supersampler.recording.format import RecordWriter, read_records
+from supersampler.shot import ShotWriter
+
+COUNT = 4
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(64, 36), frame_rate=30) as writer:
+        for index in range(COUNT):
+            writer.write(noise(index))
+    return tmp_path / "shot"
+
+
+@pytest.fixture
+def file(shot: Path, tmp_path: Path) -> Path:
+    done = run(
+        "upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record", tmp_path / "a.recording"
+    )
+    assert done.exit_code == 0
+    assert f"supersampler replay {tmp_path / 'a.recording'}" in done.stdout
+    return tmp_path / "a.recording"
+
+
+def pictures(folder: Path) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}
+
+
+def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path: Path) -> None:
+    done = run("replay", file, "-o", tmp_path / "again")
+    assert done.exit_code == 0
+    head, there, here, verdict = done.stdout.splitlines()
+    assert head == f"{file}: taau, to 64x36"
+    assert there.replace("there", "here ") == here
+    assert verdict == f"{COUNT} of {COUNT} frames are bit for bit what they were."
+    assert pictures(tmp_path / "again") == pictures(tmp_path / "out")
+    last = f"{COUNT - 1:04d}.exr"
+    assert pictures(tmp_path / "again" / "recorded") == {last: pictures(tmp_path / "out")[last]}
+
+
+def test_another_executor_is_told_and_tolerated(file: Path) -> None:
+    done = run("replay", file, "--executor", "graph")
+    assert done.exit_code == 0
+    assert "CPU (graph, fp32)" in done.stdout
+    assert f"0 of {COUNT} frames are bit for bit what they were; frame 0 is the first" in done.stdout
+    assert "That is within tolerance: mean 1e-05, at 99 % 0.001." in done.stdout
+
+
+def test_another_picture_is_exit_code_1(file: Path, tmp_path: Path) -> None:
+    done = run("replay", file, "--model", "taa", "-o", tmp_path / "png", "--format", "png")
+    assert done.exit_code == 1
+    assert "The model is not the recorded one" in done.stdout
+    assert "Largest difference: 0." in done.stdout
+    assert "Frame 0 is the first beyond tolerance" in done.stdout
+    assert len(list((tmp_path / "png").glob("*.png"))) == COUNT
+
+
+def test_pictures_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -> None:
+    assert run("replay", file, "-o", tmp_path / "again").exit_code == 0
+    assert run("replay", file, "-o", tmp_path / "again").exit_code == 0  # the same
+    other = ("replay", file, "-o", tmp_path / "again", "--executor", "graph")
+    refused = run(*other)
+    assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
+    assert "executor was host, is now graph" in refused.stderr
+    assert run(*other, "--overwrite").exit_code == 0
+
+
+def test_a_recording_of_frames_that_are_there_has_all_of_them_and_replaces_an_earlier_one(
+    file: Path, shot: Path, tmp_path: Path
+) -> None:
+    before, recorded = pictures(tmp_path / "out"), file.read_bytes()
+    again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record")
+    assert run(*again, file).exit_code == 0
+    assert file.read_bytes() == recorded
+    assert pictures(tmp_path / "out") == before
+    stranger = shot / "shot.json"
+    assert "is there already" in run(*again, stranger).stderr
+    assert stranger.read_text().startswith("{")
+
+
+def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -> None:
+    color = np.array(noise(1).color)
+    color[2, 2] = np.nan
+    upscaler = Upscaler("taau", display_size=(64, 36), record=tmp_path / "a")
+    upscaler.step(noise(0))
+    with pytest.raises(ValueError, match="size"):
+        upscaler.step(noise(1, (200, 100)))
+    with pytest.warns(UserWarning, match="NaN"):
+        upscaler.step(noise(2, color=color))
+    del upscaler
+    done = run("replay", tmp_path / "a")
+    assert done.exit_code == 0
+    assert "frame 1: raises FrameError (frame.size" in done.stdout
+    assert "warning: frame 2: frame.color" in done.stderr
+    assert "The recording was not closed" in done.stdout
+    assert "3 of 3 frames are bit for bit" in done.stdout
+
+
+def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
+    ends = [call.index for call in open_recording(file) if isinstance(call, StepCall)]
+    whole = file.read_bytes()
+    outcome = whole.rindex(b'{"record":"outcome"') - 20
+    file.write_bytes(whole[:outcome])
+    done = run("replay", file)
+    assert done.exit_code == 0
+    assert f"frame {ends[-1]}: the recording does not say what came of it" in done.stdout
+    assert f"{COUNT - 1} of {COUNT - 1} frames are bit for bit what they were." in done.stdout
+
+
+def test_a_file_that_is_no_recording_is_one_line(shot: Path) -> None:
+    done = run("replay", shot / "shot.json")
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert "shot.json: is not a recording" in done.stderr
+
+
+def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_before(file: Path) -> None:
+    content = bytearray(file.read_bytes())
+    content[content.rindex(b'{"record":"close"') + 3] ^= 1
+    file.write_bytes(content)
+    done = run("replay", file)
+    assert done.exit_code == 1
+    assert f"{COUNT} of {COUNT} frames are bit for bit" in done.stdout
+    assert "has a damaged record" in done.stderr
+
+
+def test_a_strangers_file_has_no_say_over_the_terminal(file: Path, tmp_path: Path) -> None:
+    setup, *rest = read_records(file)
+    writer = RecordWriter(tmp_path / "b")
+    writer.write(replace(setup, values={**setup.values, "machine": {"cpu": "\x1b[2J\nwhat"}}))
+    for record in rest:
+        writer.write(record)
+    assert "?[2J?what" in run("replay", tmp_path / "b").stdout
+
+
+def test_pictures_of_a_replay_hold_what_was_carried(tmp_path: Path) -> None:
+    frame = noise(0, carry=np.full((18, 32, 1), 0.5, np.float32))
+    with Upscaler("taau", display_size=(64, 36), record=tmp_path / "a") as upscaler:
+        upscaler.step(frame, want=("carry",))
+    assert run("replay", tmp_path / "a", "-o", tmp_path / "out").exit_code == 0
+    np.testing.assert_allclose(read_exr(tmp_path / "out" / "0000.exr")["A"], 0.5, atol=1e-3)

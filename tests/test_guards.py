@@ -1,0 +1,45 @@
+"""What ships may not get worse unnoticed: quality on the shipped shot, size of networks, graphs and files."""
+
+import itertools
+
+import numpy as np
+import onnx
+import pytest
+
+from supersampler import Upscaler, display_transform, model_names, shipped_shot
+from supersampler.display import decibels
+from supersampler.model_info import find_model, read_model_info
+
+FRAMES = 22  # the last seven have references
+FLOORS = {"bilinear": 26.5, "taa": 24.8, "taau": 28.4, "classifier-small": 29.15, "classifier": 29.55}
+"""PSNR, dB, a tenth below what is measured: another processor rounds otherwise by less."""
+PRODUCTS = {"classifier": 4200, "classifier-small": 2000}
+"""Multiply-adds a display pixel."""
+OPERATORS = {"bilinear": 90, "bicubic": 260, "taa": 600, "taau": 1150, "classifier": 1850}
+READS = {"bilinear": 0, "bicubic": 0, "taa": 5, "taau": 11, "classifier": 14}
+"""GridSample operators, which are most of what a graph's time is."""
+KILOBYTES = {"step.onnx": 450, "step.fp16.onnx": 300, "network.onnx": 340, "network.npz": 130}
+
+
+@pytest.mark.parametrize("name", FLOORS)
+def test_pictures_of_the_shipped_shot_are_as_good_as_they_were(name: str) -> None:
+    upscaler = Upscaler(name, display_size=(640, 360), validate="off")
+    scores = []
+    for item in itertools.islice(shipped_shot(), FRAMES):
+        image = upscaler.step(item.frame)
+        if item.reference is not None:
+            shown = [display_transform(i, item.frame.exposure or 1.0) for i in (image, item.reference)]
+            scores.append(decibels(float(np.square(shown[0] - shown[1]).mean())))
+    assert len(scores) == 7
+    assert np.mean(scores) >= FLOORS[name]
+
+
+@pytest.mark.parametrize("name", model_names())
+def test_networks_graphs_and_files_are_as_small_as_they_were(name: str) -> None:
+    info = read_model_info(find_model(name))
+    assert info.multiply_adds <= PRODUCTS.get(name, 0)
+    operators = [node.op_type for node in onnx.load(info.steps["fp32"]).graph.node]
+    assert len(operators) <= OPERATORS[name.removesuffix("-small")]
+    assert operators.count("GridSample") <= READS[name.removesuffix("-small")]
+    for file in info.files:
+        assert (info.folder / file).stat().st_size <= 1000 * KILOBYTES.get(file, 16), file
