@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from supersampler import ArgumentError, Frame, Model
+from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.state import State
 from supersampler_bench.cli import app
@@ -19,7 +19,7 @@ from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure,
 from supersampler_bench.stress.scenario import Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
-from supersampler_bench.stress.subjects import shrinks_at_rest, subjects
+from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.analytic import EXTENT, places
 
 DISPLAY: Size = (48, 32)
@@ -60,7 +60,7 @@ class Average:
 
 
 def subject(begin: Callable[[Size, int], Session]) -> Subject:
-    return Subject("average", "host", "fp32", shrinks=0.9, reach=8.0, begin=begin)
+    return Subject("average", "host", "fp32", remembers=True, reach=8.0, begin=begin)
 
 
 SOUND = subject(lambda display, _: Average(display))
@@ -152,15 +152,6 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
 def test_a_nan_is_within_no_bound() -> None:
     assert not Figure("apart", float("nan"), 1.0).passed
     assert Figure("apart", 1.0, 1.0).passed
-
-
-def test_limits_of_samples_are_those_of_the_shipped_methods() -> None:
-    assert shrinks_at_rest(Model.load("bilinear").info) is None
-    assert shrinks_at_rest(Model.load("taa").info) == pytest.approx(0.9)
-    taau = shrinks_at_rest(Model.load("taau").info)
-    assert taau == pytest.approx(
-        18.0 / (18.0 + 2.0 * np.pi * 0.47**2 / 4.0), abs=0.002
-    )  # of all places alike
 
 
 def test_an_average_lets_more_through_of_what_is_slow() -> None:

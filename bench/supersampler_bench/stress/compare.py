@@ -9,7 +9,7 @@ import numpy as np
 from supersampler import Frame
 from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32
-from supersampler_bench.stress.scenario import RECOVERY, STEP, Figure, Measured, Session, Trial
+from supersampler_bench.stress.scenario import STEP, Figure, Measured, Session, Trial
 
 OUTLIER = 0.1
 """What the worst 0.1 % of values may differ by where a disturbance counts as forgotten."""
@@ -52,10 +52,10 @@ def recovery(after: Sequence[Off]) -> float:
     return float(seen[-1] if seen else 0)
 
 
-def forgotten(during: Sequence[Off], after: Sequence[Off], within: int = RECOVERY) -> Measured:
-    """Return how many frames a disturbance was seen for after its end."""
+def forgotten(trial: Trial, during: Sequence[Off], after: Sequence[Off], more: int = 0) -> Measured:
+    """Return how many frames a disturbance was seen for after its end, which the subject bounds."""
     curve = [o.mean for o in (*during, *after)]
-    return Measured((Figure("frames until clean", recovery(after), within),), curve)
+    return Measured((Figure("frames until clean", recovery(after), trial.subject.recovery + more),), curve)
 
 
 @dataclass(frozen=True)

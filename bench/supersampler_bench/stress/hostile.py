@@ -64,9 +64,11 @@ class _Injected:
             frame = next(frames)
             bad = spoilt(frame, field, places(kind, frame), self._values[field])
             offs += side_by_side(stressed, calm, [(bad, frame)])
-            after = side_by_side(stressed, calm, alike(frames, trial.frames // _CASES))
+            after = side_by_side(stressed, calm, alike(frames, trial.subject.recovery + 8))
             worst, offs = max(worst, recovery(after)), offs + after
-        return Measured((Figure("frames until clean", worst, RECOVERY),), [o.mean for o in offs])
+        return Measured(
+            (Figure("frames until clean", worst, trial.subject.recovery),), [o.mean for o in offs]
+        )
 
 
 def spread(trial: Trial) -> Measured:
@@ -102,7 +104,7 @@ def spike(trial: Trial) -> Measured:
     where = np.zeros(trial.render[::-1], bool)
     where[4:6, 4:6] = True
     during = side_by_side(stressed, calm, [(spoilt(frame, "color", where, LARGEST), frame)])
-    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
 
 
 def fireflies(trial: Trial) -> Measured:
@@ -115,7 +117,7 @@ def fireflies(trial: Trial) -> Measured:
         where = random.random(trial.render[::-1]) < 0.005
         bad = spoilt(frame, "color", where, float(10.0 ** random.uniform(2.0, np.log10(LARGEST))))
         during += side_by_side(stressed, calm, [(bad, frame)])
-    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
 
 
 SCENARIOS = (

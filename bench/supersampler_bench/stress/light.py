@@ -9,7 +9,7 @@ import numpy as np
 
 from supersampler import Frame
 from supersampler_bench.stress.compare import alike, forgotten, side_by_side
-from supersampler_bench.stress.scenario import RECOVERY, Measured, Scenario, Trial
+from supersampler_bench.stress.scenario import Measured, Scenario, Trial
 from supersampler_bench.stress.scenes import PERIOD, still
 
 STOPS = 16
@@ -29,7 +29,7 @@ def exposure_jumps(trial: Trial) -> Measured:
         for i, frame in enumerate(islice(frames, 4 * PERIOD))
     )
     during = side_by_side(stressed, calm, jumping)
-    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
 
 
 def light_jumps(trial: Trial) -> Measured:
@@ -40,9 +40,9 @@ def light_jumps(trial: Trial) -> Measured:
         stressed.step(_lit(frame, _level(i // HELD)))
     bright = _level(0)
     pairs: Iterator[tuple[Frame, Frame]] = (
-        (_lit(frame, bright), _lit(frame, bright)) for frame in islice(frames, trial.frames)
+        (_lit(frame, bright), _lit(frame, bright)) for frame in islice(frames, trial.watched + ADAPTED)
     )
-    return forgotten([], side_by_side(stressed, calm, pairs, 1.0 / bright), RECOVERY + ADAPTED)
+    return forgotten(trial, [], side_by_side(stressed, calm, pairs, 1.0 / bright), ADAPTED)
 
 
 def _level(jump: int) -> float:

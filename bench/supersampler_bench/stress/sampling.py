@@ -48,7 +48,9 @@ def _disturbed(trial: Trial, frames: Sequence[Frame]) -> Measured:
     stressed, calm = trial.begin(), trial.begin()
     right = still(trial.render)
     during = side_by_side(stressed, calm, zip(wrong * 4, [*right] * 4, strict=True))
-    recovers = forgotten(during, side_by_side(stressed, calm, alike(cycle(right), 5 * PERIOD)))
+    watched = max(5 * PERIOD, trial.subject.recovery + 8)
+    after = side_by_side(stressed, calm, alike(cycle(right), watched))
+    recovers = forgotten(trial, during, after)
     return Measured(
         (Figure("change in a period", settles.changes[-1], REST), *recovers.figures), recovers.curve
     )

@@ -19,7 +19,7 @@ REST = TOLERANCE
 ROUNDING = 1e-5
 """What single precision makes pictures differ by, on average, where nothing is in bytes."""
 RECOVERY = 48
-"""Frames, one and a half periods of the jitter at ratio 2, in which what was bad is forgotten."""
+"""Frames, one and a half periods of the jitter at ratio 2, in which most methods forget what was bad."""
 REACH = 8.0
 """Display pixels around a bad one that may look different; of a network, beside what it sees."""
 DECAY = 0.1
@@ -48,20 +48,21 @@ class Subject:
         method: its name.
         executor: "host" or "graph".
         precision: of what is learned, "fp32" or "int8".
-        shrinks: by how much, a frame, a disturbance of a picture at rest shrinks if no more samples count
-            than the method's limit; None of a method without a past.
+        remembers: whether anything goes from frame to frame.
         reach: display pixels around a bad one that may look different.
         begin: makes a session for a display size, on so many threads.
         exact: the same method in the graph, in single precision; None where this is it.
+        recovery: frames in which what was bad is forgotten.
     """
 
     method: str
     executor: str
     precision: str
-    shrinks: float | None
+    remembers: bool
     reach: float
     begin: Callable[[Size, int], Session]
     exact: Callable[[Size, int], Session] | None = None
+    recovery: int = RECOVERY
 
     @property
     def tolerance(self) -> float:
@@ -116,6 +117,11 @@ class Trial:
     def render(self) -> Size:
         """Render size at ratio 2."""
         return self.display[0] // 2, self.display[1] // 2
+
+    @property
+    def watched(self) -> int:
+        """Frames to watch after a disturbance: some more than it may be seen in."""
+        return max(self.frames, self.subject.recovery + 8)
 
     def begin(self, display: Size | None = None, *, threads: int = 1) -> Watched:
         """Begin a session."""
@@ -181,7 +187,7 @@ class Scenario:
         """Whether it makes sense for this one."""
         if self.pairs:
             return subject.exact is not None
-        return subject.shrinks is not None or not self.remembers
+        return subject.remembers or not self.remembers
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
         """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""

@@ -20,8 +20,6 @@ GROWTH = 1.1
 """By how much more two precisions may be apart in the last loop than in the middle one."""
 SMALL = 1e-4
 """Root mean square of a disturbance in linear light; all of it may end up in one pixel."""
-SLACK = 1e-3
-"""Of a rate: what rounding makes of a disturbance that small."""
 _UNIT = 1e-7  # rounding of single precision: what is less apart than this is not apart
 
 
@@ -84,7 +82,7 @@ def precisions(trial: Trial) -> Measured:
 
 
 def contraction_at_rest(trial: Trial) -> Measured:
-    """The history is disturbed a little, which fades as fast as the method's limit of samples says."""
+    """The history is disturbed a little, at rest."""
     return _contraction(trial, still(trial.render))
 
 
@@ -98,7 +96,7 @@ def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
     rounds = trial.frames // EVERY
     found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD)
     figures = (
-        Figure("rate a frame", found.rate, (trial.subject.shrinks or 1.0) + SLACK),
+        Figure("rate a frame", found.rate, 1.0),
         Figure("rate, worst 16 frames", max(found.last), 1.0),
     )
     return Measured(figures, found.rates)
@@ -115,7 +113,8 @@ SCENARIOS = (
         "off the truth / frame",
         flicker,
         host=640,
-        graph=640,
+        graph=320,
+        same_size=True,
         logarithmic=False,
     ),
     Scenario(

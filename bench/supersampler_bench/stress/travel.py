@@ -67,7 +67,8 @@ def jump(trial: Trial) -> Measured:
     stressed, calm = trial.begin(), trial.begin()
     for frame in (*moving(trial.render), *_elsewhere(trial.render)):
         stressed.step(frame)
-    return forgotten([], side_by_side(stressed, calm, alike(cycle(still(trial.render)), trial.frames)))
+    after = side_by_side(stressed, calm, alike(cycle(still(trial.render)), trial.watched))
+    return forgotten(trial, [], after)
 
 
 def _elsewhere(render: Size) -> Sequence[Frame]:
@@ -120,7 +121,7 @@ def extreme_depth(trial: Trial) -> Measured:
         depths = (0.0, 1e30, 10.0 ** random.uniform(-37.0, 37.0, frame.depth.shape))
         depth = np.broadcast_to(depths[i % 3], frame.depth.shape).astype(np.float32)
         during += side_by_side(stressed, calm, [(replace(frame, depth=depth), frame)])
-    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
 
 
 def lost_frames(trial: Trial) -> Measured:
@@ -128,7 +129,7 @@ def lost_frames(trial: Trial) -> Measured:
     stressed, calm = trial.begin(), trial.begin()
     frames = cycle(moving(trial.render))
     during = [off(*_with_losses(stressed, calm, f, i)) for i, f in enumerate(islice(frames, 4 * PERIOD))]
-    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
 
 
 def _with_losses(stressed: Session, calm: Session, frame: Frame, index: int) -> tuple[Float32, Float32]:
