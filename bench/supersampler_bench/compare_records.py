@@ -1,12 +1,11 @@
 """What got worse from one record of a bench to the next."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError
+from supersampler_bench.record import Record
 
 HIGHER, LOWER = 1.0, -1.0
 DIRECTIONS: Mapping[str, float] = {
@@ -39,22 +38,7 @@ class Change:
     worse: float
 
 
-def read_record(path: Path) -> dict[str, Any]:
-    """Return a record that a bench command wrote with `--json`.
-
-    Raises:
-        ArgumentError: it is none.
-    """
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(record["bench"], str):
-            return dict(record)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
-    raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
-
-
-def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Change]:
+def changes(before: Record, after: Record) -> list[Change]:
     """Return all values that both records have, the worst first.
 
     Raises:

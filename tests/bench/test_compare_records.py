@@ -10,7 +10,8 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler_bench.cli import app
-from supersampler_bench.compare_records import changes, read_record
+from supersampler_bench.compare_records import changes
+from supersampler_bench.record import read_record
 
 RESULTS = Path(__file__).parents[2] / "bench" / "results"
 

@@ -1,0 +1,42 @@
+"""Figures of a record that is read back: what the page of all records shows beside its tables."""
+
+from pathlib import Path
+
+from supersampler_bench.figures import draw_curves
+from supersampler_bench.pareto import METRICS, points_of
+from supersampler_bench.pareto_figures import draw_pareto
+from supersampler_bench.record import Record, method_scores
+from supersampler_bench.table import sizes
+
+
+def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    """Draw what a record has figures of: time against each error, curves over a shot's frames.
+
+    Args:
+        record: of any bench.
+        folder: of the PNG files.
+
+    Returns:
+        Title and file of each.
+    """
+    if record["bench"] == "pareto":
+        return _pareto(record, folder)
+    if record["bench"] == "quality":
+        return _curves(record, folder)
+    return []
+
+
+def _pareto(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    width, height = record["display"]
+    written = draw_pareto(points_of(record), f"{width}x{height}, {record['threads']} threads", folder)
+    headings = {f"pareto-{m.name.replace('_', '-')}": m.heading for m in METRICS}
+    return [(f"{headings[path.stem]} against time", path) for path in written]
+
+
+def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    drawn = []
+    for number, shot in enumerate(record["shots"]):
+        path = folder / f"curves-{number}.png"
+        draw_curves(sizes(shot), [method_scores(row) for row in shot["methods"]], path)
+        drawn.append((f"{sizes(shot)}: over the frames", path))
+    return drawn
