@@ -9,9 +9,6 @@ from rich.console import Console
 from supersampler_bench.record import read_record
 
 _ERRORS = Console(stderr=True, highlight=False)
-_FRAMES = (15, 23, 31)
-"""Of the shipped shot, that the page shows."""
-_METHODS = ("bilinear", "taa", "taau", "classifier-small", "classifier")
 
 
 def tables(
@@ -35,7 +32,7 @@ def tables(
     for block in find_all(root):
         what = f"{block.page}: {block.name}"
         if block.wanted is None:
-            _ERRORS.print(f"{what}: left alone: {block.problem}", soft_wrap=True, markup=False)
+            _say(f"{what}: left alone: {block.problem}")
         if block.is_recorded:
             continue
         wrong += 1
@@ -64,7 +61,7 @@ def report(
     """Make one HTML page of all records: tables, figures, machine and versions, pictures side by side.
 
     The page needs no other file and no network. With --quick it is of rough numbers of this machine, which
-    take a minute or two: quality of the shipped shot, speed, both against each other, parity.
+    take a few minutes: quality of the shipped shot, speed, one against the other, parity.
 
     \b
     Examples:
@@ -80,13 +77,16 @@ def report(
         from supersampler_bench.quick import measure_quickly
 
         folder = results or output.parent / f"{output.stem}-records"
-        with _ERRORS.status("measuring"):
-            measure_quickly(folder, lambda name, said: _ERRORS.print(f"{name}: {said}", soft_wrap=True))
+        measure_quickly(folder, lambda name, said: _say(f"{name}: {said}"))
     else:
         folder = results or RESULTS
     records = read_records(folder)
     if not quick and "pareto" not in records and SHIPPED_PARETO.is_file():
         records["pareto"] = read_record(SHIPPED_PARETO)
     with _ERRORS.status("drawing"):
-        write_page(output, records, folder, split_view(shipped_shot(), _METHODS, _FRAMES))
+        write_page(output, records, folder, split_view(shipped_shot()))
     Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
+
+
+def _say(text: str) -> None:
+    _ERRORS.print(text, soft_wrap=True, markup=False)

@@ -43,13 +43,15 @@ SECTIONS = (
     Section("speed", "Speed", "A step on the processor, beside variance clipping (`taa`) in the same run."),
     Section("device", "Devices", "A step of the graph, with frame and picture in the device's memory."),
     Section("skip", "Skipping", "What is saved where nothing moves, and what it costs."),
-    Section("stress", "Stress", "Methods run for long and treated badly; each figure has a bound."),
+    Section("stress", "Stress", "Methods run for long and treated badly; what is out of its bound is bold."),
     Section("parity", "Parity", "How far the graph and the kernels are from torch, over long sequences."),
     Section("precision", "Precision", "What halves and bytes cost at the end of long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
     Section("ablation", "Ablation", "One choice of the classifier changed at a time."),
     Section("render", "Training data", "How many samples are rendered in an hour."),
 )
+_OPENED = ("pareto", "speed")
+"""Benches whose first figure is seen at once."""
 _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 
 
@@ -65,26 +67,25 @@ def write_page(path: Path, records: Mapping[str, Record], results: Path, picture
     Raises:
         ShotError: the page cannot be written.
     """
-    content = "\n".join([_head(records), *_sections(records, results), _pictures(pictures), _foot()])
+    parts = [_head(records), *_sections(records, results), _pictures(pictures), _machines(records), _foot()]
     template = files("supersampler_bench").joinpath("report.html").read_text("utf-8")
     with replacing(path) as partial:
-        partial.write_text(template.replace(_CONTENT_GOES_HERE, content), encoding="utf-8", newline="\n")
+        partial.write_text(
+            template.replace(_CONTENT_GOES_HERE, "\n".join(parts)), encoding="utf-8", newline="\n"
+        )
 
 
 def _head(records: Mapping[str, Record]) -> str:
     known = {record["bench"] for record in records.values()}
     parts = [(s.bench, s.title) for s in SECTIONS if s.bench in known]
-    links = [("machine", "Machine"), *parts, ("pictures", "Pictures")]
+    links = [*parts, ("pictures", "Pictures"), ("machine", "Machine and versions")]
     items = "".join(f'<li><a href="#{anchor}">{escape(title)}</a></li>' for anchor, title in links)
     return "\n".join(
         [
             "<header><h1>supersampler: measured</h1>",
-            "<p>Every number here is from a record that <code>supersampler bench</code> wrote. Bold figures "
-            "are the best of their column, or lead in time and error; in stress they are out of bounds.</p>",
+            "<p>Every number here is from a record that <code>supersampler bench</code> wrote. Bold numbers "
+            "are the best of their column, or lead in time and error.</p>",
             f"</header><nav><ul>{items}</ul></nav><main>",
-            '<section id="machine"><h2>Machine and versions</h2>',
-            _machines(records),
-            "</section>",
         ]
     )
 
@@ -103,7 +104,8 @@ def _machines(records: Mapping[str, Record]) -> str:
         rows.append(f"<tr>{''.join(cells)}</tr>")
     heading = "".join(f"<th>{text}</th>" for text in _COLUMNS)
     body = f"<thead><tr>{heading}</tr></thead><tbody>{''.join(rows)}</tbody>"
-    return f'<div class="table"><table>{body}</table></div>'
+    table = f'<div class="table whole"><table>{body}</table></div>'
+    return f'<section id="machine"><h2>Machine and versions</h2>{table}</section>'
 
 
 def _sections(records: Mapping[str, Record], results: Path) -> Iterator[str]:
@@ -133,15 +135,19 @@ def _table(maker: Callable[[], str]) -> str:
 
 def _figures(name: str, record: Record, results: Path) -> str:
     with tempfile.TemporaryDirectory() as folder:
-        drawn = [_figure(*titled) for titled in draw_record(record, Path(folder))]
+        opened = record["bench"] in _OPENED
+        drawn = [
+            _figure(title, path, opened=opened and number == 0)
+            for number, (title, path) in enumerate(draw_record(record, Path(folder)))
+        ]
     kept = [_figure(path.stem, path) for path in sorted((results / name).rglob("*.png"))]
     return "\n".join([*drawn, *kept])
 
 
-def _figure(title: str, path: Path) -> str:
+def _figure(title: str, path: Path, *, opened: bool = False) -> str:
     data = base64.b64encode(path.read_bytes()).decode("ascii")
     image = f'<img alt="{escape(title)}" src="data:image/png;base64,{data}">'
-    return f"<details><summary>{escape(title)}</summary><figure>{image}</figure></details>"
+    return f"<details{' open' * opened}><summary>{escape(title)}</summary><figure>{image}</figure></details>"
 
 
 def _pictures(view: str) -> str:

@@ -8,14 +8,15 @@ from supersampler import Upscaler
 from supersampler.compare import About, compare_page
 from supersampler.display import auto_exposure, display_transform, to_uint8
 from supersampler.errors import ArgumentError
-from supersampler.frame import Float32
-from supersampler.image_io import Bytes
 from supersampler.shot import Shot
-from supersampler_bench.metrics import psnr
 from supersampler_bench.quality import reference_size
 
+METHODS = ("bilinear", "taa", "taau", "classifier-small", "classifier")
+FRAMES = (15, 23, 31)
+"""Of the shipped shot."""
 
-def split_view(shot: Shot, methods: Sequence[str], frames: Sequence[int]) -> str:
+
+def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[int] = FRAMES) -> str:
     """Draw a shot with each method and return the HTML of a page that compares some of its frames.
 
     Args:
@@ -35,9 +36,6 @@ def split_view(shot: Shot, methods: Sequence[str], frames: Sequence[int]) -> str
         method="methods side by side",
         display_size=display_size,
         frame_rate=2.0,
-        notes=[
-            "Number: PSNR in dB against the reference, of the whole picture. Pixels of the input are squares."
-        ],
     )
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "compare.html"
@@ -49,10 +47,6 @@ def split_view(shot: Shot, methods: Sequence[str], frames: Sequence[int]) -> str
                     truth = display_transform(item.reference, exposure)
                     shown = {name: display_transform(image, exposure) for name, image in images.items()}
                     layers = {"input": display_transform(item.frame.color, exposure), "reference": truth}
-                    numbers = {name: psnr(picture, truth) for name, picture in shown.items()}
-                    page.add(item.index, _bytes({**layers, **shown}), numbers)
+                    pictures = {**layers, **shown}
+                    page.add(item.index, {name: to_uint8(picture) for name, picture in pictures.items()})
         return path.read_text(encoding="utf-8")
-
-
-def _bytes(pictures: dict[str, Float32]) -> dict[str, Bytes]:
-    return {name: to_uint8(picture) for name, picture in pictures.items()}

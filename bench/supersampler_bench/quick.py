@@ -1,4 +1,4 @@
-"""Everything measured briefly on this machine: rough numbers, in a minute or two."""
+"""Everything measured briefly on this machine: rough numbers, in a few minutes."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -9,12 +9,12 @@ from supersampler.errors import ArgumentError
 from supersampler.shot import shipped_shot
 from supersampler_bench.pareto import measure_pareto, pareto_record, shots_of
 from supersampler_bench.parity import measure_parity, parity_record
+from supersampler_bench.pictures import METHODS
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, Record, quality_record, read_record, setting, write_json
 from supersampler_bench.speed import measure_limits, measure_speed, speed_record
 from supersampler_model.data.errors import GraphicsError
 
-METHODS = ("bilinear", "taa", "taau", "classifier-small", "classifier")
 _WITH_KERNELS = METHODS[1:]
 _DISPLAY = (960, 540)
 _STEPS = 8
@@ -27,7 +27,7 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
 
     Args:
         folder: where records are written.
-        on_part: called with each part's name and what became of it, when it is done.
+        on_part: called with each part's name and a word on it, when it begins and when it is done.
 
     Raises:
         ArgumentError: the folder has records that were not measured quickly.
@@ -38,6 +38,7 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
             raise ArgumentError("results", got=f"{folder} with {path.name}, which was not", want=want)
     records: dict[str, Record] = {}
     for name, measure in _PARTS.items():
+        on_part(name, "measuring")
         began = time.perf_counter()
         try:
             records[name] = {**measure(records), **setting(), "quick": True}

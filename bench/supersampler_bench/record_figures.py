@@ -6,11 +6,13 @@ from supersampler_bench.figures import draw_curves
 from supersampler_bench.pareto import METRICS, points_of
 from supersampler_bench.pareto_figures import draw_pareto
 from supersampler_bench.record import Record, method_scores
+from supersampler_bench.speed import timed_of
+from supersampler_bench.speed_figures import draw_speed
 from supersampler_bench.table import sizes
 
 
 def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
-    """Draw what a record has figures of: time against each error, curves over a shot's frames.
+    """Draw what a record has figures of: time against each error, stages of steps, curves over frames.
 
     Args:
         record: of any bench.
@@ -21,6 +23,8 @@ def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
     """
     if record["bench"] == "pareto":
         return _pareto(record, folder)
+    if record["bench"] == "speed":
+        return _speed(record, folder)
     if record["bench"] == "quality":
         return _curves(record, folder)
     return []
@@ -31,6 +35,14 @@ def _pareto(record: Record, folder: Path) -> list[tuple[str, Path]]:
     written = draw_pareto(points_of(record), f"{width}x{height}, {record['threads']} threads", folder)
     headings = {f"pareto-{m.name.replace('_', '-')}": m.heading for m in METRICS}
     return [(f"{headings[path.stem]} against time", path) for path in written]
+
+
+def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    timed, path = timed_of(record), folder / "speed.png"
+    if not any(r.stages for r in timed):
+        return []
+    draw_speed(timed, path)
+    return [("Stages of a step on the host", path)]
 
 
 def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:

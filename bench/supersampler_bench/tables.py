@@ -29,27 +29,25 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
 }
-"""By the bench, which is the block's name, too."""
+"""By the bench."""
 
 
 def blocks_of(name: str, record: Record) -> Blocks:
     """Return the blocks that a record fills.
 
     Args:
-        name: of its file, without the ending: "speed", "quality-plaza".
+        name: of its file, without the ending: "quality-plaza" is the block "quality plaza".
         record: read from it.
     """
-    bench = record["bench"]
+    bench, block = record["bench"], name.replace("-", " ", 1)
     if bench == "quality":
         report = Report(record)
         makers = (report.frame_block, report.clip_block, report.class_block)
-        return dict(zip(block_names(name.replace("-", " ", 1)), makers, strict=True))
+        return dict(zip(block_names(block), makers, strict=True))
     if bench == "pareto":
-        return {
-            "pareto": partial(pareto.markdown_table, record),
-            "presets": partial(pareto.preset_table, record),
-        }
-    return {bench: partial(_TABLES[bench], record)} if bench in _TABLES else {}
+        presets = partial(pareto.preset_table, record)
+        return {block: partial(pareto.markdown_table, record), "presets": presets}
+    return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
 
 
 def made(name: str, maker: Callable[[], str]) -> str:
