@@ -68,8 +68,6 @@ VARIANTS: Mapping[str, Callable[[], Classifier]] = {
     "each channel toned alone": changed(tone_space="channels"),
     "toned by logarithms": changed(tone_space="logarithm"),
     "count seen by its logarithm": changed(count_code="logarithm"),
-    "count seen as it is": changed(count_code="linear"),
-    "colour of the past not seen": lambda: Classifier(without("past")),
     CHANCE: changed(),
 }
 
