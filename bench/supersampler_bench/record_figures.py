@@ -46,6 +46,8 @@ def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
 
 
 def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
+    if len({shot.get("ratio") for shot in record["shots"]}) > 1:
+        return []  # what is compared there is ratios; curves of each shot at each would bury it
     drawn = []
     for number, shot in enumerate(record["shots"]):
         path = folder / f"curves-{number}.png"
