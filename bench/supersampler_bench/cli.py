@@ -14,7 +14,7 @@ from rich.table import Table
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_pareto, cli_report, cli_run, color_video_vdp, public_shots
+from supersampler_bench import cli_pareto, cli_report, cli_run, cli_stress, color_video_vdp, public_shots
 from supersampler_bench.class_table import rich_class_table
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
@@ -46,6 +46,7 @@ for _command in (
     cli_run.compare,
     cli_pareto.pareto,
     cli_pareto.suggest,
+    cli_stress.stress,
     cli_report.tables,
     cli_report.report,
 ):

@@ -61,7 +61,7 @@ def report(
     """Make one HTML page of all records: tables, figures, machine and versions, pictures side by side.
 
     The page needs no other file and no network. With --quick it is of rough numbers of this machine, which
-    take a few minutes: quality of the shipped shot, speed, one against the other, parity.
+    take a few minutes: quality of the shipped shot, speed, one against the other, parity, stress.
 
     \b
     Examples:

@@ -13,6 +13,10 @@ from supersampler_bench.pictures import METHODS
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.record import Measured, Record, quality_record, read_record, setting, write_json
 from supersampler_bench.speed import measure_limits, measure_speed, speed_record
+from supersampler_bench.stress.report import draw_sheets, stress_record
+from supersampler_bench.stress.runner import chosen
+from supersampler_bench.stress.runner import measure as measure_stress
+from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.errors import GraphicsError
 
 _WITH_KERNELS = METHODS[1:]
@@ -41,7 +45,7 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
         on_part(name, "measuring")
         began = time.perf_counter()
         try:
-            records[name] = {**measure(records), **setting(), "quick": True}
+            records[name] = {**measure(records, folder / name), **setting(), "quick": True}
         except GraphicsError as error:
             on_part(name, f"not measured: {error}")
             continue
@@ -49,30 +53,37 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
         on_part(name, f"{time.perf_counter() - began:.0f} s")
 
 
-def _quality(_: Mapping[str, Record]) -> dict[str, Any]:
+def _quality(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
     shot = shipped_shot()
     return quality_record([Measured(shot, measure_quality(shot, METHODS))])
 
 
-def _speed(_: Mapping[str, Record]) -> dict[str, Any]:
+def _speed(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
     timed = measure_speed(_WITH_KERNELS, [_DISPLAY], ["host"], [1, 2], steps=_STEPS)
     return speed_record(timed, measure_limits(), 2.0)
 
 
-def _pareto(records: Mapping[str, Record]) -> dict[str, Any]:
+def _pareto(records: Mapping[str, Record], _: Path) -> dict[str, Any]:
     scored = records[_QUALITY]
     points = measure_pareto(scored, _DISPLAY, threads=2, steps=_STEPS)
     return pareto_record(points, shots_of(scored), _DISPLAY, 2)
 
 
-def _parity(_: Mapping[str, Record]) -> dict[str, Any]:
+def _parity(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
     return parity_record(measure_parity(_WITH_KERNELS, _FRAMES))
 
 
-_PARTS: Mapping[str, Callable[[Mapping[str, Record]], dict[str, Any]]] = {
+def _stress(_: Mapping[str, Record], folder: Path) -> dict[str, Any]:
+    outcomes = list(measure_stress(chosen([], quick=True), subjects(_WITH_KERNELS, ["host"]), quick=True))
+    draw_sheets(outcomes, folder)
+    return stress_record(outcomes, quick=True)
+
+
+_PARTS: Mapping[str, Callable[[Mapping[str, Record], Path], dict[str, Any]]] = {
     _QUALITY: _quality,
     "pareto": _pareto,
     "speed": _speed,
     "parity": _parity,
+    "stress": _stress,
 }
-"""By the name of the record; each is given those before it."""
+"""By the name of the record; each is given those before it, and a folder of its own for figures."""

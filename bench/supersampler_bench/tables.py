@@ -10,6 +10,7 @@ from supersampler.errors import ArgumentError
 from supersampler_bench import ablation, cost, device, pareto, parity, precision, render_speed, skip, speed
 from supersampler_bench.record import Record, read_record
 from supersampler_bench.report import Report, block_names
+from supersampler_bench.stress import report as stress
 from supersampler_bench.table import find_block, update_block
 
 RESULTS = Path("bench/results")
@@ -47,6 +48,9 @@ def blocks_of(name: str, record: Record) -> Blocks:
     if bench == "pareto":
         presets = partial(pareto.preset_table, record)
         return {block: partial(pareto.markdown_table, record), "presets": presets}
+    if bench == "stress":
+        table = partial(stress.markdown_table, record)
+        return {block: table, f"{block} scenarios": stress.scenario_list}
     return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
 
 

@@ -151,13 +151,13 @@ def test_what_was_measured_quickly_says_so_and_no_other(tmp_path: Path) -> None:
 def test_quick_measures_part_by_part_and_goes_on_without_opengl(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def without_opengl(_: Mapping[str, Record]) -> dict[str, Any]:
+    def without_opengl(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
         raise GraphicsError("no OpenGL")
 
     parts = {
         "parity": without_opengl,
-        "pareto": lambda _: of_pareto(),
-        "speed": lambda known: {"bench": "speed", "known": list(known)},
+        "pareto": lambda *_: of_pareto(),
+        "speed": lambda known, _: {"bench": "speed", "known": list(known)},
     }
     monkeypatch.setattr(quick, "_PARTS", parts)
     said: dict[str, str] = {}
@@ -176,7 +176,7 @@ def test_quick_measures_part_by_part_and_goes_on_without_opengl(
 def test_quick_makes_the_page_of_what_it_measured_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(quick, "_PARTS", {"parity": lambda _: of_parity("taau")})
+    monkeypatch.setattr(quick, "_PARTS", {"parity": lambda *_: of_parity("taau")})
     monkeypatch.setattr(pictures, "split_view", lambda shot: f"pictures of {shot.name}")
     answer = CliRunner().invoke(app, ["report", "--quick", "-o", str(tmp_path / "here.html")])
     assert answer.exit_code == 0, answer.output

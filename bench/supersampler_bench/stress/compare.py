@@ -1,0 +1,111 @@
+"""How pictures are compared: with those of a session that nothing is done to, and with themselves, before."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import islice
+
+import numpy as np
+
+from supersampler import Frame
+from supersampler.display import decibels, display_transform
+from supersampler.frame import Float32
+from supersampler_bench.stress.scenario import RECOVERY, STEP, Figure, Measured, Session, Trial
+
+OUTLIER = 0.1
+"""What the worst 0.1 % of values may differ by where a disturbance counts as forgotten."""
+
+
+@dataclass(frozen=True)
+class Off:
+    """How far two pictures are apart, as a screen shows them in [0, 1]: the mean, and at 99.9 %."""
+
+    mean: float
+    most: float
+
+    @property
+    def gone(self) -> bool:
+        """Whether no one sees it."""
+        return self.mean <= STEP and self.most <= OUTLIER
+
+
+def off(one: Float32, other: Float32, exposure: float = 1.0) -> Off:
+    """Compare two pictures."""
+    apart = np.abs(display_transform(one, exposure) - display_transform(other, exposure))
+    return Off(float(apart.mean()), float(np.quantile(apart, 0.999)))
+
+
+def side_by_side(
+    stressed: Session, calm: Session, frames: Iterable[tuple[Frame, Frame]], exposure: float = 1.0
+) -> list[Off]:
+    """Step two sessions, each with its own frame of the pairs."""
+    return [off(stressed.step(one), calm.step(other), exposure) for one, other in frames]
+
+
+def alike(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Frame]]:
+    """Return the next `count` frames, for both sessions."""
+    return ((frame, frame) for frame in islice(frames, count))
+
+
+def recovery(after: Sequence[Off]) -> float:
+    """Frames, of those after a disturbance, until it is gone for good; their number if it never is."""
+    seen = [index + 1 for index, o in enumerate(after) if not o.gone]
+    return float(seen[-1] if seen else 0)
+
+
+def forgotten(during: Sequence[Off], after: Sequence[Off], within: int = RECOVERY) -> Measured:
+    """Return how many frames a disturbance was seen for after its end."""
+    curve = [o.mean for o in (*during, *after)]
+    return Measured((Figure("frames until clean", recovery(after), within),), curve)
+
+
+@dataclass(frozen=True)
+class Looped:
+    """The same frames over and over.
+
+    Attributes:
+        changes: mean difference of each loop's pictures from those of the loop before, from the second on.
+        drift: mean difference of the last loop's pictures from those of the `settled` one.
+        psnr: dB, of each loop where truths are known.
+        swing: dB, from the worst to the best picture of the last loop.
+        images: what a screen shows of the last loop.
+    """
+
+    changes: list[float]
+    drift: float
+    psnr: list[float]
+    swing: float
+    images: Sequence[Float32]
+
+    def lost(self) -> float:
+        """PSNR, dB, from the settled loop to the last."""
+        return self.psnr[settled(len(self.psnr))] - self.psnr[-1]
+
+
+def settled(loops: int) -> int:
+    """Number of the loop from which on nothing should change: the thirteenth, or the middle one of few."""
+    return min(12, loops // 2)
+
+
+def looped(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Looped:
+    """Step through the same frames until `trial.frames` are done, in whole loops, at least three."""
+    session, loops = trial.begin(), max(trial.frames // len(frames), 3)
+    wanted = [display_transform(truth) for truth in truths]
+    changes, psnr, swing = [], [], 0.0
+    before: list[Float32] = []
+    early: list[Float32] = []
+    for loop in range(loops):
+        images = [display_transform(session.step(frame)) for frame in frames]
+        if before:
+            changes.append(_mean_apart(images, before))
+        if wanted:
+            scores = [decibels(float(np.mean((a - b) ** 2))) for a, b in zip(images, wanted, strict=True)]
+            psnr.append(float(np.mean(scores)))
+            swing = float(np.ptp(scores))
+        if loop == settled(loops):
+            early = images
+        before = images
+    return Looped(changes, _mean_apart(before, early), psnr, swing, before)
+
+
+def _mean_apart(one: Sequence[Float32], other: Sequence[Float32]) -> float:
+    return float(np.mean([np.abs(a - b).mean() for a, b in zip(one, other, strict=True)]))

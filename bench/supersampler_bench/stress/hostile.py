@@ -1,0 +1,146 @@
+"""Scenarios of bad values: no number, infinite, negative, denormal, huge; spikes of light."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from itertools import cycle, islice, product
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler import Frame
+from supersampler.display import display_transform
+from supersampler.frame import Float32
+from supersampler_bench.stress.compare import alike, forgotten, recovery, side_by_side
+from supersampler_bench.stress.scenario import LARGEST, RECOVERY, STEP, Figure, Measured, Scenario, Trial
+from supersampler_bench.stress.scenes import PERIOD, moving, still
+
+WATCHED = RECOVERY + 8
+"""Frames that are watched after a disturbance."""
+WIDE = (192, 96)
+"""Where a bad pixel could reach farther than a network sees."""
+FIELDS = ("color", "depth", "motion")
+PLACES = ("pixels", "row", "frame")
+VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
+    "not a number": (np.nan, np.nan, np.nan),
+    "infinite": (np.inf, np.inf, -np.inf),
+    "negative": (-1.0, -1.0, -1e5),
+    "denormal": (1e-42, 1e-42, 1e-42),
+    "huge": (3e38, 1e30, 1e9),
+}
+_CASES = len(FIELDS) * len(PLACES)
+
+
+def spoilt(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
+    """Return the frame with `value` in a field, where the mask (h, w) says."""
+    array = np.array(getattr(frame, field))
+    array[where] = value
+    fields: dict[str, Any] = {field: array}
+    return replace(frame, **fields)
+
+
+def places(kind: str, frame: Frame) -> NDArray[np.bool_]:
+    """(h, w) a tenth of all pixels, one row, or all."""
+    width, height = frame.size
+    if kind == "pixels":
+        return np.random.default_rng(5).random((height, width)) < 0.1
+    where = np.zeros((height, width), bool)
+    where[height // 3 if kind == "row" else slice(None)] = True
+    return where
+
+
+class _Injected:
+    """In one frame's colour, depth, motion; in a tenth of its pixels, in a row, in all: nine in turn."""
+
+    def __init__(self, values: tuple[float, float, float]) -> None:
+        self._values = dict(zip(FIELDS, values, strict=True))
+
+    def __call__(self, trial: Trial) -> Measured:
+        stressed, calm = trial.begin(), trial.begin()
+        frames = cycle(still(trial.render))
+        side_by_side(stressed, calm, alike(frames, PERIOD))
+        offs, worst = [], 0.0
+        for field, kind in product(FIELDS, PLACES):
+            frame = next(frames)
+            bad = spoilt(frame, field, places(kind, frame), self._values[field])
+            offs += side_by_side(stressed, calm, [(bad, frame)])
+            after = side_by_side(stressed, calm, alike(frames, trial.frames // _CASES))
+            worst, offs = max(worst, recovery(after)), offs + after
+        return Measured((Figure("frames until clean", worst, RECOVERY),), [o.mean for o in offs])
+
+
+def spread(trial: Trial) -> Measured:
+    """Colour, depth and motion of one pixel, in every frame of 192x96: all but what is around it stays."""
+    stressed, calm = trial.begin(WIDE), trial.begin(WIDE)
+    render = WIDE[0] // 2, WIDE[1] // 2
+    x, y = render[0] // 2, render[1] // 2
+    where = np.zeros(render[::-1], bool)
+    where[y, x] = True
+    curve = []
+    for frame in islice(cycle(still(render)), trial.frames):
+        bad = frame
+        for field in FIELDS:
+            bad = spoilt(bad, field, where, np.nan)
+        curve.append(_reach(stressed.step(bad), calm.step(frame), x, y))
+    return Measured((Figure("reach, pixels", max(curve), trial.subject.reach),), curve)
+
+
+def _reach(image: Float32, calm: Float32, x: int, y: int) -> float:
+    """Distance, display pixels, from a render pixel's middle to the farthest that looks different."""
+    apart = np.abs(display_transform(image) - display_transform(calm)).max(axis=-1)
+    rows, columns = np.nonzero(apart > STEP)
+    away = np.maximum(np.abs(rows - (2 * y + 0.5)), np.abs(columns - (2 * x + 0.5)))
+    return float(away.max(initial=0.0))
+
+
+def spike(trial: Trial) -> Measured:
+    """2x2 pixels have the brightest light of half floats, in one frame."""
+    stressed, calm = trial.begin(), trial.begin()
+    frames = cycle(still(trial.render))
+    side_by_side(stressed, calm, alike(frames, 2 * PERIOD))
+    frame = next(frames)
+    where = np.zeros(trial.render[::-1], bool)
+    where[4:6, 4:6] = True
+    during = side_by_side(stressed, calm, [(spoilt(frame, "color", where, LARGEST), frame)])
+    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+
+
+def fireflies(trial: Trial) -> Measured:
+    """In motion, for a period, half a percent of the pixels are far too bright."""
+    stressed, calm = trial.begin(), trial.begin()
+    frames, random = cycle(moving(trial.render)), np.random.default_rng(3)
+    side_by_side(stressed, calm, alike(frames, PERIOD))
+    during = []
+    for frame in islice(frames, PERIOD):
+        where = random.random(trial.render[::-1]) < 0.005
+        bad = spoilt(frame, "color", where, float(10.0 ** random.uniform(2.0, np.log10(LARGEST))))
+        during += side_by_side(stressed, calm, [(bad, frame)])
+    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+
+
+SCENARIOS = (
+    *(
+        Scenario(
+            f"values {name}",
+            "apart / frame",
+            _Injected(values),
+            host=_CASES * WATCHED,
+            graph=_CASES * WATCHED,
+            quick=_CASES * WATCHED if name == "not a number" else 0,
+            remembers=False,
+        )
+        for name, values in VALUES.items()
+    ),
+    Scenario(
+        "one pixel not a number",
+        "reach / frame",
+        spread,
+        host=128,
+        graph=64,
+        quick=32,
+        remembers=False,
+        logarithmic=False,
+    ),
+    Scenario("spike of 65504", "apart / frame", spike, host=96, graph=96, quick=56),
+    Scenario("fireflies", "apart / frame", fireflies, host=96, graph=96),
+)

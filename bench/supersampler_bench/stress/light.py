@@ -1,0 +1,60 @@
+"""Scenarios of exposure and light that jump."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import cycle, islice
+
+import numpy as np
+
+from supersampler import Frame
+from supersampler_bench.stress.compare import alike, forgotten, side_by_side
+from supersampler_bench.stress.scenario import RECOVERY, Measured, Scenario, Trial
+from supersampler_bench.stress.scenes import PERIOD, still
+
+STOPS = 16
+"""Of a jump: from 2^-8 to 2^8, or back."""
+ADAPTED = math.ceil(math.log(0.5 / STOPS) / math.log(0.9))
+"""Frames after which a measured exposure, a tenth of the way a frame, is within half a stop."""
+HELD = 16  # frames between jumps
+
+
+def exposure_jumps(trial: Trial) -> Measured:
+    """Exposure, every 16 frames for four periods; the scene's light stays."""
+    stressed, calm = trial.begin(), trial.begin()
+    frames = cycle(still(trial.render))
+    side_by_side(stressed, calm, alike(frames, PERIOD))
+    jumping = (
+        (replace(frame, exposure=_level(i // HELD)), frame)
+        for i, frame in enumerate(islice(frames, 4 * PERIOD))
+    )
+    during = side_by_side(stressed, calm, jumping)
+    return forgotten(during, side_by_side(stressed, calm, alike(frames, trial.frames)))
+
+
+def light_jumps(trial: Trial) -> Measured:
+    """Light, every 16 frames for four periods; exposure is measured. Against a session that begins then."""
+    stressed, calm = trial.begin(), trial.begin()
+    frames = cycle(still(trial.render))
+    for i, frame in enumerate(islice(frames, 4 * PERIOD)):
+        stressed.step(_lit(frame, _level(i // HELD)))
+    bright = _level(0)
+    pairs: Iterator[tuple[Frame, Frame]] = (
+        (_lit(frame, bright), _lit(frame, bright)) for frame in islice(frames, trial.frames)
+    )
+    return forgotten([], side_by_side(stressed, calm, pairs, 1.0 / bright), RECOVERY + ADAPTED)
+
+
+def _level(jump: int) -> float:
+    return math.exp2(-STOPS / 2 if jump % 2 else STOPS / 2)
+
+
+def _lit(frame: Frame, level: float) -> Frame:
+    color = np.asarray(frame.color) * np.float32(level)
+    return replace(frame, color=color, exposure=None)
+
+
+SCENARIOS = (
+    Scenario("exposure jumps by 16 stops", "apart / frame", exposure_jumps, host=160, graph=160, quick=96),
+    Scenario("light jumps by 16 stops", "apart / frame", light_jumps, host=160, graph=160),
+)

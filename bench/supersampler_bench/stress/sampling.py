@@ -1,0 +1,92 @@
+"""Scenarios of jitter that is extreme or wrong, sizes that are odd or tiny, ratios that change."""
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from itertools import cycle, product
+
+import numpy as np
+
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Size
+from supersampler_bench.stress.compare import alike, forgotten, looped, side_by_side
+from supersampler_bench.stress.scenario import DECAY, REST, Figure, Measured, Scenario, Trial
+from supersampler_bench.stress.scenes import PERIOD, RATIO, STILL, still, truth
+
+Jitter = tuple[float, float]
+CORNERS: Sequence[Jitter] = ((-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5))
+SWEEP = 96  # frames from the least ratio to the largest and back
+LARGEST_RATIO = 3.0
+FLAT = 1e-3
+"""By how much, of itself, a picture of one colour may be off."""
+SIZES: Sequence[Size] = ((1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 13), (31, 33), (97, 61))
+
+
+def corners(trial: Trial) -> Measured:
+    """Samples lie in the four corners of pixels by turns, then as they should."""
+    return _disturbed(trial, [STILL.frame(0, trial.render, CORNERS[i % 4]) for i in range(PERIOD)])
+
+
+def missing(trial: Trial) -> Measured:
+    """Frames are jittered, and say that they are not."""
+    return _disturbed(trial, _told(trial, lambda _: (0.0, 0.0)))
+
+
+def negated(trial: Trial) -> Measured:
+    """Frames tell their jitter with the wrong sign."""
+    return _disturbed(trial, _told(trial, lambda jitter: (-jitter[0], -jitter[1])))
+
+
+def _told(trial: Trial, tell: Callable[[Jitter], Jitter]) -> list[Frame]:
+    return [replace(frame, jitter=tell(frame.jitter)) for frame in still(trial.render)]
+
+
+def _disturbed(trial: Trial, frames: Sequence[Frame]) -> Measured:
+    """These frames in place of the right ones: pictures settle even so, and recover."""
+    wrong = [replace(frame, reset=False) for frame in frames]
+    settles = looped(trial, wrong)
+    stressed, calm = trial.begin(), trial.begin()
+    right = still(trial.render)
+    during = side_by_side(stressed, calm, zip(wrong * 4, [*right] * 4, strict=True))
+    recovers = forgotten(during, side_by_side(stressed, calm, alike(cycle(right), 5 * PERIOD)))
+    return Measured(
+        (Figure("change in a period", settles.changes[-1], REST), *recovers.figures), recovers.curve
+    )
+
+
+def sweep(trial: Trial) -> Measured:
+    """The ratio goes from 1 to 3 and back, over and over, another render size in each frame."""
+    frames = []
+    for index in range(SWEEP):
+        ratio = 0.5 * (1.0 + LARGEST_RATIO - (LARGEST_RATIO - 1.0) * np.cos(2.0 * np.pi * index / SWEEP))
+        size = math.ceil(trial.display[0] / ratio), math.ceil(trial.display[1] / ratio)
+        frames.append(replace(STILL.frame(index, size, halton_jitter(index, ratio)), reset=False))
+    run = looped(trial, frames, [truth(STILL, 0, trial.display)] * SWEEP)
+    figures = (
+        Figure("change in a loop", run.changes[-1], REST),
+        Figure("PSNR lost, dB", run.lost(), DECAY),
+    )
+    return Measured(figures, run.changes)
+
+
+def sizes(trial: Trial) -> Measured:
+    """Renders from 1x1 to 97x61, at ratios 1, 1.5, 2 and 3: what is of one colour stays so."""
+    curve = []
+    for render, ratio in product(SIZES, (1.0, 1.5, RATIO, LARGEST_RATIO)):
+        session = trial.begin((round(ratio * render[0]), round(ratio * render[1])))
+        for index in range(trial.frames):
+            frame = replace(STILL.frame(index, render, halton_jitter(index, ratio)), reset=False)
+            session.step(frame)
+        flat = replace(frame, color=np.full((*render[::-1], 3), 0.5, np.float32))
+        session.step(replace(flat, reset=True))
+        curve.append(float(np.abs(session.step(flat) / 0.5 - 1.0).max()))
+    return Measured((Figure("off a flat colour", max(curve), FLAT),), curve)
+
+
+SCENARIOS = (
+    Scenario("jitter in the corners", "apart / frame", corners, host=640, graph=320),
+    Scenario("jitter not told", "apart / frame", missing, host=640, graph=320, quick=128),
+    Scenario("jitter negated", "apart / frame", negated, host=640, graph=320),
+    Scenario("ratios from 1 to 3", "change / loop", sweep, host=1152, graph=576, quick=288, remembers=False),
+    Scenario("odd and tiny sizes", "off / size", sizes, host=4, graph=4, quick=2, remembers=False),
+)

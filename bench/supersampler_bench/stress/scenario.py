@@ -1,0 +1,191 @@
+"""What a scenario is: something is done to a method, figures are taken, each of which has a bound."""
+
+import inspect
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from supersampler import Frame
+from supersampler.frame import Float32, Size
+from supersampler.model import TOLERANCE
+from supersampler.state import State
+
+STEP = 1.0 / 255.0
+"""Of an 8-bit picture: what pictures that should be alike may differ by on average."""
+REST = TOLERANCE
+"""What a picture at rest may change by in a period: skipping leaves it as it is from there on."""
+ROUNDING = 1e-5
+"""What single precision makes pictures differ by, on average, where nothing is in bytes."""
+RECOVERY = 48
+"""Frames, one and a half periods of the jitter at ratio 2, in which what was bad is forgotten."""
+REACH = 8.0
+"""Display pixels around a bad one that may look different; of a network, beside what it sees."""
+DECAY = 0.1
+"""dB of PSNR that a picture may lose from one loop of the same frames to a later one."""
+LARGEST = 65504.0
+
+
+class Session(Protocol):
+    """What is stressed: an `Upscaler`, or what behaves like one."""
+
+    def step(self, frame: Frame) -> Float32:
+        """See `Upscaler.step`."""
+
+    def save_state(self) -> State:
+        """See `Upscaler.save_state`."""
+
+    def load_state(self, state: State) -> None:
+        """See `Upscaler.load_state`."""
+
+
+@dataclass(frozen=True)
+class Subject:
+    """A method in one executor.
+
+    Attributes:
+        method: its name.
+        executor: "host" or "graph".
+        precision: of what is learned, "fp32" or "int8".
+        shrinks: by how much, a frame, a disturbance of a picture at rest shrinks if no more samples count
+            than the method's limit; None of a method without a past.
+        reach: display pixels around a bad one that may look different.
+        begin: makes a session for a display size, on so many threads.
+        exact: the same method in the graph, in single precision; None where this is it.
+    """
+
+    method: str
+    executor: str
+    precision: str
+    shrinks: float | None
+    reach: float
+    begin: Callable[[Size, int], Session]
+    exact: Callable[[Size, int], Session] | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """What two ways to the same picture may differ by on average, as a screen shows it."""
+        return STEP if self.precision == "int8" else ROUNDING
+
+
+@dataclass
+class Watched:
+    """A session whose every value is looked at.
+
+    Attributes:
+        session: the one.
+        bad_values: how many were not numbers in [0, 65504] so far.
+    """
+
+    session: Session
+    bad_values: int = 0
+
+    def step(self, frame: Frame) -> Float32:
+        """Step, and count."""
+        image = self.session.step(frame)
+        self.bad_values += int(image.size - np.count_nonzero((image >= 0.0) & (image <= LARGEST)))
+        return image
+
+    def save_state(self) -> State:
+        """See `Session`."""
+        return self.session.save_state()
+
+    def load_state(self, state: State) -> None:
+        """See `Session`."""
+        self.session.load_state(state)
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One run of a scenario.
+
+    Attributes:
+        subject: what is stressed.
+        display: (width, height) of the pictures.
+        frames: how many to step, about.
+        opened: all sessions that the scenario began.
+    """
+
+    subject: Subject
+    display: Size
+    frames: int
+    opened: list[Watched] = field(default_factory=list)
+
+    @property
+    def render(self) -> Size:
+        """Render size at ratio 2."""
+        return self.display[0] // 2, self.display[1] // 2
+
+    def begin(self, display: Size | None = None, *, threads: int = 1) -> Watched:
+        """Begin a session."""
+        self.opened.append(Watched(self.subject.begin(display or self.display, threads)))
+        return self.opened[-1]
+
+
+@dataclass(frozen=True)
+class Figure:
+    """What was measured; within its bound where `value` <= `bound`."""
+
+    name: str
+    value: float
+    bound: float
+
+    @property
+    def passed(self) -> bool:
+        """False of NaN, too."""
+        return self.value <= self.bound
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Figures of one run, and a curve to look at."""
+
+    figures: tuple[Figure, ...]
+    curve: list[float]
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """Something that is done to a method.
+
+    Attributes:
+        name: of a few words.
+        curve: what its curve shows, over what: "y / x".
+        run: does it, and says what in its docstring.
+        host, graph: frames in that executor, which is much slower as a graph.
+        quick: frames of a short run in any; 0: it is left out there.
+        remembers: only of methods with a past.
+        pairs: only of subjects that are held against single precision.
+        same_size: graphs draw as large pictures as the host does.
+        logarithmic: whether its curve is drawn so.
+    """
+
+    name: str
+    curve: str
+    run: Callable[[Trial], Measured]
+    host: int
+    graph: int
+    quick: int = 0
+    remembers: bool = True
+    pairs: bool = False
+    same_size: bool = False
+    logarithmic: bool = True
+
+    @property
+    def done(self) -> str:
+        """What is done, in a sentence or two."""
+        return " ".join((inspect.getdoc(self.run) or "").split())
+
+    def suits(self, subject: Subject) -> bool:
+        """Whether it makes sense for this one."""
+        if self.pairs:
+            return subject.exact is not None
+        return subject.shrinks is not None or not self.remembers
+
+    def trial(self, subject: Subject, *, quick: bool) -> Trial:
+        """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
+        graph = subject.executor == "graph"
+        small = quick or self.pairs or (graph and not self.same_size)
+        frames = self.quick if quick else self.graph if graph else self.host
+        return Trial(subject, (48, 32) if small else (96, 64), frames)

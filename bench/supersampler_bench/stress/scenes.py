@@ -1,0 +1,100 @@
+"""Frames to stress with: a scene that stands, one that moves and comes back to where it was, a real one."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from itertools import islice
+from math import lcm
+
+import numpy as np
+
+from supersampler import Frame, halton_jitter, jitter_phase_count, shipped_shot
+from supersampler.frame import Float32, Size
+from supersampler_model.data.analytic import (
+    FAR,
+    NEAR,
+    Plane,
+    Scene,
+    Surface,
+    Values,
+    WiresOverPlane,
+    checker,
+    facing,
+    grey,
+)
+
+RATIO = 2.0
+PERIOD = jitter_phase_count(RATIO)
+LAP = 40  # frames in which the moving scene comes back
+LOOP = lcm(PERIOD, LAP)
+"""Frames after which scene and jitter are both as they were: what is drawn of them must repeat, too."""
+STILL: Scene = WiresOverPlane(Plane(checker))
+
+
+@dataclass(frozen=True)
+class Orbit(Scene):
+    """A near, ringed disc goes round before a plane that swings; after `LAP` frames all is as it was."""
+
+    def surface(self, index: int, x: Values, y: Values) -> Surface:
+        """Return the disc where it is, else the plane."""
+        plane, plane_before = _swing(index), _swing(index - 1)
+        disc, disc_before = _round(index), _round(index - 1)
+        distance = np.hypot(x - disc[0], y - disc[1])
+        inside = distance < 9.0
+        depth = np.where(inside, NEAR, FAR)
+        color = np.where(
+            inside[..., None], grey(0.5 + 0.5 * np.cos(2.0 * distance)), checker(x - plane[0], y - plane[1])
+        )
+        motion = np.where(inside[..., None], disc_before - disc, plane_before - plane)
+        return Surface(color, depth, motion, depth, facing(x, y), facing(x, y))
+
+
+def _swing(index: int) -> Values:
+    angle = 2.0 * np.pi * index / LAP
+    return np.array([6.0 * np.sin(angle), 2.0 * np.cos(angle)])
+
+
+def _round(index: int) -> Values:
+    angle = 2.0 * np.pi * index / LAP
+    return np.array([32.0 + 14.0 * np.cos(angle), 18.0 + 8.0 * np.sin(angle)])
+
+
+@cache
+def still(render: Size) -> Sequence[Frame]:
+    """One period of the jitter of the scene that stands."""
+    return frames_of(STILL, render, PERIOD)
+
+
+@cache
+def moving(render: Size) -> Sequence[Frame]:
+    """One loop of the scene that moves."""
+    return frames_of(Orbit(), render, LOOP)
+
+
+def frames_of(scene: Scene, render: Size, count: int) -> Sequence[Frame]:
+    """Frames of a scene, none of which resets."""
+    frames = (scene.frame(i, render, halton_jitter(i, RATIO)) for i in range(count))
+    return [replace(frame, reset=False) for frame in frames]
+
+
+@cache
+def real(render: Size) -> Sequence[Frame]:
+    """The middle of the shipped shot's frames."""
+    found = []
+    for item in islice(shipped_shot(), 24):
+        frame = item.frame
+        left, top = (frame.size[0] - render[0]) // 2, (frame.size[1] - render[1]) // 2
+        part = slice(top, top + render[1]), slice(left, left + render[0])
+        color, depth, motion = (
+            np.ascontiguousarray(a[part], np.float32)
+            for a in (frame.color, frame.depth, frame.motion)
+            if a is not None
+        )
+        found.append(replace(frame, color=color, depth=depth, motion=motion, gbuffer=None, reset=False))
+    return found
+
+
+@cache
+def truth(scene: Scene, index: int, display: Size) -> Float32:
+    """What a frame should look like."""
+    return scene.truth(index, display, 8)

@@ -1,0 +1,140 @@
+"""Scenarios of many frames, at rest, in motion, in bytes: errors that could add up, how fast they fade."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from supersampler import Frame, Upscaler
+from supersampler.display import display_transform
+from supersampler.frame import Float32
+from supersampler_bench.stress.compare import looped, off
+from supersampler_bench.stress.contraction import EVERY, contraction
+from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Measured, Scenario, Trial
+from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, STILL, Orbit, moving, still, truth
+
+SWING = 1.5
+"""dB of PSNR that pictures of a scene at rest may go up and down by."""
+EMA = 0.1
+"""New share of the average that flicker is held against."""
+GROWTH = 1.1
+"""By how much more two precisions may be apart in the last loop than in the middle one."""
+SMALL = 1e-4
+"""Root mean square of a disturbance in linear light; all of it may end up in one pixel."""
+SLACK = 1e-3
+"""Of a rate: what rounding makes of a disturbance that small."""
+_UNIT = 1e-7  # rounding of single precision: what is less apart than this is not apart
+
+
+def at_rest(trial: Trial) -> Measured:
+    """A scene with wires stands still: its picture settles, and stays. Against the thirteenth period."""
+    truths = [truth(STILL, 0, trial.display)] * PERIOD
+    run = looped(trial, still(trial.render), truths)
+    figures = (
+        Figure("change in a period", run.changes[-1], REST),
+        Figure("drift", run.drift, REST),
+        Figure("PSNR lost, dB", run.lost(), DECAY),
+        Figure("PSNR swing in a period, dB", run.swing, SWING),
+    )
+    return Measured(figures, run.changes)
+
+
+def flicker(trial: Trial) -> Measured:
+    """At rest: deviation over a period of the jitter, as a share of that of single frames upsampled."""
+    frames = still(trial.render)
+    images = looped(trial, frames).images
+    spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
+    single = [display_transform(spatial.step(frame)) for frame in frames]
+    left = _deviation(images) / _deviation(single)
+    base = display_transform(truth(STILL, 0, trial.display))
+    curve = [float(np.abs(image - base).mean()) for image in images]
+    return Measured((Figure("share left", left, passed_by_average(EMA, PERIOD)),), curve)
+
+
+def passed_by_average(alpha: float, period: int) -> float:
+    """Return what an exponential average, `alpha` of it new, lets through of a sine of that period."""
+    return float(alpha / abs(1.0 - (1.0 - alpha) * np.exp(-2j * np.pi / period)))
+
+
+def _deviation(images: Sequence[Float32]) -> float:
+    return float(np.sqrt(np.var(np.stack(images), axis=0).mean()))
+
+
+def in_motion(trial: Trial) -> Measured:
+    """A disc goes round before a plane that swings, over and over: pictures repeat as the frames do."""
+    frames = moving(trial.render)
+    run = looped(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
+    figures = (
+        Figure("change in a loop", run.changes[-1], REST),
+        Figure("PSNR lost, dB", run.lost(), DECAY),
+    )
+    return Measured(figures, run.changes)
+
+
+def precisions(trial: Trial) -> Measured:
+    """The same moving frames by the graph, in single precision: apart by a little, and not ever more."""
+    frames, loops = moving(trial.render), max(trial.frames // LOOP, 3)
+    session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
+    means = [float(np.mean([off(session.step(f), exact.step(f)).mean for f in frames])) for _ in range(loops)]
+    growth = (means[-1] + _UNIT) / (means[loops // 2] + _UNIT)
+    figures = (
+        Figure("apart, worst loop", max(means), trial.subject.tolerance),
+        Figure("growth", growth, GROWTH),
+    )
+    return Measured(figures, means)
+
+
+def contraction_at_rest(trial: Trial) -> Measured:
+    """The history is disturbed a little, which fades as fast as the method's limit of samples says."""
+    return _contraction(trial, still(trial.render))
+
+
+def contraction_in_motion(trial: Trial) -> Measured:
+    """The history is disturbed a little while all moves."""
+    return _contraction(trial, moving(trial.render))
+
+
+def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
+    size = 4.0 * STEP if trial.subject.precision == "int8" else SMALL
+    rounds = trial.frames // EVERY
+    found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD)
+    figures = (
+        Figure("rate a frame", found.rate, (trial.subject.shrinks or 1.0) + SLACK),
+        Figure("rate, worst 16 frames", max(found.last), 1.0),
+    )
+    return Measured(figures, found.rates)
+
+
+SCENARIOS = (
+    Scenario("at rest", "change / period", at_rest, host=10_016, graph=960, quick=320, remembers=False),
+    Scenario("in motion", "change / loop", in_motion, host=1920, graph=640),
+    Scenario(
+        "against single precision", "apart / loop", precisions, host=2080, graph=0, quick=480, pairs=True
+    ),
+    Scenario(
+        "flicker at the jitter's period",
+        "off the truth / frame",
+        flicker,
+        host=640,
+        graph=640,
+        logarithmic=False,
+    ),
+    Scenario(
+        "contraction at rest",
+        "rate / 16 frames",
+        contraction_at_rest,
+        host=768,
+        graph=320,
+        quick=256,
+        same_size=True,
+        logarithmic=False,
+    ),
+    Scenario(
+        "contraction in motion",
+        "rate / 16 frames",
+        contraction_in_motion,
+        host=640,
+        graph=320,
+        same_size=True,
+        logarithmic=False,
+    ),
+)

@@ -1,0 +1,244 @@
+"""Scenarios of stress: what is sound passes, what is broken does not, and errors that grow are measured."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import ArgumentError, Frame, Model
+from supersampler.frame import Float32, Size
+from supersampler.state import State
+from supersampler_bench.cli import app
+from supersampler_bench.stress.compare import Off, recovery
+from supersampler_bench.stress.contraction import contraction
+from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
+from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
+from supersampler_bench.stress.scenario import Figure, Scenario, Session, Subject
+from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
+from supersampler_bench.stress.steady import passed_by_average
+from supersampler_bench.stress.subjects import shrinks_at_rest, subjects
+from supersampler_model.data.analytic import EXTENT, places
+
+DISPLAY: Size = (48, 32)
+Mend = Callable[[Float32], Float32]
+
+
+def sound(color: Float32) -> Float32:
+    """Bad values are black."""
+    return np.where((color >= 0.0) & (color <= 65504.0), color, np.float32(0.0))
+
+
+class Average:
+    """The past, times `keep`, and a share `new` of what the frame shows."""
+
+    def __init__(
+        self, display: Size, keep: float | Float32 = 0.9, new: float = 0.1, mend: Mend = sound
+    ) -> None:
+        self._display, self._keep, self._new, self._mend = display, keep, new, mend
+        self._past: Float32 | None = None
+
+    def step(self, frame: Frame) -> Float32:
+        (width, height), (w, h) = self._display, frame.size
+        rows, columns = np.arange(height) * h // height, np.arange(width) * w // width
+        shown = self._mend(np.asarray(frame.color, np.float32)[rows[:, None], columns])
+        if self._past is None or frame.reset:
+            self._past = shown
+        else:
+            self._past = (self._keep * self._past + self._new * shown).astype(np.float32)
+        return self._past.copy()
+
+    def save_state(self) -> State:
+        assert self._past is not None
+        return State("average", self._display, None, {"history.color": self._past.copy()})
+
+    def load_state(self, state: State) -> None:
+        assert state.history is not None
+        self._past = np.array(state.history["history.color"])
+
+
+def subject(begin: Callable[[Size, int], Session]) -> Subject:
+    return Subject("average", "host", "fp32", shrinks=0.9, reach=8.0, begin=begin)
+
+
+SOUND = subject(lambda display, _: Average(display))
+KEEPS_BAD = subject(lambda display, _: Average(display, mend=lambda color: color))
+DIVERGES = subject(lambda display, _: Average(display, keep=1.01))
+
+
+def scenario(name: str) -> Scenario:
+    (found,) = chosen([name])
+    return found
+
+
+def failed(outcome: Outcome) -> list[str]:
+    return [figure.name for figure in outcome.figures if not figure.passed]
+
+
+@pytest.mark.parametrize("keep", [0.8, 0.97, 1.02])
+def test_contraction_of_a_known_recursion_is_what_it_keeps(keep: float) -> None:
+    found = contraction(
+        Average(DISPLAY, keep=keep), Average(DISPLAY, keep=keep), still((24, 16)), 6, 1e-3, warm_up=4
+    )
+    assert found.rate == pytest.approx(keep, abs=2e-4)
+    assert found.rates[2:] == pytest.approx([keep] * 4, abs=2e-4)
+
+
+def test_contraction_finds_the_slowest_of_all_errors() -> None:
+    keep = np.full((*DISPLAY[::-1], 1), 0.5, np.float32)
+    keep[5, 7] = 0.95
+    base, other = Average(DISPLAY, keep=keep), Average(DISPLAY, keep=keep)
+    found = contraction(base, other, still((24, 16)), 12, 1e-3, warm_up=4)
+    assert found.rate == pytest.approx(0.95, abs=2e-3)
+
+
+def test_contraction_ends_where_nothing_of_the_past_is_left() -> None:
+    base, other = Average(DISPLAY, keep=0.0, new=1.0), Average(DISPLAY, keep=0.0, new=1.0)
+    found = contraction(base, other, still((24, 16)), 12, 1e-3, warm_up=4)
+    assert found.rates == [0.0]
+    assert found.rate < 1e-6
+
+
+@pytest.mark.parametrize(
+    "name", ["at rest", "values not a number", "contraction at rest", "saved and restored"]
+)
+def test_a_sound_average_passes(name: str) -> None:
+    outcome = run(scenario(name), SOUND, quick=True)
+    assert outcome.error == ""
+    assert failed(outcome) == []
+    assert outcome.curve
+
+
+def test_what_keeps_a_bad_value_fails() -> None:
+    outcome = run(scenario("values not a number"), KEEPS_BAD, quick=True)
+    assert not outcome.passed
+    assert failed(outcome) == ["frames until clean", "bad values"]
+
+
+def test_what_diverges_fails() -> None:
+    outcome = run(scenario("contraction at rest"), DIVERGES, quick=True)
+    assert failed(outcome) == ["rate a frame", "rate, worst 16 frames"]
+    assert outcome.figures[0].value == pytest.approx(1.01, abs=1e-3)
+    assert {"drift", "PSNR lost, dB"} <= set(failed(run(scenario("at rest"), DIVERGES, quick=True)))
+
+
+def test_what_raises_breaks_its_scenario_alone() -> None:
+    def begin(display: Size, threads: int) -> Session:
+        raise RuntimeError("no device")
+
+    outcomes = list(measure([scenario("threads")], [subject(begin), SOUND], quick=True))
+    assert [o.passed for o in outcomes] == [False, True]
+    assert outcomes[0].error == "RuntimeError: no device"
+    table = markdown_table(stress_record(outcomes, quick=True))
+    assert "- threads, average host: broke. RuntimeError: no device" in table
+
+
+def test_a_shipped_method_passes_where_it_promises_bits() -> None:
+    for outcome in measure(
+        chosen(["sessions", "a cut in every frame"]), subjects(["taau"], ["host"]), quick=True
+    ):
+        assert outcome.passed, outcome
+
+
+def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
+    clean, mean, spot = Off(0.0, 0.0), Off(0.01, 0.01), Off(0.0, 0.2)
+    assert recovery([mean, clean, spot, clean, clean]) == 3
+    assert recovery([clean, clean]) == 0
+    assert recovery([clean, mean]) == 2
+
+
+def test_a_nan_is_within_no_bound() -> None:
+    assert not Figure("apart", float("nan"), 1.0).passed
+    assert Figure("apart", 1.0, 1.0).passed
+
+
+def test_limits_of_samples_are_those_of_the_shipped_methods() -> None:
+    assert shrinks_at_rest(Model.load("bilinear").info) is None
+    assert shrinks_at_rest(Model.load("taa").info) == pytest.approx(0.9)
+    taau = shrinks_at_rest(Model.load("taau").info)
+    assert taau == pytest.approx(
+        18.0 / (18.0 + 2.0 * np.pi * 0.47**2 / 4.0), abs=0.002
+    )  # of all places alike
+
+
+def test_an_average_lets_more_through_of_what_is_slow() -> None:
+    assert passed_by_average(0.1, 8) == pytest.approx(0.136, abs=5e-3)
+    assert passed_by_average(0.1, 32) == pytest.approx(0.47, abs=5e-3)
+
+
+def test_the_moving_scene_comes_back_and_its_motion_is_exact() -> None:
+    frames = moving((64, 36))
+    assert len(frames) == LOOP
+    again = Orbit().frame(LOOP, (64, 36), frames[0].jitter)
+    np.testing.assert_allclose(np.asarray(frames[0].color), np.asarray(again.color), atol=1e-6)
+    x, y = places((64, 36))
+    now = Orbit().surface(LAP // 3, x, y)
+    there = Orbit().surface(LAP // 3 - 1, x + now.motion[..., 0], y + now.motion[..., 1])
+    seen = (there.depth == now.depth) & (x < EXTENT[0])  # not what the disc hides
+    np.testing.assert_allclose(there.color[seen], now.color[seen], atol=1e-9)
+    assert seen.mean() > 0.9
+
+
+def test_every_scenario_says_what_it_does() -> None:
+    scenarios: Sequence[Scenario] = [s for family in FAMILIES.values() for s in family]
+    assert len({s.name for s in scenarios}) == len(scenarios) >= 25
+    assert all(s.done.endswith(".") for s in scenarios)
+    assert {s.name for s in chosen(["light"])} == {s.name for s in FAMILIES["light"]}
+    with pytest.raises(ArgumentError, match="only is 'weather'"):
+        chosen(["weather"])
+
+
+def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
+    calls = []
+
+    def begin(display: Size, threads: int) -> Session:
+        calls.append(display)
+        return Average(display)
+
+    first = list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
+    stepped = len(calls)
+    again = list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
+    assert again == first
+    assert len(calls) == stepped
+    (file,) = tmp_path.iterdir()
+    file.write_text(file.read_text().replace('"of": "', '"of": "older'))
+    list(measure([scenario("threads")], [subject(begin)], quick=True, keep=tmp_path))
+    assert len(calls) > stepped
+
+
+def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
+    good = run(scenario("threads"), SOUND, quick=True)
+    bad = replace(good, method="other", figures=(Figure("apart", 0.5, 0.0), Figure("bad values", 3.0, 0.0)))
+    record = stress_record([good, bad], quick=True)
+    table = markdown_table(record)
+    assert "| threads | apart | 0 | 0 | **0.5** |" in table
+    assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
+    assert "2 of 4 figures are within their bounds" in table
+    assert [o["passed"] for o in record["outcomes"]] == [True, False]
+    assert [path.name for path in draw_sheets([good, bad], tmp_path)] == ["sessions.png"]
+
+
+def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    blocks = "<!-- bench:stress -->\n<!-- /bench -->\n", "<!-- bench:stress scenarios -->\n<!-- /bench -->\n"
+    page.write_text("".join(blocks))
+    arguments = [
+        "stress",
+        "--quick",
+        "--only",
+        "threads",
+        "--methods",
+        "taa,bilinear",
+        "-o",
+        str(tmp_path / "out"),
+    ]
+    result = CliRunner().invoke(
+        app, [*arguments, "--json", str(tmp_path / "stress.json"), "--update", str(page)]
+    )
+    assert result.exit_code == 0, result.output
+    assert "| scenario | figure | at most | taa host | taa graph | bilinear graph |" in page.read_text()
+    assert "| threads | One thread, two, three, five:" in page.read_text()
+    assert '"outcomes"' in (tmp_path / "stress.json").read_text()
+    assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000
