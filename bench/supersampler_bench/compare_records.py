@@ -12,12 +12,24 @@ DIRECTIONS: Mapping[str, float] = {
     **dict.fromkeys(("psnr", "ssim", "tpsnr", "cvvdp"), HIGHER),
     **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
     **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
+    **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
 }
 """By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
 DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
 """Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
-CONTAINERS = ("shots", "means", "methods", "summary", "warm_cropped", "timed", "results", "rows", "scenes")
+CONTAINERS = (
+    "shots",
+    "means",
+    "methods",
+    "summary",
+    "warm_cropped",
+    "timed",
+    "results",
+    "rows",
+    "scenes",
+    "networks",
+)
 """Parts whose names say nothing of a value."""
 
 
@@ -72,7 +84,7 @@ def _identity(item: Mapping[str, Any]) -> str:
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
             said.append(_identity(value))
-        elif _direction((name,)) or name in ("moved", "multiply_adds", "shot_json_sha256", "pixels_sha256"):
+        elif _direction((name,)) or name in ("moved", "shot_json_sha256", "pixels_sha256"):
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             said.append(str(value))
