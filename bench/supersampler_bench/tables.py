@@ -49,8 +49,8 @@ def blocks_of(name: str, record: Record) -> Blocks:
         presets = partial(pareto.preset_table, record)
         return {block: partial(pareto.markdown_table, record), "presets": presets}
     if bench == "stress":
-        table = partial(stress.markdown_table, record)
-        return {block: table, f"{block} scenarios": stress.scenario_list}
+        whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
+        return {block: partial(stress.markdown_table, record), **whole}
     return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
 
 

@@ -14,6 +14,8 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError
 from supersampler.shot import Shot, ShotWriter
 from supersampler_bench import pictures, quick
+from supersampler_bench.ablation import CHANCE
+from supersampler_bench.ablation import markdown_table as ablation_table
 from supersampler_bench.cli import app
 from supersampler_bench.page import SECTIONS, write_page
 from supersampler_bench.pareto import METRICS, Point, pareto_record
@@ -101,6 +103,14 @@ def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None
     assert answer.exit_code == 0
     assert "record is without 'display'" in answer.output
     assert "record is without 'display'" in unescape(page(repository, {"cost": record}))
+
+
+def test_only_an_ablation_with_a_row_of_chance_speaks_of_chance() -> None:
+    rows = [{"name": name, "psnr": 30.0 + i, "tpsnr": 29.0} for i, name in enumerate(("first", CHANCE))]
+    record = {"bench": "ablation", "steps": 8, "batch": 4, "rows": rows}
+    assert "the last says how much is chance" in ablation_table(record)
+    assert "+1.00" in ablation_table(record)
+    assert "chance" not in ablation_table({**record, "rows": rows[:1]})
 
 
 def test_a_folder_without_records_is_named(tmp_path: Path) -> None:
