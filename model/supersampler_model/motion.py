@@ -10,12 +10,14 @@ from torch.nn import functional as F
 from supersampler_model.method import Size
 from supersampler_model.sampling import Extent, extreme, four, neighbours, sum_of
 
+LONGEST, FAR = 3e38, 1e6  # of motion: what no number exceeds; as far as a vector is followed
 UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
 
 
 def usable_motion(motion: Tensor) -> Tensor:
-    """NaN and Inf become no motion; a finite vector of any length stays (it leads off screen)."""
-    return torch.where(motion.abs() <= 1e6, motion, torch.zeros_like(motion))
+    """NaN and Inf become no motion; a finite vector of any length leads off screen where it does."""
+    known = motion.abs() <= LONGEST
+    return torch.where(known, motion.clamp(-FAR, FAR), torch.zeros_like(motion))
 
 
 def usable_depth(depth: Tensor) -> Tensor:

@@ -319,7 +319,7 @@ class Model:
         low, high = self.info.ratios
         for axis, name in enumerate(("width", "height")):
             ratio = display_size[axis] / render_size[axis]
-            slack = 1.0 / render_size[axis]  # display sizes are rounded to whole pixels
+            slack = (1.0 + ratio) / render_size[axis]  # either size may be rounded to whole pixels
             if not low - slack <= ratio <= high + slack:
                 raise FrameError(
                     "size",

@@ -285,24 +285,26 @@ class Classifier(Method):
         self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor
     ) -> Remembered:
         """Warp the history."""
-        c = self.config
+        # Off screen is as before a first frame: 0.
+        c, on, own_on = self.config, past.on_screen, own.on_screen
         x, y = before.to_render(past.x, past.y)
         hidden = covered(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
-        there = read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
+        there = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
-        state = read(history.state, past.x, past.y)
-        linear = self.toned(quarantine(read(history.color, past.x, past.y), 0.0) * exposure)
+        state = on * read(history.state, past.x, past.y)
+        linear = self.toned(quarantine(read(history.color, past.x, past.y), 0.0) * exposure) * on
         cubic = quarantine(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
-        color = self.toned(cubic * exposure)
+        color = self.toned(cubic * exposure) * on
         return Remembered(
             color=color,
             detail=color - linear,
-            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
-            samples=state[:, :1] * past.on_screen,
+            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure) * own_on,
+            samples=state[:, :1],
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
-            surface=past.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
-            classes=read(history.classes, 0.5 * past.x[:, :, ::2, ::2], 0.5 * past.y[:, :, ::2, ::2]),
+            surface=on * (1.0 - 2.0 * hidden).clamp(min=0.0),
+            classes=on[:, :, ::2, ::2]
+            * read(history.classes, 0.5 * past.x[:, :, ::2, ::2], 0.5 * past.y[:, :, ::2, ::2]),
         )
 
     def seen(self, gathered: Gathered) -> tuple[Tensor, Tensor]:

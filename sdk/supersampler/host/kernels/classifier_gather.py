@@ -64,6 +64,12 @@ def toned_at(numbers, r, g, b):
 
 
 @njit
+def only(where, values):
+    """Three vectors; 0 elsewhere."""
+    return select(where, values[0], 0.0), select(where, values[1], 0.0), select(where, values[2], 0.0)
+
+
+@njit
 def put_all(planes, at, values):
     """Store vectors one after the other."""
     for c, value in enumerate(values):
@@ -83,6 +89,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     there = select(low, select(right, g, e), select(right, c, a))
+    there = select(on, there, 0.0)
     apart = (there - depth) / maximum(maximum(there, depth), 1e-12)
     return surface, select(depth >= 0.0, clamped(apart, -1.0, 1.0), 0.0)
 
@@ -178,23 +185,23 @@ def gather_rows(
                 aim_own(ox, oy, big_w, big_h, 8, slots, weights)
             warp(history, slots, weights, alone, warped)
             q = load_columns(warped, 0)
-            past = toned_at(numbers, q[0], q[1], q[2])
+            past = only(on, toned_at(numbers, q[0], q[1], q[2]))
             past_root = roots(past)
             luma = luma_of(past_root)
             store(ring, (y % 3) * wide + PAD + x, luma)
             if not inside:
                 continue
-            soft = toned_at(numbers, q[4], q[5], q[6])
+            soft = only(on, toned_at(numbers, q[4], q[5], q[6]))
             moved = soft
             if not alone:
-                moved = toned_at(numbers, q[12], q[13], q[14])
+                moved = only(on_screen(ox, oy, w_big, h_big), toned_at(numbers, q[12], q[13], q[14]))
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
-            count = select(on, q[7], 0.0)
+            count, least, most = only(on, (q[7], q[8], q[9]))
             put_all(past_planes, (y * width + x) * PAST, past)
             surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
             frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
             seen_now = (*frame, *sample, confidence, *mean, *reach)
-            put_all(rest, (y * width + x) * REST, (*seen_now, *detail, surface, *moved, count, q[8], q[9]))
+            put_all(rest, (y * width + x) * REST, (*seen_now, *detail, surface, *moved, count, least, most))
 
             frame_root, sample_root = roots(frame), roots(sample)
             frame_luma = luma_of(frame_root)
@@ -206,8 +213,8 @@ def gather_rows(
             put(seen, see.TO_SAMPLE * width + to, apart_of(past_root, sample_root))
             put(seen, see.TO_FRAME * width + to, apart_of(past_root, frame_root))
             put(seen, see.CONTRAST * width + to, root(root(varies)))
-            put(seen, see.LEAST * width + to, root(q[8]))
-            put(seen, see.MOST * width + to, root(q[9]))
+            put(seen, see.LEAST * width + to, root(least))
+            put(seen, see.MOST * width + to, root(most))
             put(seen, see.DETAIL * width + to, root(apart_of(past, soft)))
             put(seen, see.CONFIDENCE * width + to, confidence)
             put(seen, see.COUNT * width + to, count / (count + 4.0))
@@ -215,9 +222,8 @@ def gather_rows(
             put(seen, see.SURFACE * width + to, surface)
             put(seen, see.EDGE * width + to, edge)
         if inside and y % 2 == 0:
-            half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
             to = y // 2 * half_row * RECORD
-            recall(classes, places, width, half_w, half_h, x0 // 2, (x_end + 1) // 2, records, to)
+            recall(classes, places, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records, to)
         repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
         if y - 1 >= y0:
             complete(

@@ -79,11 +79,16 @@ def pack_rows(seen, upper, lower, width, p0, p1, records, to):
 
 
 @njit
-def recall(classes, places, width, half_w, half_h, p0, p1, records, to):
-    """What packed pixels p0 to p1 of a row were held for, (half_h, half_w, 8) bytes: two of its words."""
-    half = np.float32(0.5)
+def recall(classes, places, width, big_w, big_h, p0, p1, records, to):
+    """What packed pixels p0 to p1 of a row were held for, (H / 2, W / 2, 8) bytes: two of its words."""
+    half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
+    half, right, bottom = np.float32(0.5), np.float32(big_w) - 0.5, np.float32(big_h) - 0.5
     for x in range(p0, p1):
-        px, py = half * places[2 * x], half * places[width + 2 * x]
+        px, py = places[2 * x], places[width + 2 * x]
+        if not (px > -half and px < right and py > -half and py < bottom):
+            records[to + RECORD * x + CLASSES] = records[to + RECORD * x + CLASSES + 1] = 0
+            continue
+        px, py = half * px, half * py
         left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
         t, u = px - np.float32(left), py - np.float32(top)
         x0, x1 = min(max(left, 0), half_w - 1), min(max(left + 1, 0), half_w - 1)

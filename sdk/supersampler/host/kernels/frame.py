@@ -13,7 +13,7 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
-from supersampler.host.layout import PAD
+from supersampler.host.layout import FAR, LONGEST, PAD
 from supersampler.host.shuffles import rows4, transposed, zipped
 from supersampler.host.vector import (
     absolute,
@@ -44,9 +44,10 @@ def color_at(color, at):
 
 @njit
 def motion_at(motion, at):
-    """Usable motion: what is not a number, or longer than any display, is none."""
+    """Usable motion: what is not a number is none, what leads far off screen as far as is of any use."""
     mx, my = gather(motion, at * 2), gather(motion, at * 2 + 1)
-    return select(absolute(mx) <= 1e6, mx, 0.0), select(absolute(my) <= 1e6, my, 0.0)
+    x, y = clamped(mx, -FAR, FAR), clamped(my, -FAR, FAR)
+    return select(absolute(mx) <= LONGEST, x, 0.0), select(absolute(my) <= LONGEST, y, 0.0)
 
 
 def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 from supersampler.host.kernels.types import Floats, Words
-from supersampler.host.layout import SAMPLES, TILE
+from supersampler.host.layout import LONGEST, SAMPLES, TILE
 from supersampler.host.vector import (
     absolute,
     all_lanes,
@@ -30,7 +30,7 @@ def moves(motion, at, row, count, height):
         for half in range(2):
             place = minimum(ramp16() + np.int32(16 * half), last) + np.int32(at + y * row)
             length = absolute(gather(motion, place))
-            most = select((length > most) & (length <= 1e6), length, most)
+            most = select((length > most) & (length <= LONGEST), length, most)
     return not all_lanes(most <= STILL)
 
 
