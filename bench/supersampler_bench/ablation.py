@@ -10,7 +10,7 @@ from typing import Any
 
 import torch
 
-from supersampler_bench.record import write_json
+from supersampler_bench.record import Record, write_json
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.methods.classifier import Classifier, ClassifierConfig
 from supersampler_model.methods.classifier_inputs import INPUTS
@@ -101,23 +101,26 @@ def run_ablation(ablation: Ablation, on_row: Callable[[Row], None]) -> list[Row]
         return [future.result() for future in futures]
 
 
-def record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
+def ablation_record(rows: Sequence[Row], ablation: Ablation) -> dict[str, Any]:
     """Return everything, ready for JSON."""
     plan = {"steps": ablation.steps, "batch": BATCH}
     return {"bench": "ablation", **plan, "rows": [vars(row) for row in rows]}
 
 
-def markdown_table(rows: Sequence[Row], ablation: Ablation) -> str:
-    """Return the table as Markdown, with its caption."""
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    rows = [Row(**row) for row in record["rows"]]
     base = rows[0].psnr
+    seeds = "All from one seed."
+    if rows[-1].name == CHANCE:
+        seeds = "All but the last from one seed; the last says how much is chance."
     lines = [
         "| variant | PSNR dB | against the first | tPSNR dB |",
         "| --- | ---: | ---: | ---: |",
         *(f"| {r.name} | {r.psnr:.2f} | {r.psnr - base:+.2f} | {r.tpsnr:.2f} |" for r in rows),
         "",
-        f"Each trained for {ablation.steps} updates of {BATCH} crops, far from the end: what is compared is "
-        "how fast it learns. All but the last from one seed; the last says how much is chance. Mean over "
-        "the validation sequences.",
+        f"Each trained for {record['steps']} updates of {record['batch']} crops, far from the end: what is "
+        f"compared is how fast it learns. {seeds} Mean over the validation sequences.",
     ]
     return "\n".join(lines)
 

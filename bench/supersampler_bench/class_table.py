@@ -1,21 +1,22 @@
 """Tables of what classifiers took pixels for: for a terminal, for Markdown, and as a record."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any
 
+import numpy as np
 from rich.table import Table
 
 from supersampler_bench.confusion import GROUPS, Counts, overlap, shares
-from supersampler_bench.scores import MeanScores, MethodScores
+from supersampler_bench.scores import Summarised
 
 
-def said_of_classes(results: Sequence[MethodScores | MeanScores]) -> list[tuple[str, Counts]]:
+def said_of_classes(results: Sequence[Summarised]) -> list[tuple[str, Counts]]:
     """Return each method that tells classes and what it said, where the truth is known."""
     return [(result.method, counts) for result in results if (counts := result.classes()) is not None]
 
 
-def class_tables(results: Sequence[MethodScores | MeanScores]) -> str:
+def class_tables(results: Sequence[Summarised]) -> str:
     """Return two Markdown tables for each method that tells classes: what pixels of each were held for.
 
     Empty where no method tells classes, or the truth is not known.
@@ -24,7 +25,7 @@ def class_tables(results: Sequence[MethodScores | MeanScores]) -> str:
     return "\n\n".join(_markdown(method, group, counts) for method, counts in told for group in GROUPS)
 
 
-def rich_class_table(title: str, results: Sequence[MethodScores | MeanScores]) -> Table | None:
+def rich_class_table(title: str, results: Sequence[Summarised]) -> Table | None:
     """Return the intersections over union for a terminal, a line a class; None where there are none."""
     told = said_of_classes(results)
     if not told:
@@ -49,6 +50,13 @@ def class_record(counts: Counts | None) -> dict[str, Any] | None:
         }
         for (group, names), matrix in zip(GROUPS.items(), counts, strict=True)
     }
+
+
+def counts_of(record: Mapping[str, Any] | None) -> Counts | None:
+    """Return the counts of a record by `class_record`."""
+    if record is None:
+        return None
+    return np.array([record[group]["pixels_by_truth_and_said"] for group in GROUPS], np.int64)
 
 
 def _markdown(method: str, group: str, counts: Counts) -> str:

@@ -14,12 +14,12 @@ from rich.table import Table
 from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_pareto, cli_run, cli_stress, color_video_vdp, public_shots
+from supersampler_bench import cli_pareto, cli_report, cli_run, cli_stress, color_video_vdp, public_shots
 from supersampler_bench.class_table import rich_class_table
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
-from supersampler_bench.record import Measured, setting, write_json
+from supersampler_bench.record import Measured, quality_record, setting, write_json
 from supersampler_bench.report import Report, block_names
 from supersampler_bench.table import find_block, find_blocks, rich_table, update_block, update_blocks
 
@@ -47,6 +47,8 @@ for _command in (
     cli_pareto.pareto,
     cli_pareto.suggest,
     cli_stress.stress,
+    cli_report.tables,
+    cli_report.report,
 ):
     app.command()(_command)
 
@@ -113,7 +115,7 @@ def quality(
     for page in update or []:
         find_blocks(page, block_names(f"quality {name}"))
     names = [method.strip() for method in methods.split(",")]
-    report = Report([_measured(one, origin, names, cvvdp, gallery) for one, origin in opened])
+    report = Report(quality_record([_measured(one, origin, names, cvvdp, gallery) for one, origin in opened]))
     if gallery is not None:
         gallery.add_means(report)
     console = Console()
@@ -122,7 +124,7 @@ def quality(
         if (table := rich_class_table(title, scores)) is not None:
             console.print(table)
     if json is not None:
-        write_json(report.record(), json)
+        write_json(report.record, json)
     for page in update or []:
         update_blocks(page, report.blocks(f"quality {name}"))
 
@@ -189,17 +191,18 @@ def ablation(
     Example:
       supersampler bench ablation --data data -o ablation --workers 2 --update docs/methods.md
     """
-    from supersampler_bench.ablation import Ablation, markdown_table, record, run_ablation
+    from supersampler_bench.ablation import Ablation, ablation_record, markdown_table, run_ablation
 
     if update is not None:
         find_block(update, "ablation")
     plan = Ablation(data=data, folder=output, steps=steps, workers=workers)
     rows = run_ablation(plan, lambda r: _ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
-    Console().print(markdown_table(rows, plan), markup=False)
+    record = {**ablation_record(rows, plan), **setting()}
+    Console().print(markdown_table(record), markup=False)
     if json is not None:
-        write_json({**record(rows, plan), **setting()}, json)
+        write_json(record, json)
     if update is not None:
-        update_block(update, "ablation", markdown_table(rows, plan))
+        update_block(update, "ablation", markdown_table(record))
 
 
 @app.command()
@@ -263,26 +266,15 @@ def render(
 
     Renders some of each family to a temporary folder. Keep the machine idle otherwise.
     """
-    from supersampler_bench.render_speed import RenderLoad, measure_render
+    from supersampler_bench.render_speed import RenderLoad, markdown_table, measure_render
 
     load = RenderLoad(display_size=parse_size(size), samples=samples, workers=workers, frames=frames)
     with _progress("rendering", load.plan().sequences * frames) as update:
         counter = count(1)
         record = measure_render(load, lambda: update(next(counter)))
-    Console().print(_rates(record))
+    Console().print(markdown_table(record), markup=False, soft_wrap=True)
     if json is not None:
         write_json(record, json)
-
-
-def _rates(record: dict[str, Any]) -> Table:
-    width, height = record["display_size"]
-    parts = ", ".join(f"{part} {share:.0%}" for part, share in record["share_of_time"].items())
-    title = f"{width}x{height}, {record['samples']} samples a pixel, {record['workers']} workers: {parts}"
-    table = Table("family", "seconds a sample", "samples an hour", caption=title)
-    for family, seconds in record["seconds_per_sample"].items():
-        table.add_row(family, f"{seconds:.2f}", f"{record['samples_per_hour'][family]:.0f}")
-    table.add_row("all, with start and tail", "", f"{record['wall']['samples_per_hour']:.0f}")
-    return table
 
 
 def _hashes(found: list[PublicShot]) -> Table:

@@ -8,9 +8,8 @@ import typer
 from rich.console import Console
 
 from supersampler.cli.arguments import open_shot, parse_size
-from supersampler_bench.compare_records import read_record
-from supersampler_bench.record import setting, write_json
-from supersampler_bench.table import find_block, update_block
+from supersampler_bench.record import read_record, setting, write_json
+from supersampler_bench.table import find_block, update_blocks
 
 _ERRORS = Console(stderr=True, highlight=False)
 
@@ -36,33 +35,30 @@ def pareto(
       supersampler bench pareto bench/results/quality-ratios.json -o docs/images --update docs/pareto.md
     """
     from supersampler_bench.pareto import (
-        at_ratio,
         markdown_table,
         measure_pareto,
         pareto_record,
-        presets,
+        preset_table,
+        shots_of,
     )
 
     if update is not None:
         find_block(update, "pareto")
         find_block(update, "presets")
-    record, size = read_record(quality), parse_size(display_size)
+    scored, size = read_record(quality), parse_size(display_size)
     with _ERRORS.status("timing"):
-        points = measure_pareto(record, size, threads=threads, steps=steps)
-    machine = setting()["machine"]
-    table = markdown_table(points, size, threads, f"{machine['cpu']}, {machine['cores']} cores")
-    chosen = presets(at_ratio(points, 2.0))
-    lines = ["| preset | setting |", "| --- | --- |", *(f"| {n} | {spec} |" for n, spec in chosen.items())]
-    Console().print("\n".join([table, "", *lines]), markup=False, soft_wrap=True)
+        points = measure_pareto(scored, size, threads=threads, steps=steps)
+    record = {**pareto_record(points, shots_of(scored), size, threads), **setting()}
+    tables = {"pareto": markdown_table(record), "presets": preset_table(record)}
+    Console().print("\n\n".join(tables.values()), markup=False, soft_wrap=True)
     if output is not None:
         from supersampler_bench.pareto_figures import draw_pareto  # needs matplotlib
 
         draw_pareto(points, f"{display_size}, {threads} threads", output)
     if json is not None:
-        write_json({**pareto_record(points, size, threads), **setting()}, json)
+        write_json(record, json)
     if update is not None:
-        update_block(update, "pareto", table)
-        update_block(update, "presets", "\n".join(lines))
+        update_blocks(update, tables)
 
 
 def suggest(

@@ -1,5 +1,6 @@
 """`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, Any, cast
 
@@ -10,7 +11,7 @@ from rich.progress import Progress
 from supersampler.cli.arguments import parse_size, parse_skip
 from supersampler.errors import ArgumentError
 from supersampler.model import ExecutorName, Precision
-from supersampler_bench.record import setting, write_json
+from supersampler_bench.record import Record, read_record, setting, write_json
 from supersampler_bench.table import find_block, update_block
 
 _ERRORS = Console(stderr=True, highlight=False)
@@ -26,6 +27,7 @@ def cost(
         typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
     ] = "classifier,classifier-small",
     display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    json: _JSON = None,
     update: _UPDATE = None,
 ) -> None:
     """Count the multiply-adds and parameters of networks, in their graphs.
@@ -33,11 +35,11 @@ def cost(
     Example:
       supersampler bench cost --methods classifier,my_classifier --update docs/methods.md
     """
-    from supersampler_bench.cost import markdown_table, measure_cost
+    from supersampler_bench.cost import cost_record, markdown_table, measure_cost
 
     size = parse_size(display_size)
-    table = markdown_table([measure_cost(name.strip(), size) for name in methods.split(",")], size)
-    _publish("cost", table, {}, None, update)
+    record = cost_record([measure_cost(name, size) for name in _listed(methods)], size)
+    _publish("cost", record, markdown_table, json, update)
 
 
 def speed(
@@ -85,9 +87,7 @@ def speed(
             steps=steps,
         )
         limits = measure_limits()
-    machine = setting()["machine"]
-    table = markdown_table(results, limits, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    _publish("speed", table, speed_record(results, limits), json, update)
+    _publish("speed", speed_record(results, limits, ratio), markdown_table, json, update)
 
 
 def device(
@@ -120,9 +120,7 @@ def device(
     with _ERRORS.status("timing"):
         results = measure_device(names, displays, wanted, provider=provider, ratio=ratio, steps=steps)
         copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
-    machine = setting()["machine"]
-    table = markdown_table(results, copied, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    _publish("device", table, device_record(results, copied), json, update)
+    _publish("device", device_record(results, copied, ratio), markdown_table, json, update)
 
 
 def skip(
@@ -153,9 +151,7 @@ def skip(
         results = measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
         )
-    machine = setting()["machine"]
-    table = markdown_table(results, size, ratio, f"{machine['cpu']}, {machine['cores']} cores")
-    _publish("skip", table, skip_record(results), json, update)
+    _publish("skip", skip_record(results, size, ratio), markdown_table, json, update)
 
 
 def parity(
@@ -178,8 +174,7 @@ def parity(
     with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
         task = progress.add_task("frames", total=len(SIZES) * frames)
         results = measure_parity(_listed(methods), frames, on_frame=lambda: progress.advance(task))
-    table = markdown_table(results)
-    _publish("parity", table, parity_record(results), json, update)
+    _publish("parity", parity_record(results), markdown_table, json, update)
 
 
 def precision(
@@ -217,8 +212,7 @@ def precision(
             samples=samples,
             on_frame=lambda: progress.advance(task),
         )
-    table = markdown_table(results, size, frames, ratio)
-    _publish("precision", table, precision_record(results, frames), json, update)
+    _publish("precision", precision_record(results, size, frames, ratio), markdown_table, json, update)
 
 
 def compare(
@@ -234,7 +228,7 @@ def compare(
     Example:
       supersampler bench compare bench/results/quality-plaza.json mine.json --above 0.05
     """
-    from supersampler_bench.compare_records import changes, markdown_table, read_record
+    from supersampler_bench.compare_records import changes, markdown_table
 
     found = changes(read_record(before), read_record(after))
     if not found:
@@ -248,11 +242,19 @@ def compare(
         raise typer.Exit(1)
 
 
-def _publish(name: str, table: str, record: dict[str, Any], json: Path | None, update: Path | None) -> None:
-    """Print a table; write its record to `json` and itself to the page `update`, where they are given."""
+def _publish(
+    name: str,
+    measured: dict[str, Any],
+    markdown_table: Callable[[Record], str],
+    json: Path | None,
+    update: Path | None,
+) -> None:
+    """Print the table of what was measured; write the record to `json`, the table to the page `update`."""
+    record = {**measured, **setting()}
+    table = markdown_table(record)
     Console().print(table, markup=False, soft_wrap=True)
     if json is not None:
-        write_json({**record, **setting()}, json)
+        write_json(record, json)
     if update is not None:
         update_block(update, name, table)
 

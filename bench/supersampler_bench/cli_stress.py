@@ -62,10 +62,11 @@ def stress(
     if output is not None:
         for path in draw_sheets(outcomes, output):
             _ERRORS.print(str(path))
-    table = markdown_table(outcomes)
+    record = {**stress_record(outcomes, quick=quick), **setting()}
+    table = markdown_table(record)
     Console().print(table, markup=False, soft_wrap=True)
     if json is not None:
-        write_json({**stress_record(outcomes, quick=quick), **setting()}, json)
+        write_json(record, json)
     if update is not None:
         update_block(update, "stress", table)
         update_block(update, "stress scenarios", scenario_list())

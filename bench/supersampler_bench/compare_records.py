@@ -1,24 +1,35 @@
 """What got worse from one record of a bench to the next."""
 
-import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError
+from supersampler_bench.record import Record
 
 HIGHER, LOWER = 1.0, -1.0
 DIRECTIONS: Mapping[str, float] = {
     **dict.fromkeys(("psnr", "ssim", "tpsnr", "cvvdp"), HIGHER),
     **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
     **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
+    **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
 }
 """By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
 DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
 """Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
-CONTAINERS = ("shots", "means", "methods", "summary", "warm_cropped", "timed", "results", "rows", "scenes")
+CONTAINERS = (
+    "shots",
+    "means",
+    "methods",
+    "summary",
+    "warm_cropped",
+    "timed",
+    "results",
+    "rows",
+    "scenes",
+    "networks",
+)
 """Parts whose names say nothing of a value."""
 
 
@@ -39,22 +50,7 @@ class Change:
     worse: float
 
 
-def read_record(path: Path) -> dict[str, Any]:
-    """Return a record that a bench command wrote with `--json`.
-
-    Raises:
-        ArgumentError: it is none.
-    """
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-        if isinstance(record["bench"], str):
-            return dict(record)
-    except (OSError, ValueError, KeyError, TypeError) as error:
-        raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
-    raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
-
-
-def changes(before: Mapping[str, Any], after: Mapping[str, Any]) -> list[Change]:
+def changes(before: Record, after: Record) -> list[Change]:
     """Return all values that both records have, the worst first.
 
     Raises:
@@ -88,7 +84,7 @@ def _identity(item: Mapping[str, Any]) -> str:
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
             said.append(_identity(value))
-        elif _direction((name,)) or name in ("moved", "multiply_adds", "shot_json_sha256", "pixels_sha256"):
+        elif _direction((name,)) or name in ("moved", "shot_json_sha256", "pixels_sha256"):
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             said.append(str(value))

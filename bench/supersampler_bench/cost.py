@@ -2,14 +2,16 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
+from typing import Any
 
 import onnx
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.model_info import find_model
+from supersampler_bench.record import Record
 from supersampler_export.count import multiply_adds
 
 
@@ -47,13 +49,20 @@ def measure_cost(name_or_path: str, display_size: Size) -> Cost:
     return Cost(Path(name_or_path).name, counted, parameters, len(model.graph.node))
 
 
-def markdown_table(costs: Sequence[Cost], display_size: Size) -> str:
-    """Return the table as Markdown, with its caption."""
+def cost_record(costs: Sequence[Cost], display_size: Size) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    return {"bench": "cost", "display": list(display_size), "networks": [asdict(c) for c in costs]}
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    costs = [Cost(**row) for row in record["networks"]]
+    width, height = record["display"]
     rows = [
         "| method | multiply-adds a display pixel | parameters | operators |",
         "| --- | ---: | ---: | ---: |",
         *(f"| {c.method} | {c.multiply_adds:,.0f} | {c.parameters:,} | {c.operators} |" for c in costs),
         "",
-        f"The network alone (`network.onnx`), at {display_size[0]}x{display_size[1]}.",
+        f"The network alone (`network.onnx`), at {width}x{height}.",
     ]
     return "\n".join(rows)

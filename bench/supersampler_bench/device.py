@@ -15,6 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.graph_session import frame_inputs
 from supersampler.model import Precision
+from supersampler_bench.record import Record, machine_name
 from supersampler_bench.speed import frames_of, measure_limits
 
 WARM_UP = 4
@@ -157,13 +158,15 @@ def measure_copy(device: str) -> float:
     return 2 * COPIED / min(times)
 
 
-def device_record(results: Sequence[OnDevice], copied: float) -> dict[str, Any]:
+def device_record(results: Sequence[OnDevice], copied: float, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {"bench": "device", "timed": [asdict(r) for r in results], "copied": copied}
+    timed = [asdict(r) for r in results]
+    return {"bench": "device", "ratio": ratio, "timed": timed, "copied": copied}
 
 
-def markdown_table(results: Sequence[OnDevice], copied: float, ratio: float, machine: str) -> str:
-    """Return the table as Markdown, with its caption."""
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    results, copied = [OnDevice(**row) for row in record["timed"]], record["copied"]
     rows = [
         "| display | method | precision | provider | ms | p95 | p99 | MB | of a copy |",
         "| --- | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
@@ -176,8 +179,8 @@ def markdown_table(results: Sequence[OnDevice], copied: float, ratio: float, mac
         )
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
     caption = (
-        f"A step at ratio {ratio:g}, frame and picture in the device's memory; settings of a size take "
-        f"turns. {machine}. MB: frame, history before and after, and picture. Of a copy: how many times "
-        f"as long as moving these{limit}."
+        f"A step at ratio {record['ratio']:g}, frame and picture in the device's memory; settings of a size "
+        f"take turns. {machine_name(record)}. MB: frame, history before and after, and picture. Of a copy: "
+        f"how many times as long as moving these{limit}."
     )
     return "\n".join([*rows, "", caption])

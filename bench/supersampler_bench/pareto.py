@@ -1,20 +1,23 @@
 """Run time against error: which settings no other setting beats in both.
 
-Errors come from a record of `bench quality test-shots`, which any machine measures alike; times are measured
-here. Settings are compared at one ratio: what a ratio saves, it saves where frames are rendered.
+Errors come from a record of `bench quality`, which any machine measures alike; times are measured here.
+Settings are compared at one ratio: what a ratio saves, it saves where frames are rendered.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.speed import Setting, measure_settings
 
 ORACLE = "oracle"  # draws by the reference: an error without a time
 SPATIAL = ("bilinear", "bicubic")
+PRESET_RATIO = 2.0
 CLEARLY, HARDLY = 1.0, 0.05  # dB: what a preset must gain over no history, and what no preset pays time for
 
 
@@ -67,7 +70,7 @@ class Point:
 
 
 def measure_pareto(
-    record: Mapping[str, Any],
+    record: Record,
     display: Size,
     *,
     threads: int,
@@ -77,14 +80,14 @@ def measure_pareto(
     """Time all settings that a quality record has scores of, on this machine.
 
     Args:
-        record: of `bench quality test-shots --json`.
+        record: of `bench quality --json`.
         display: (width, height) of the pictures that are timed.
         threads: of the processor.
         steps: that count, of each setting.
         on_ratio: called before the settings of a ratio.
 
     Raises:
-        ArgumentError: the record has no means over shots.
+        ArgumentError: the record has no scores of shots.
     """
     points = []
     for ratio, scores in scores_of(record).items():
@@ -99,22 +102,32 @@ def measure_pareto(
     return points
 
 
-def scores_of(record: Mapping[str, Any]) -> dict[float, dict[Spec, dict[str, float]]]:
-    """Mean scores by ratio and setting, without the warm-up and a border.
+def scores_of(record: Record) -> dict[float, dict[Spec, dict[str, float]]]:
+    """Scores by ratio and setting, without the warm-up and a border: means, or those of the only shot.
 
     Raises:
-        ArgumentError: the record has no means over shots.
+        ArgumentError: the record has no scores of shots.
     """
     found: dict[float, dict[Spec, dict[str, float]]] = {}
-    for mean in record.get("means", ()):
-        if mean["method"] != ORACLE:
-            summary = mean["summary"]["warm_cropped"]
-            known = {m.name: summary[m.name] for m in METRICS if summary.get(m.name) is not None}
-            found.setdefault(mean["ratio"], {})[parse_spec(mean["method"])] = known
+    for row in record.get("means") or _of_only_shot(record):
+        if row["method"] != ORACLE:
+            summary = row["summary"]["warm_cropped"]
+            known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
+            found.setdefault(row["ratio"], {})[parse_spec(row["method"])] = known
     if not found:
         got, want = f"of bench {record.get('bench')!r}", "one of `bench quality test-shots --json`"
         raise ArgumentError("record", got=got, want=want)
     return found
+
+
+def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
+    for shot in record.get("shots", ()):
+        ratio = shot["display_size"][0] / shot["render_size"][0]
+        yield from ({"ratio": ratio, **method} for method in shot["methods"])
+
+
+def _is_known(score: float | None) -> bool:
+    return score is not None and not math.isnan(score)
 
 
 def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:
@@ -158,19 +171,39 @@ def by_ratio(points: Sequence[Point]) -> dict[float, list[Point]]:
     return {ratio: [p for p in points if p.ratio == ratio] for ratio in sorted({p.ratio for p in points})}
 
 
-def pareto_record(points: Sequence[Point], display: Size, threads: int) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    rows = [{**asdict(point), "spec": str(point.spec)} for point in points]
-    return {"bench": "pareto", "display": list(display), "threads": threads, "points": rows}
+def pareto_record(
+    points: Sequence[Point], shots: Sequence[str], display: Size, threads: int
+) -> dict[str, Any]:
+    """Return all values, ready for JSON.
+
+    Args:
+        points: by `measure_pareto`.
+        shots: names of those that were scored.
+        display: (width, height) of the pictures that were timed.
+        threads: of the processor.
+    """
+    return {
+        "bench": "pareto",
+        "shots": list(shots),
+        "display": list(display),
+        "threads": threads,
+        "points": [{**asdict(point), "spec": str(point.spec)} for point in points],
+    }
 
 
-def points_of(record: Mapping[str, Any]) -> list[Point]:
+def shots_of(record: Record) -> list[str]:
+    """Names of the shots that a quality record is of."""
+    return list(dict.fromkeys(shot["name"] for shot in record.get("shots", ())))
+
+
+def points_of(record: Record) -> list[Point]:
     """Points of a record by `pareto_record`."""
     return [Point(**{**row, "spec": parse_spec(row["spec"])}) for row in record["points"]]
 
 
-def markdown_table(points: Sequence[Point], display: Size, threads: int, machine: str) -> str:
-    """Return the table as Markdown, with its caption; what is on a metric's frontier is bold there."""
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption; bold is what is on a metric's frontier."""
+    points, (width, height), shots = points_of(record), record["display"], record["shots"]
     metrics = [m for m in METRICS if any(m.name in p.scores for p in points)]
     rows = [
         f"| ratio | setting | runs | ms | {' | '.join(m.heading for m in metrics)} |",
@@ -182,9 +215,10 @@ def markdown_table(points: Sequence[Point], display: Size, threads: int, machine
             cells = [_cell(point, m, point in lines[m.name]) for m in metrics]
             head = f"{ratio:g} | {point.spec} | {point.runs} | {point.milliseconds:.1f}"
             rows.append(f"| {head} | {' | '.join(cells)} |")
+    scores = f"scores of {shots[0]}" if len(shots) == 1 else "mean scores of the test shots"
     caption = (
-        f"Time of a step to {display[0]}x{display[1]} on {threads} threads ({machine}), and mean scores of "
-        "the test shots. Bold: no other setting at that ratio is both faster and better."
+        f"Time of a step to {width}x{height} on {record['threads']} threads ({machine_name(record)}), and "
+        f"{scores}. Bold: no other setting at that ratio is both faster and better."
     )
     return "\n".join([*rows, "", caption])
 
@@ -194,6 +228,14 @@ def _cell(point: Point, metric: Metric, leads: bool) -> str:
         return "–"
     text = f"{metric.scale * point.scores[metric.name]:.{metric.digits}f}"
     return f"**{text}**" if leads else text
+
+
+def preset_table(record: Record) -> str:
+    """Return the presets that follow from a record, as Markdown."""
+    chosen = presets(at_ratio(points_of(record), PRESET_RATIO))
+    return "\n".join(
+        ["| preset | setting |", "| --- | --- |", *(f"| {n} | {s} |" for n, s in chosen.items())]
+    )
 
 
 def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:

@@ -14,6 +14,7 @@ from supersampler.graph_session import frame_inputs
 from supersampler.model import ExecutorName, Precision
 from supersampler.model_info import find_model, read_model_info
 from supersampler_bench.public_shots import TEST_SHOTS
+from supersampler_bench.record import Record
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.sequences import make_sequence
@@ -145,8 +146,9 @@ def parity_record(results: Sequence[Apart]) -> dict[str, Any]:
     return {"bench": "parity", "results": [asdict(r) for r in results]}
 
 
-def markdown_table(results: Sequence[Apart]) -> str:
-    """Return the table as Markdown, with its caption."""
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    results = [Apart(**row) for row in record["results"]]
     rows = [
         "| method | runs | display | first | last | PSNR dB, last | at 99.9 % |",
         "| --- | --- | --- | ---: | ---: | ---: | ---: |",

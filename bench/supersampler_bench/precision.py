@@ -12,6 +12,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.model import Precision
 from supersampler_bench.metrics import psnr, tpsnr
 from supersampler_bench.public_shots import TEST_SHOTS
+from supersampler_bench.record import Record
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.sequences import make_sequence
@@ -115,19 +116,22 @@ def _frames(
         yield frame, None if truth is None else display_transform(truth, exposure)
 
 
-def precision_record(results: Sequence[Scored], frames: int) -> dict[str, Any]:
+def precision_record(results: Sequence[Scored], display: Size, frames: int, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {
         "bench": "precision",
+        "display": list(display),
+        "ratio": ratio,
         "frames": frames,
         "scored": SCORED,
         "results": [asdict(r) for r in results],
     }
 
 
-def markdown_table(results: Sequence[Scored], display: Size, frames: int, ratio: float) -> str:
-    """Return the table as Markdown, with its caption."""
-    first, *others = PRECISIONS
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    results = [Scored(**row) for row in record["results"]]
+    (width, height), (first, *others) = record["display"], PRECISIONS
     found = {(r.scene, r.method, r.precision): r for r in results}
     pairs = list(dict.fromkeys((r.scene, r.method) for r in results))
     rows = [
@@ -143,7 +147,8 @@ def markdown_table(results: Sequence[Scored], display: Size, frames: int, ratio:
             f"| {base.tpsnr:.2f} | {' | '.join(f'{r.tpsnr - base.tpsnr:+.2f}' for r in rest)} |"
         )
     caption = (
-        f"Pictures of {display[0]}x{display[1]} at ratio {ratio:g}, the last {SCORED} of {frames} frames, "
-        f"against references; {' and '.join(others)} as what they differ by from {first}."
+        f"Pictures of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
+        f"{record['frames']} frames, against references; {' and '.join(others)} as what they differ by "
+        f"from {first}."
     )
     return "\n".join([*rows, "", caption])

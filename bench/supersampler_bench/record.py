@@ -9,14 +9,28 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
+from itertools import product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+from supersampler.errors import ArgumentError
 from supersampler.files import replacing
 from supersampler.machine import machine
 from supersampler.shot import Shot
-from supersampler_bench.class_table import class_record
-from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
+from supersampler_bench.class_table import class_record, counts_of
+from supersampler_bench.confusion import Counts
+from supersampler_bench.scores import (
+    BORDER,
+    WARM_UP_FRAMES,
+    FrameScores,
+    MeanScores,
+    MethodScores,
+    Scores,
+    Summarised,
+)
+
+Record: TypeAlias = Mapping[str, Any]
+"""What a measurement leaves behind, ready for JSON or read back from it."""
 
 _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator", "cvvdp")
 
@@ -36,27 +50,26 @@ class Measured:
     origin: dict[str, Any] = field(default_factory=dict)
 
 
-def quality_record(
-    measured: Sequence[Measured], means: Mapping[float, Sequence[MeanScores]] | None = None
-) -> dict[str, Any]:
+def quality_record(measured: Sequence[Measured]) -> dict[str, Any]:
     """Return everything about a quality measurement, ready for JSON; only `date` differs from run to run.
 
     Args:
-        measured: each shot.
-        means: over the shots of each ratio, where there are several.
+        measured: the shots. Of several each knows its ratio (`Measured.origin`), all have the same methods,
+            and there is a mean at each ratio.
     """
+    ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
     return {
         "bench": "quality",
         "warm_up_frames": WARM_UP_FRAMES,
         "border": BORDER,
         "shots": [
-            {**_shot_record(m.shot), **m.origin, "methods": [_method_record(r) for r in m.methods]}
+            {**shot_record(m.shot), **m.origin, "methods": [_method_record(r) for r in m.methods]}
             for m in measured
         ],
         "means": [
             {"ratio": ratio, **_scores_record(mean)}
-            for ratio, of_ratio in (means or {}).items()
-            for mean in of_ratio
+            for ratio in ratios
+            for mean in _means([m for m in measured if m.origin["ratio"] == ratio])
         ],
         **setting(),
     }
@@ -72,7 +85,27 @@ def setting() -> dict[str, Any]:
     }
 
 
-def write_json(record: dict[str, Any], path: Path) -> None:
+def machine_name(record: Record) -> str:
+    """Return what a record was measured on, in a few words."""
+    return f"{record['machine']['cpu']}, {record['machine']['cores']} cores"
+
+
+def read_record(path: Path) -> dict[str, Any]:
+    """Return a record that a bench command wrote with `--json`.
+
+    Raises:
+        ArgumentError: it is none.
+    """
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        if isinstance(record["bench"], str):
+            return dict(record)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
+    raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
+
+
+def write_json(record: Record, path: Path) -> None:
     """Write a record, whole or not at all; NaN becomes null, as JSON has none.
 
     Raises:
@@ -83,7 +116,8 @@ def write_json(record: dict[str, Any], path: Path) -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
-def _shot_record(shot: Shot) -> dict[str, Any]:
+def shot_record(shot: Shot) -> dict[str, Any]:
+    """Return what a record says of a shot, besides where its pixels are from."""
     file = shot.path if shot.path.is_file() else shot.path / "shot.json"
     return {
         "name": shot.name,
@@ -101,17 +135,48 @@ def _method_record(result: MethodScores) -> dict[str, Any]:
     return {**_scores_record(result), "frames": frames}
 
 
-def _scores_record(scores: MethodScores | MeanScores) -> dict[str, Any]:
-    ways = {
-        f"{frames}_{area}": {"warm": frames == "warm", "cropped": area == "cropped"}
-        for frames in ("warm", "all")
-        for area in ("cropped", "full")
-    }
+def _scores_record(scores: Summarised) -> dict[str, Any]:
+    ways = list(product((True, False), repeat=2))
     return {
         "method": scores.method,
-        "summary": {name: scores.summary(**way) for name, way in ways.items()},
-        "classes": {name: class_record(scores.classes(**way)) for name, way in ways.items()},
+        "summary": {_way(w, c): scores.summary(warm=w, cropped=c) for w, c in ways},
+        "classes": {_way(w, c): class_record(scores.classes(warm=w, cropped=c)) for w, c in ways},
     }
+
+
+def _way(warm: bool, cropped: bool) -> str:
+    return f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}"
+
+
+@dataclass(frozen=True)
+class RecordedScores:
+    """The summaries of one method; `row` is one of a record's `means`, or of the `methods` of a shot."""
+
+    row: Record
+
+    @property
+    def method(self) -> str:
+        """Its name."""
+        return str(self.row["method"])
+
+    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
+        """See `MethodScores`."""
+        return _with_nan(self.row["summary"][_way(warm, cropped)])
+
+    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
+        """See `MethodScores`."""
+        return counts_of(self.row["classes"][_way(warm, cropped)])
+
+
+def method_scores(row: Record) -> MethodScores:
+    """Return the scores by frame, without classes, of one of the `methods` of a record's shot."""
+    frames = [FrameScores(f["frame"], _with_nan(f["full"]), _with_nan(f["cropped"])) for f in row["frames"]]
+    return MethodScores(row["method"], frames)
+
+
+def _means(measured: Sequence[Measured]) -> list[MeanScores]:
+    by_method = zip(*(m.methods for m in measured), strict=True)
+    return [MeanScores(scores[0].method, list(scores)) for scores in by_method]
 
 
 def _has_classes(shot: Shot) -> bool:
@@ -125,8 +190,12 @@ def _version(package: str) -> str | None:
         return None  # onnxruntime, say, goes by other names too
 
 
+def _with_nan(scores: Mapping[str, float | None]) -> Scores:
+    return {name: math.nan if value is None else value for name, value in scores.items()}
+
+
 def _without_nan(value: Any) -> Any:
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {key: _without_nan(item) for key, item in value.items()}
     if isinstance(value, list):
         return [_without_nan(item) for item in value]

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.frame import Size
-from supersampler_bench.record import setting
+from supersampler_bench.record import Record, machine_name, setting
 from supersampler_bench.render_shots import driver_name
 from supersampler_model.data.dataset import (
     Dataset,
@@ -98,6 +98,22 @@ def measure_render(load: RenderLoad, on_frame: Callable[[], None] = lambda: None
         "share_of_time": parts,
         **setting(),
     }
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    (width, height), rates = record["display_size"], record["samples_per_hour"]
+    parts = ", ".join(f"{part} {share:.0%}" for part, share in record["share_of_time"].items())
+    rows = [
+        "| family | seconds a sample | samples an hour |",
+        "| --- | ---: | ---: |",
+        *(f"| {name} | {s:.2f} | {rates[name]:.0f} |" for name, s in record["seconds_per_sample"].items()),
+        f"| all, with start and tail | | {record['wall']['samples_per_hour']:.0f} |",
+        "",
+        f"References of {width}x{height} with {record['samples']} samples a pixel, {record['workers']} "
+        f"workers. Of the time: {parts}. {machine_name(record)}.",
+    ]
+    return "\n".join(rows)
 
 
 def _rate(workers: int, seconds: float) -> float:

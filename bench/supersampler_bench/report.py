@@ -1,13 +1,12 @@
-"""What a measurement of one shot, or of all test shots, says: tables, Markdown, a record."""
+"""What the record of a measurement of one shot, or of all test shots, says: tables, Markdown."""
 
-from collections.abc import Iterable, Sequence
-from typing import Any
+from collections.abc import Iterable
 
 from supersampler_bench.class_table import class_tables
-from supersampler_bench.record import Measured, quality_record
-from supersampler_bench.scores import MeanScores
+from supersampler_bench.record import Record, RecordedScores
 from supersampler_bench.table import (
     CLIP_COLUMNS,
+    ShotFacts,
     Summaries,
     caption,
     coverage,
@@ -28,62 +27,59 @@ class Report:
     """The scores of methods on one shot; or on several, with the mean at each of their ratios.
 
     Args:
-        measured: the shots; of several each knows its ratio (`Measured.origin`), and all have the same
-            methods.
+        record: by `quality_record`, or read back.
     """
 
-    def __init__(self, measured: Sequence[Measured]) -> None:
-        self.measured = measured
-        ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
-        self._by_ratio = {r: [m for m in measured if m.origin["ratio"] == r] for r in ratios}
-        self.means = {r: _means(of_ratio) for r, of_ratio in self._by_ratio.items()}
+    def __init__(self, record: Record) -> None:
+        self.record = record
+        self.ratios: list[float] = list(dict.fromkeys(mean["ratio"] for mean in record["means"]))
 
     def shot_tables(self, *, everything: bool = False) -> list[Titled]:
         """Return caption and scores of each shot."""
-        return [(caption(m.shot, m.methods, everything=everything), m.methods) for m in self.measured]
+        return [
+            (caption(shot, everything=everything), [RecordedScores(row) for row in shot["methods"]])
+            for shot in self.record["shots"]
+        ]
 
     def mean_tables(self, *, everything: bool = False) -> list[Titled]:
         """Return caption and scores of the mean at each ratio; nothing for one shot."""
         return [
-            (mean_caption([m.shot for m in shots], ratio, everything=everything), self.means[ratio])
-            for ratio, shots in self._by_ratio.items()
+            (
+                mean_caption(self._shots(ratio), ratio, everything=everything),
+                [RecordedScores(mean) for mean in self.record["means"] if mean["ratio"] == ratio],
+            )
+            for ratio in self.ratios
         ]
+
+    def _shots(self, ratio: float) -> list[ShotFacts]:
+        return [shot for shot in self.record["shots"] if shot["ratio"] == ratio]
+
+    def _tables(self, *, everything: bool = False) -> list[Titled]:
+        """Return the tables of the means; those of the shot where there is only one."""
+        return self.mean_tables(everything=everything) or self.shot_tables(everything=everything)
+
+    def frame_block(self) -> str:
+        """Return as Markdown what README shows."""
+        return _joined("\n".join([markdown_table(*t), *coverage(t[1])]) for t in self._tables())
+
+    def clip_block(self) -> str:
+        """Return as Markdown what concerns all pixels, with the metrics of clips; then with all of them."""
+        whole = [markdown_table(*t, CLIP_COLUMNS, everything=True) for t in self._tables(everything=True)]
+        return _joined([*(markdown_table(*t, CLIP_COLUMNS) for t in self._tables()), *whole])
+
+    def class_block(self) -> str:
+        """Return as Markdown what classifiers took pixels for."""
+        told = [(title, class_tables(scores)) for title, scores in self._tables()]
+        return _joined(f"{text}\n\n{title}." for title, text in told if text) or NO_CLASSES
 
     def blocks(self, name: str) -> dict[str, str]:
         """Return the Markdown of each block that `--update` fills, by the block's name.
 
-        Tables of the means; those of the shot where there is only one.
-
         Args:
             name: of what was measured.
         """
-        tables, of_all = (
-            self.mean_tables(everything=everything) or self.shot_tables(everything=everything)
-            for everything in (False, True)
-        )
-        first, clip, classes = block_names(name)
-        return {
-            first: _joined("\n".join([markdown_table(*t), *coverage(t[1])]) for t in tables),
-            clip: _joined(
-                [
-                    *(markdown_table(*t, CLIP_COLUMNS) for t in tables),
-                    *(markdown_table(*t, CLIP_COLUMNS, everything=True) for t in of_all),
-                ]
-            ),
-            classes: _joined(
-                f"{text}\n\n{title}." for title, scores in tables if (text := class_tables(scores))
-            )
-            or NO_CLASSES,
-        }
-
-    def record(self) -> dict[str, Any]:
-        """Return everything, ready for JSON."""
-        return quality_record(self.measured, self.means)
-
-
-def _means(measured: Sequence[Measured]) -> list[MeanScores]:
-    by_method = zip(*(m.methods for m in measured), strict=True)
-    return [MeanScores(scores[0].method, list(scores)) for scores in by_method]
+        texts = (self.frame_block(), self.clip_block(), self.class_block())
+        return dict(zip(block_names(name), texts, strict=True))
 
 
 def _joined(texts: Iterable[str]) -> str:

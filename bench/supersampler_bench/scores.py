@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import Protocol
 
 import numpy as np
 
@@ -25,6 +26,20 @@ FRAME_METRICS = (
     *(f"psnr_{mask}" for mask in MASKED),
 )
 METRICS = (*FRAME_METRICS, "cvvdp")
+
+
+class Summarised(Protocol):
+    """What tables show of one method."""
+
+    @property
+    def method(self) -> str:
+        """Its name."""
+
+    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
+        """Return each metric; NaN where it is not known. See `MethodScores.summary`."""
+
+    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
+        """Return what was said of all pixels; None where no class is known."""
 
 
 @dataclass(frozen=True)

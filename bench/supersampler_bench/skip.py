@@ -13,6 +13,7 @@ from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32, Frame, Size
 from supersampler.model import Skip
 from supersampler_bench.public_shots import TEST_SHOTS
+from supersampler_bench.record import Record, machine_name
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.scene import Scene
@@ -140,18 +141,27 @@ def _skipped(scene: str, time_stands: bool, method: str, runners: Sequence[_Runn
     )
 
 
-def skip_record(results: Sequence[Skipped]) -> dict[str, Any]:
+def skip_record(results: Sequence[Skipped], display: Size, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {"bench": "skip", "at": AT, "scored": SCORED, "scenes": [asdict(r) for r in results]}
+    return {
+        "bench": "skip",
+        "display": list(display),
+        "ratio": ratio,
+        "at": AT,
+        "scored": SCORED,
+        "frames": frame_count(ratio),
+        "scenes": [asdict(r) for r in results],
+    }
 
 
-def markdown_table(results: Sequence[Skipped], display: Size, ratio: float, machine: str) -> str:
-    """Return the table as Markdown, with its caption."""
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    width, height = record["display"]
     rows = [
         "| scene | moves | method | work | ms, all drawn | ms | of that | PSNR dB, all drawn | PSNR dB |",
         "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for r in results:
+    for r in (Skipped(**row) for row in record["scenes"]):
         exact, auto = (r.milliseconds[s] for s in SKIPS)
         all_drawn, skipped = (r.psnr[s] for s in SKIPS)
         rows.append(
@@ -159,7 +169,7 @@ def markdown_table(results: Sequence[Skipped], display: Size, ratio: float, mach
             f"| {exact:.1f} | {auto:.1f} | {auto / exact:.2f} | {all_drawn:.2f} | {skipped:.2f} |"
         )
     caption = (
-        f"Pictures of {display[0]}x{display[1]} at ratio {ratio:g}, the last {SCORED} of "
-        f"{frame_count(ratio)} frames: test shots whose camera stands. {machine}."
+        f"Pictures of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
+        f"{record['frames']} frames: test shots whose camera stands. {machine_name(record)}."
     )
     return "\n".join([*rows, "", caption])

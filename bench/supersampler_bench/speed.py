@@ -16,6 +16,7 @@ from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.model import ExecutorName, Precision, Skip
+from supersampler_bench.record import Record, machine_name
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
@@ -256,13 +257,20 @@ def _resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def speed_record(results: Sequence[Timed], limits: Limits) -> dict[str, Any]:
+def speed_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {"bench": "speed", "timed": [asdict(r) for r in results], "limits": asdict(limits)}
+    timed = [asdict(r) for r in results]
+    return {"bench": "speed", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
 
 
-def markdown_table(results: Sequence[Timed], limits: Limits, ratio: float, machine: str) -> str:
-    """Return the tables as Markdown, with their captions."""
+def timed_of(record: Record) -> list[Timed]:
+    """Return what `speed_record` was made of."""
+    return [Timed(**{**row, "setting": Setting(**row["setting"])}) for row in record["timed"]]
+
+
+def markdown_table(record: Record) -> str:
+    """Return the tables of a record as Markdown, with their captions."""
+    results, limits = timed_of(record), Limits(**record["limits"])
     rows = [
         "| display | threads | method | executor | ms | p95 | p99 | cores | of taa | memory | G/s | MiB |",
         "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
@@ -276,11 +284,11 @@ def markdown_table(results: Sequence[Timed], limits: Limits, ratio: float, machi
             f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
         )
     caption = (
-        f"A step at ratio {ratio:g}, frame in memory to picture in memory, on the shipped shot, whose camera "
-        f"moves, repeated to the size; settings of a size take turns. {machine}. Cores: milliseconds of all "
-        "together. Memory: share of the step in which frame, history and picture could be moved, at the "
-        f"{1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds of the network over the "
-        "time of the whole step; a product of matrices in single precision reaches "
+        f"A step at ratio {record['ratio']:g}, frame in memory to picture in memory, on the shipped shot, "
+        f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}. "
+        "Cores: milliseconds of all together. Memory: share of the step in which frame, history and picture "
+        f"could be moved, at the {1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds "
+        "of the network over the time of the whole step; a product of matrices in single precision reaches "
         f"{1e-9 * limits.multiplied:.0f}. MiB: what the process grew by."
     )
     return "\n".join([*rows, "", caption, "", *_stage_rows(results)])

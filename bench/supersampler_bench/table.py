@@ -5,17 +5,18 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from rich.table import Table
 
 from supersampler.errors import ArgumentError
 from supersampler.files import replacing
-from supersampler.shot import Shot
 from supersampler_bench.quality import ORACLE
-from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, MeanScores, MethodScores
+from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, Summarised
 
-Summaries: TypeAlias = Sequence[MethodScores | MeanScores]
+Summaries: TypeAlias = Sequence[Summarised]
+ShotFacts: TypeAlias = Mapping[str, Any]
+"""What a record says of a shot."""
 
 
 @dataclass(frozen=True)
@@ -80,36 +81,38 @@ def _column(column: Column, results: Summaries, bold: str, everything: bool = Fa
     return [bold.format(f) if good else f for f, good in zip(figures, best_ones, strict=True)]
 
 
-def _value(metric: str, result: MethodScores | MeanScores, everything: bool) -> float:
+def _value(metric: str, result: Summarised, everything: bool) -> float:
     return result.summary(warm=not everything, cropped=not everything)[metric]
 
 
 def _measured(columns: Sequence[Column], results: Summaries) -> list[Column]:
     """Leave out ColorVideoVDP where it was not asked for."""
-    asked = any(not math.isnan(_value("cvvdp", result, False)) for result in results)
-    return [column for column in columns if asked or column.metric != "cvvdp"]
+    return [
+        column
+        for column in columns
+        if column.metric != "cvvdp" or any(not math.isnan(_value("cvvdp", r, False)) for r in results)
+    ]
 
 
-def caption(shot: Shot, results: Sequence[MethodScores], *, everything: bool = False) -> str:
+def caption(shot: ShotFacts, *, everything: bool = False) -> str:
     """Say in one line what was measured."""
-    scored = sum(frame.frame >= WARM_UP_FRAMES or everything for frame in results[0].frames)
-    return f"{sizes(shot)}: {scored} reference frames of {len(shot)}, {_counted(everything)}"
+    scored = sum(frame >= WARM_UP_FRAMES or everything for frame in shot["reference_frames"])
+    return f"{sizes(shot)}: {scored} reference frames of {shot['frames']}, {_counted(everything)}"
 
 
-def sizes(shot: Shot) -> str:
+def sizes(shot: ShotFacts) -> str:
     """Return the name of a shot with references and its sizes."""
-    width, height = shot.render_size
-    large_width, large_height = shot.display_size or (0, 0)
-    return f"{shot.name}, {width}x{height} to {large_width}x{large_height}"
+    (width, height), (large_width, large_height) = shot["render_size"], shot["display_size"]
+    return f"{shot['name']}, {width}x{height} to {large_width}x{large_height}"
 
 
-def mean_caption(shots: Sequence[Shot], ratio: float, *, everything: bool = False) -> str:
+def mean_caption(shots: Sequence[ShotFacts], ratio: float, *, everything: bool = False) -> str:
     """Say in one line of which shots a table shows the mean."""
-    large_width, large_height = shots[0].display_size or (0, 0)
-    names = ", ".join(shot.name for shot in shots)
+    large_width, large_height = shots[0]["display_size"]
+    names = ", ".join(shot["name"] for shot in shots)
     return (
-        f"Mean of the shots {names} at ratio {ratio:g} to {large_width}x{large_height}: {len(shots[0])} "
-        f"frames each, {_counted(everything)}"
+        f"Mean of the shots {names} at ratio {ratio:g} to {large_width}x{large_height}: "
+        f"{shots[0]['frames']} frames each, {_counted(everything)}"
     )
 
 

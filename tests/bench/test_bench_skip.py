@@ -1,5 +1,6 @@
 """The bench of skipping draws scenes that stand still, and says what was left out."""
 
+from supersampler_bench.record import setting
 from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
 
 
@@ -13,5 +14,8 @@ def test_a_scene_in_which_nothing_moves_is_left_alone_and_looks_as_good() -> Non
     assert (still.time_stands, moving.time_stands) == (True, False)
     assert still.work < moving.work <= 1.0
     assert abs(still.psnr["auto"] - still.psnr["exact"]) < 0.3
-    assert "court" in markdown_table(results, (96, 64), 1.5, "here")
-    assert skip_record(results)["scenes"][0]["work"] == still.work
+    record = {**skip_record(results, (96, 64), 1.5), **setting()}
+    assert record["scenes"][0]["work"] == still.work
+    table = markdown_table(record)
+    assert "| court | nothing | taau |" in table
+    assert f"the last 16 of {frame_count(1.5)} frames" in table

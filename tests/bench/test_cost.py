@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from supersampler import ArgumentError
-from supersampler_bench.cost import markdown_table, measure_cost
+from supersampler_bench.cost import cost_record, markdown_table, measure_cost
 from supersampler_export.graph import export_fused
 from supersampler_model.methods.classifier_small import SmallClassifier
 
@@ -44,7 +44,7 @@ def test_the_count_is_that_of_the_layers_and_within_the_budget(folder: Path) -> 
     assert cost.multiply_adds == pytest.approx(by_hand())
     assert cost.multiply_adds <= 2000.0
     assert cost.method == "small"
-    assert f"{cost.multiply_adds:,.0f}" in markdown_table([cost], (256, 128))
+    assert f"{cost.multiply_adds:,.0f}" in markdown_table(cost_record([cost], (256, 128)))
 
 
 def test_a_method_without_a_network_is_named() -> None:

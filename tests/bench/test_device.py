@@ -4,7 +4,8 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler.cli import app
-from supersampler_bench.device import OnDevice, markdown_table, measure_copy, measure_device
+from supersampler_bench.device import OnDevice, device_record, markdown_table, measure_copy, measure_device
+from supersampler_bench.record import setting
 
 
 def test_each_precision_that_a_method_has_is_timed() -> None:
@@ -23,10 +24,10 @@ def test_each_precision_that_a_method_has_is_timed() -> None:
 
 def test_the_table_says_how_many_copies_long_a_step_is() -> None:
     timed = OnDevice("taau", (1920, 1080), "fp32", "CUDAExecutionProvider", 2.0, 3.0, 4.0, 100_000_000)
-    table = markdown_table([timed], 1e12, 2.0, "a machine")
+    table = markdown_table({**device_record([timed], 1e12, 2.0), **setting()})
     assert "| 1920x1080 | taau | fp32 | CUDAExecutionProvider | 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
     assert "1000 GB/s" in table
-    assert "| – |" in markdown_table([timed], 0.0, 2.0, "a machine")
+    assert "| – |" in markdown_table({**device_record([timed], 0.0, 2.0), **setting()})
 
 
 def test_a_device_whose_copies_cannot_be_timed_has_no_limit() -> None:

@@ -17,9 +17,13 @@ from supersampler_bench.pareto import (
     measure_pareto,
     pareto_record,
     points_of,
+    preset_table,
     presets,
+    scores_of,
+    shots_of,
 )
 from supersampler_bench.pareto_figures import draw_pareto
+from supersampler_bench.record import setting
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.suggest import measure_candidates, upscale_command
 
@@ -88,7 +92,7 @@ def test_a_word_says_a_setting_and_back(word: str, spec: Spec) -> None:
     assert str(spec) == word
 
 
-def record() -> dict[str, Any]:
+def quality() -> dict[str, Any]:
     def mean(method: str, psnr: float) -> dict[str, Any]:
         scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
         return {"ratio": 2.0, "method": method, "summary": {"warm_cropped": scores}}
@@ -98,17 +102,33 @@ def record() -> dict[str, Any]:
 
 
 def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
-    points = measure_pareto(record(), (48, 27), threads=1, steps=1)
+    points = measure_pareto(quality(), (48, 27), threads=1, steps=1)
     assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
     assert [p.runs for p in points] == ["graph, fp32", "host, fp32", "host, int8"]
     assert all(p.milliseconds > 0.0 for p in points)
-    table = markdown_table(points, (48, 27), 1, "a machine")
+    record = {**pareto_record(points, ["a", "b"], (48, 27), 1), **setting()}
+    table = markdown_table(record)
     assert "| **30.00** | " in table
     assert "STRRED" not in table
     written = draw_pareto(points, "a title", tmp_path)
     assert {path.name for path in written} >= {"pareto-psnr.png", "pareto-flip.png"}
     assert all(path.stat().st_size > 5000 for path in written)
-    assert points_of(pareto_record(points, (48, 27), 1)) == points
+    assert points_of(record) == points
+    assert "mean scores of the test shots" in table
+    assert "scores of a." in markdown_table({**record, "shots": ["a"]})
+    assert "| fast | taau |" in preset_table(record)
+
+
+def test_scores_of_one_shot_need_no_means() -> None:
+    shot = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": quality()["means"]}
+    for method in shot["methods"]:
+        del method["ratio"]
+    record = {"bench": "quality", "shots": [shot], "means": []}
+    [(ratio, scores)] = scores_of(record).items()
+    assert ratio == 1.5
+    assert scores[Spec("taau")]["psnr"] == 29.0
+    assert "strred" not in scores[Spec("taau")]
+    assert shots_of(record) == ["own"]
 
 
 def test_a_record_without_means_is_refused() -> None:

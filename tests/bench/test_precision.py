@@ -1,6 +1,6 @@
 """What coarser precisions cost at the end of a sequence."""
 
-from supersampler_bench.precision import PRECISIONS, markdown_table, measure_precision
+from supersampler_bench.precision import PRECISIONS, markdown_table, measure_precision, precision_record
 
 
 def test_each_precision_is_scored_where_references_are_and_costs_little() -> None:
@@ -18,5 +18,5 @@ def test_each_precision_is_scored_where_references_are_and_costs_little() -> Non
     assert abs(half.psnr - first.psnr) < 0.05
     assert abs(small.psnr - first.psnr) < 0.5
     assert abs(small.tpsnr - first.tpsnr) < 0.5
-    table = markdown_table(results, (64, 36), 32, 2.0)
+    table = markdown_table(precision_record(results, (64, 36), 32, 2.0))
     assert f"| court | classifier-small | {first.psnr:.2f} |" in table

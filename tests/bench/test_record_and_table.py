@@ -13,7 +13,14 @@ from supersampler import ArgumentError, __version__
 from supersampler.cli import app
 from supersampler.shot import ClassMaps, ShotWriter, shipped_shot
 from supersampler_bench.gallery import Gallery
-from supersampler_bench.record import Measured, quality_record, write_json
+from supersampler_bench.record import (
+    Measured,
+    method_scores,
+    quality_record,
+    read_record,
+    shot_record,
+    write_json,
+)
 from supersampler_bench.report import NO_CLASSES, Report, block_names
 from supersampler_bench.scores import METRICS, FrameScores, MethodScores
 from supersampler_bench.table import (
@@ -101,9 +108,9 @@ def test_only_the_date_differs_between_records_of_one_measurement() -> None:
 
 
 def test_the_markdown_table_says_what_was_measured() -> None:
-    lines = markdown_table(caption(shipped_shot(), RESULTS), RESULTS).split("\n")
+    lines = markdown_table(caption(shot_record(shipped_shot())), RESULTS).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
-    assert lines[-1].startswith("plaza, 320x180 to 640x360: 1 reference frames of 32, without the")
+    assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
 
 def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
@@ -177,7 +184,8 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    report = Report([Measured(shipped_shot(), methods, {"ratio": 2.0}) for methods in (told, told)])
+    shots = [Measured(shipped_shot(), methods, {"ratio": 2.0}) for methods in (told, told)]
+    report = Report(quality_record(shots))
     first, clip, classes = report.blocks("quality shots").values()
     assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
     assert clip.count("Mean of the shots") == 2
@@ -186,8 +194,21 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
     assert classes.count("Mean of the shots") == 1
     Gallery(tmp_path / "out").add_means(report)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
-    untold = Report([Measured(shipped_shot(), RESULTS, {})])
+    untold = Report(quality_record([Measured(shipped_shot(), RESULTS, {})]))
     assert untold.blocks("quality plaza")["quality plaza classes"] == NO_CLASSES
+
+
+def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) -> None:
+    told = [
+        MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
+        for r in RESULTS
+    ]
+    record = quality_record([Measured(shipped_shot(), told, {"ratio": 2.0}) for _ in range(2)])
+    write_json(record, tmp_path / "record.json")
+    again = read_record(tmp_path / "record.json")
+    assert Report(again).blocks("quality shots") == Report(record).blocks("quality shots")
+    row = again["shots"][0]["methods"][1]
+    assert method_scores(row).summary() == pytest.approx(told[1].summary(), nan_ok=True)
 
 
 def test_the_command_teaches_its_options() -> None:

@@ -6,7 +6,8 @@ import numpy as np
 from typer.testing import CliRunner
 
 from supersampler_bench.cli import app
-from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_speed
+from supersampler_bench.record import setting
+from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_speed, speed_record
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
@@ -22,7 +23,7 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
 def test_skipping_is_a_setting_like_others() -> None:
     results = measure_speed(["taa"], [(64, 36)], ["host"], [1], skips=["exact", "auto"], steps=1)
     assert [r.setting.skip for r in results] == ["exact", "auto"]
-    table = markdown_table(results, Limits(1e10, 1e11), 2.0, "a machine")
+    table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
     assert "| host, fp32 |" in table
     assert "| host, fp32, skip auto |" in table
 

@@ -131,7 +131,7 @@ def test_what_raises_breaks_its_scenario_alone() -> None:
     outcomes = list(measure([scenario("threads")], [subject(begin), SOUND], quick=True))
     assert [o.passed for o in outcomes] == [False, True]
     assert outcomes[0].error == "RuntimeError: no device"
-    table = markdown_table(outcomes)
+    table = markdown_table(stress_record(outcomes, quick=True))
     assert "- threads, average host: broke. RuntimeError: no device" in table
 
 
@@ -202,11 +202,12 @@ def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
 def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
     good = run(scenario("threads"), SOUND, quick=True)
     bad = replace(good, method="other", figures=(Figure("apart", 0.5, 0.0), Figure("bad values", 3.0, 0.0)))
-    table = markdown_table([good, bad])
+    record = stress_record([good, bad], quick=True)
+    table = markdown_table(record)
     assert "| threads | apart | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
-    assert [o["passed"] for o in stress_record([good, bad], quick=True)["outcomes"]] == [True, False]
+    assert [o["passed"] for o in record["outcomes"]] == [True, False]
     assert [path.name for path in draw_sheets([good, bad], tmp_path)] == ["sessions.png"]
 
 

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure as Sheet
 from matplotlib.ticker import MaxNLocator
 
 from supersampler.files import replacing
+from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
 from supersampler_bench.stress.scenario import Figure, Scenario
 
@@ -29,8 +30,26 @@ def stress_record(outcomes: Sequence[Outcome], *, quick: bool) -> dict[str, Any]
     }
 
 
-def markdown_table(outcomes: Sequence[Outcome]) -> str:
-    """Return the table as Markdown: a row a figure, a column a method and executor; below it what broke."""
+def outcomes_of(record: Record) -> list[Outcome]:
+    """Return what `stress_record` was made of, without curves."""
+    outcomes = []
+    for row in record["outcomes"]:
+        figures = tuple(Figure(f["name"], _number_of(f["value"]), f["bound"]) for f in row["figures"])
+        known = {name: value for name, value in row.items() if name != "passed"}
+        outcomes.append(Outcome(**{**known, "figures": figures, "curve": []}))
+    return outcomes
+
+
+def _number_of(value: float | None) -> float:
+    return float("nan") if value is None else value
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown: a row a figure, a column a method and executor.
+
+    Below it is what broke.
+    """
+    outcomes = outcomes_of(record)
     subjects = list(dict.fromkeys((o.method, o.executor) for o in outcomes))
     rows = [
         f"| scenario | figure | at most | {' | '.join(f'{m} {e}' for m, e in subjects)} |",
