@@ -19,6 +19,7 @@ WATCHED = RECOVERY + 8
 """Frames that are watched after a disturbance."""
 WIDE = (192, 96)
 """Where a bad pixel could reach farther than a network sees."""
+BLOCK = 8  # display pixels
 FIELDS = ("color", "depth", "motion")
 PLACES = ("pixels", "row", "frame")
 VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
@@ -88,11 +89,17 @@ def spread(trial: Trial) -> Measured:
 
 
 def _reach(image: Float32, calm: Float32, x: int, y: int) -> float:
-    """Distance, display pixels, from a render pixel's middle to the farthest that looks different."""
-    apart = np.abs(display_transform(image) - display_transform(calm)).max(axis=-1)
-    rows, columns = np.nonzero(apart > STEP)
-    away = np.maximum(np.abs(rows - (2 * y + 0.5)), np.abs(columns - (2 * x + 0.5)))
-    return float(away.max(initial=0.0))
+    """Distance, display pixels, from a render pixel's middle to the end of the farthest block that differs.
+
+    Blocks of 8x8, by a step on average: with a network in bytes, single pixels are rounded otherwise as soon
+    as anything differs anywhere.
+    """
+    apart = np.abs(display_transform(image) - display_transform(calm)).mean(axis=-1)
+    height, width = apart.shape
+    blocks = apart.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK).mean(axis=(1, 3))
+    rows, columns = (BLOCK * (places + 0.5) for places in np.nonzero(blocks > STEP))
+    away = np.maximum(np.abs(rows - (2 * y + 1)), np.abs(columns - (2 * x + 1)))
+    return float(away.max(initial=-0.5 * BLOCK)) + 0.5 * BLOCK
 
 
 def spike(trial: Trial) -> Measured:
