@@ -133,7 +133,7 @@ def flat(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 OPTIONS = {
-    "clip to the sample": TaaConfig(clip="sample"),
+    "clip to centre": TaaConfig(clip="center"),
     "clamp": TaaConfig(clip="clamp"),
     "minimum and maximum alone": TaaConfig(gamma=None),
     "no minimum and maximum": TaaConfig(intersect_extent=False),

@@ -47,15 +47,14 @@ from supersampler_model.sampling import blurred, grid_of, linear, pick, resample
 
 @dataclass(frozen=True)
 class TaaConfig:
-    """Salvi's choices; the defaults are his, but for the clip.
+    """Salvi's choices; the defaults are his.
 
     Attributes:
         alpha: weight of the new frame ("typically we blend 10 %").
         gamma: half size of the variance box in standard deviations; None clips to minimum and maximum alone.
         intersect_extent: clamp the variance box to the minimum and maximum ("to make sure our AABB is not
             significantly larger than the old AABB").
-        clip: towards the box's centre, towards the new sample (Salvi), or a clamp per channel. Towards the
-            sample, a small difference of two pasts may grow: the segments turn with them (docs/stability.md).
+        clip: towards the new sample (Salvi), towards the box's centre, or a clamp per channel.
         space: colours are compared in YCoCg or in RGB.
         wide_window: blur the two moments, which widens their window to 5x5 ("we can apply it over large
             windows by pre-filtering the first two colour moments").
@@ -64,7 +63,7 @@ class TaaConfig:
     alpha: float = 0.1
     gamma: float | None = 1.0
     intersect_extent: bool = True
-    clip: Literal["center", "sample", "clamp"] = "center"
+    clip: Literal["sample", "center", "clamp"] = "sample"
     space: Literal["ycocg", "rgb"] = "ycocg"
     wide_window: bool = False
 

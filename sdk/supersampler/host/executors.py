@@ -9,7 +9,7 @@ from supersampler.host.taa import TaaHost
 from supersampler.host.taau import TaauHost
 from supersampler.model_info import ModelInfo
 
-_BUILT_IN = {"intersect_extent": True, "clip": "center", "space": "ycocg", "wide_window": False}
+_SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
 
 
 def host_executor(info: ModelInfo, threads: int) -> Executor | None:
@@ -29,7 +29,7 @@ def _kind(info: ModelInfo) -> type[ClassifierHost] | type[TaaHost] | type[TaauHo
     if info.method == "taau":
         return TaauHost
     config = info.config
-    if info.method == "taa" and config["gamma"] is not None and _BUILT_IN.items() <= config.items():
+    if info.method == "taa" and config["gamma"] is not None and _SALVIS.items() <= config.items():
         return TaaHost
     return None
 

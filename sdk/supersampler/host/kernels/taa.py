@@ -1,4 +1,4 @@
-"""`taa` on a processor, in one pass over the display; twin of `methods.taa` with its defaults."""
+"""`taa` on a processor, in one pass over the display; twin of `methods.taa` with Salvi's defaults."""
 
 import numpy as np
 from numba import njit
@@ -92,15 +92,34 @@ def upsampled(planes, c, wide, column, row, across, down):
 
 
 @njit
-def clip_to_center(past, low, high):
-    """Move the past towards the box's centre until it is inside; see `rectification`."""
+def enters(color, sample, low, high):
+    """Where the segment from `color` to `sample` enters and leaves a slab."""
+    step = sample - color
+    step = select(absolute(step) < 1e-6, 1e-6, step)
+    near, far = (low - color) / step, (high - color) / step
+    return minimum(near, far), maximum(near, far)
+
+
+@njit
+def clip_to_sample(past, sample, low, high):
+    """Cut the segment from the past to the sample where it enters the box; see `rectification`."""
+    a, b = enters(past[0], sample[0], low[0], high[0])
+    c, d = enters(past[1], sample[1], low[1], high[1])
+    e, f = enters(past[2], sample[2], low[2], high[2])
+    first, last = maximum(maximum(a, c), e), minimum(minimum(b, d), f)
+    meets = (first <= last) & (first <= 1.0) & (last >= 0.0)
+    along = minimum(maximum(first, 0.0), 1.0)
     y, o, g = (low[0] + high[0]) * 0.5, (low[1] + high[1]) * 0.5, (low[2] + high[2]) * 0.5
     over = maximum(
         maximum(beyond(past[0], y, low[0], high[0]), beyond(past[1], o, low[1], high[1])),
         beyond(past[2], g, low[2], high[2]),
     )
     cut = 1.0 / maximum(over, 1.0)
-    return y + (past[0] - y) * cut, o + (past[1] - o) * cut, g + (past[2] - g) * cut
+    return (
+        select(meets, past[0] + along * (sample[0] - past[0]), y + (past[0] - y) * cut),
+        select(meets, past[1] + along * (sample[1] - past[1]), o + (past[1] - o) * cut),
+        select(meets, past[2] + along * (sample[2] - past[2]), g + (past[2] - g) * cut),
+    )
 
 
 @njit
@@ -146,7 +165,7 @@ def step_rows(
             low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
             at = at + s * np.int32(3)
             high = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
-            past = clip_to_center(past, low, high)
+            past = clip_to_sample(past, sample, low, high)
             share = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
             r, g, b = rgb(
                 past[0] + share * (sample[0] - past[0]),
