@@ -85,7 +85,7 @@ def spread(trial: Trial) -> Measured:
         for field in FIELDS:
             bad = spoilt(bad, field, where, np.nan)
         curve.append(_reach(stressed.step(bad), calm.step(frame), x, y))
-    return Measured((Figure("reach, pixels", max(curve), trial.subject.reach),), curve)
+    return Measured((Figure("reach, pixels", max(curve), trial.subject.reach + BLOCK),), curve)
 
 
 def _reach(image: Float32, calm: Float32, x: int, y: int) -> float:

@@ -23,8 +23,9 @@ SIZES: Sequence[Size] = ((1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 13), (31, 
 
 
 def corners(trial: Trial) -> Measured:
-    """Samples lie in the four corners of pixels by turns, then as they should."""
-    return _disturbed(trial, [STILL.frame(0, trial.render, CORNERS[i % 4]) for i in range(PERIOD)])
+    """Samples lie in the four corners of pixels by turns, then as they should. They are right: a period more."""
+    frames = [STILL.frame(0, trial.render, CORNERS[i % 4]) for i in range(PERIOD)]
+    return _disturbed(trial, frames, more=PERIOD)
 
 
 def missing(trial: Trial) -> Measured:
@@ -41,16 +42,16 @@ def _told(trial: Trial, tell: Callable[[Jitter], Jitter]) -> list[Frame]:
     return [replace(frame, jitter=tell(frame.jitter)) for frame in still(trial.render)]
 
 
-def _disturbed(trial: Trial, frames: Sequence[Frame]) -> Measured:
+def _disturbed(trial: Trial, frames: Sequence[Frame], more: int = 0) -> Measured:
     """These frames in place of the right ones: pictures settle even so, and recover."""
     wrong = [replace(frame, reset=False) for frame in frames]
     settles = looped(trial, wrong)
     stressed, calm = trial.begin(), trial.begin()
     right = still(trial.render)
     during = side_by_side(stressed, calm, zip(wrong * 4, [*right] * 4, strict=True))
-    watched = max(5 * PERIOD, trial.subject.recovery + 8)
+    watched = max(5 * PERIOD, trial.subject.recovery + more + 8)
     after = side_by_side(stressed, calm, alike(cycle(right), watched))
-    recovers = forgotten(trial, during, after)
+    recovers = forgotten(trial, during, after, more)
     return Measured(
         (Figure("change in a period", settles.changes[-1], REST), *recovers.figures), recovers.curve
     )
