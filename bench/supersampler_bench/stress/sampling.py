@@ -23,7 +23,7 @@ SIZES: Sequence[Size] = ((1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 13), (31, 
 
 
 def corners(trial: Trial) -> Measured:
-    """Samples lie in the four corners of pixels by turns, then as they should. They are right: a period more."""
+    """Samples lie in the four corners of pixels by turns, then as they should: a period more."""
     frames = [STILL.frame(0, trial.render, CORNERS[i % 4]) for i in range(PERIOD)]
     return _disturbed(trial, frames, more=PERIOD)
 
