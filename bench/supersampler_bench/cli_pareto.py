@@ -32,7 +32,7 @@ def pareto(
     Quiet machines measure well: nothing else should run.
 
     Example:
-      supersampler bench pareto bench/results/quality-ratios.json -o docs/images --update docs/pareto.md
+      supersampler bench pareto bench/results/quality-test-shots.json -o docs/images --update docs/pareto.md
     """
     from supersampler_bench.pareto import (
         markdown_table,
