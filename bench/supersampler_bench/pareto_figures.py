@@ -6,7 +6,7 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
-from matplotlib.ticker import StrMethodFormatter
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from supersampler.files import replacing
 from supersampler_bench.pareto import METRICS, Metric, Point, by_ratio, frontier
@@ -72,8 +72,9 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Metric) -> None:
             color="black" if leads else "0.5",
         )
     axes.set_xscale("log")
-    for part in (axes.xaxis.set_major_formatter, axes.xaxis.set_minor_formatter):
-        part(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
     axes.set(xlabel="milliseconds a step", ylabel=metric.heading)
     axes.margins(x=0.15, y=0.12)
     axes.grid(alpha=0.3, which="both")

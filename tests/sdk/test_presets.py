@@ -1,0 +1,15 @@
+"""Presets are what was measured to lead, by the rule that says so."""
+
+from pathlib import Path
+
+from supersampler.presets import PRESETS
+from supersampler_bench.pareto import at_ratio, points_of, presets
+from supersampler_bench.record import read_record
+
+MEASURED = Path(__file__).parents[2] / "bench" / "supersampler_bench" / "pareto.json"
+
+
+def test_presets_are_the_points_of_the_frontier_that_their_rule_chooses() -> None:
+    chosen = presets(at_ratio(points_of(read_record(MEASURED)), 2.0))
+    shipped = {name: (p.model, p.precision, p.skip) for name, p in PRESETS.items()}
+    assert {name: (s.model, s.precision, s.skip) for name, s in chosen.items()} == shipped
