@@ -285,8 +285,7 @@ class Classifier(Method):
         self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor
     ) -> Remembered:
         """Warp the history."""
-        # Off screen is as before a first frame: 0.
-        c, on, own_on = self.config, past.on_screen, own.on_screen
+        c, on = self.config, past.on_screen  # off screen is as before a first frame: 0
         x, y = before.to_render(past.x, past.y)
         hidden = covered(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
         there = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
@@ -298,7 +297,7 @@ class Classifier(Method):
         return Remembered(
             color=color,
             detail=color - linear,
-            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure) * own_on,
+            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
             samples=state[:, :1],
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),

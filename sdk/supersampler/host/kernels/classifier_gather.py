@@ -194,7 +194,7 @@ def gather_rows(
             soft = only(on, toned_at(numbers, q[4], q[5], q[6]))
             moved = soft
             if not alone:
-                moved = only(on_screen(ox, oy, w_big, h_big), toned_at(numbers, q[12], q[13], q[14]))
+                moved = toned_at(numbers, q[12], q[13], q[14])
             detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
             count, least, most = only(on, (q[7], q[8], q[9]))
             put_all(past_planes, (y * width + x) * PAST, past)
