@@ -99,13 +99,16 @@ def device(
     provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each.")] = 100,
+    capture: Annotated[
+        bool, typer.Option("--capture", help="Also with the step captured, as a CUDA graph.")
+    ] = False,
     json: _JSON = None,
     update: _UPDATE = None,
 ) -> None:
     """Time the graphs on a device: frames and pictures stay in its memory.
 
     Example:
-      supersampler bench device --provider cuda --json device.json
+      supersampler bench device --provider cuda --capture --json device.json
     """
     from supersampler.model import Model
     from supersampler_bench.device import device_record, markdown_table, measure_copy, measure_device
@@ -118,7 +121,15 @@ def device(
     names, displays = _listed(methods), [parse_size(text) for text in _listed(sizes)]
     wanted = [cast("Precision", kind) for kind in kinds]
     with _ERRORS.status("timing"):
-        results = measure_device(names, displays, wanted, provider=provider, ratio=ratio, steps=steps)
+        results = measure_device(
+            names,
+            displays,
+            wanted,
+            provider=provider,
+            ratio=ratio,
+            steps=steps,
+            captures=(False, True) if capture else (False,),
+        )
         copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
     _publish("device", device_record(results, copied, ratio), markdown_table, json, update)
 

@@ -31,6 +31,7 @@ class OnDevice:
         display: (width, height) of the pictures.
         precision: of what is learned.
         provider: of ONNX Runtime.
+        capture: whether the step is captured; see `Model.load`.
         median, p95, p99: wall time of a step, the device waited for.
         moved: bytes that a step must move: the frame, the history before and after, the picture.
     """
@@ -39,6 +40,7 @@ class OnDevice:
     display: Size
     precision: str
     provider: str
+    capture: bool
     median: float
     p95: float
     p99: float
@@ -49,9 +51,18 @@ class _Runner:
     """One method, with its frames on the device."""
 
     def __init__(
-        self, method: str, display: Size, precision: Precision, provider: str, frames: Sequence[Frame]
+        self,
+        method: str,
+        display: Size,
+        precision: Precision,
+        provider: str,
+        frames: Sequence[Frame],
+        *,
+        capture: bool,
     ) -> None:
-        self._model = Model.load(method, providers=provider, executor="graph", precision=precision)
+        self._model = Model.load(
+            method, providers=provider, executor="graph", precision=precision, capture=capture
+        )
         device = self._model.device
         self._display = display
         self._upscaler = Upscaler(self._model, display_size=display, validate="off")
@@ -89,6 +100,7 @@ class _Runner:
             display=self._display,
             precision=model.precision,
             provider=model.providers[0],
+            capture=model.capture,
             median=statistics.median(self._wall),
             p95=p95,
             p99=p99,
@@ -108,6 +120,7 @@ def measure_device(
     provider: str,
     ratio: float = 2.0,
     steps: int = 100,
+    captures: Sequence[bool] = (False,),
     on_step: Callable[[], None] = lambda: None,
 ) -> list[OnDevice]:
     """Time all; those of one size take turns, step by step.
@@ -119,15 +132,16 @@ def measure_device(
         provider: see `Model.load`.
         ratio: display over render size.
         steps: that count, of each.
+        captures: without and with the step captured; see `Model.load`.
         on_step: called after each.
     """
     results = []
     for display in displays:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
         runners = []
-        for method, precision in itertools.product(methods, precisions):
+        for method, precision, capture in itertools.product(methods, precisions, captures):
             try:
-                runners.append(_Runner(method, display, precision, provider, frames))
+                runners.append(_Runner(method, display, precision, provider, frames, capture=capture))
             except ArgumentError:  # the method has no such precision
                 continue
         for _ in range(steps):
@@ -168,14 +182,15 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     results, copied = [OnDevice(**row) for row in record["timed"]], record["copied"]
     rows = [
-        "| display | method | precision | provider | ms | p95 | p99 | MB | of a copy |",
-        "| --- | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        "| display | method | precision | provider | captured | ms | p95 | p99 | MB | of a copy |",
+        "| --- | --- | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for r in results:
         share = f"{r.median / (1e3 * r.moved / copied):.0f}x" if copied else "–"
+        captured = "yes" if r.capture else "no"
         rows.append(
-            f"| {r.display[0]}x{r.display[1]} | {r.method} | {r.precision} | {r.provider} | {r.median:.2f} "
-            f"| {r.p95:.2f} | {r.p99:.2f} | {1e-6 * r.moved:.0f} | {share} |"
+            f"| {r.display[0]}x{r.display[1]} | {r.method} | {r.precision} | {r.provider} | {captured} "
+            f"| {r.median:.2f} | {r.p95:.2f} | {r.p99:.2f} | {1e-6 * r.moved:.0f} | {share} |"
         )
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
     caption = (

@@ -1,6 +1,7 @@
 """The whole step as one graph in ONNX Runtime; the history stays on its device."""
 
 import math
+import threading
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -8,11 +9,12 @@ import numpy as np
 import onnxruntime as ort
 from numpy.typing import NDArray
 
+from supersampler.fixed_step import FixedStep
 from supersampler.frame import Float32, Frame, Size
-from supersampler.graph_session import frame_inputs, open_session
+from supersampler.graph_session import frame_inputs, open_session, session_options
 from supersampler.host.layout import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
-from supersampler.providers import check_provider_in_use
+from supersampler.providers import capturing, check_provider_in_use
 from supersampler.tensors import check_tensor, render_size_of
 
 _DEVICES = {
@@ -28,11 +30,13 @@ class GraphExecutor:
 
     Args:
         info: the model.
-        options: of the session.
+        threads: on the CPU; 0 takes every core.
         providers: execution providers, in order.
         precision: one of the model's `steps`.
+        capture: see `Model.load`.
 
     Attributes:
+        capture: see `Model.load`.
         providers: those in use.
         device: that buffers lie on, as ONNX Runtime calls it.
     """
@@ -40,13 +44,17 @@ class GraphExecutor:
     name = "graph"
 
     def __init__(
-        self, info: ModelInfo, options: ort.SessionOptions, providers: Sequence[str], precision: str
+        self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool
     ) -> None:
-        self._info, self.precision = info, precision
-        self._session = open_session(info.steps[precision], options, providers)
+        if capture:
+            capturing(providers)
+        self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
+        self._session = open_session(info.steps[precision], session_options(threads), providers)
         self.providers: list[str] = self._session.get_providers()
         check_provider_in_use(providers[0], self.providers)
         self.device = _DEVICES.get(self.providers[0], "cpu")
+        self._fixed: FixedStep | None = None
+        self._lock = threading.Lock()  # of that
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
@@ -109,8 +117,28 @@ class GraphExecutor:
         for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
-        self._run(given, past, left, {info.image.name: image})
+        if self.capture and self.fits(past, display, render):  # the first of another size is run as it comes
+            with self._lock:
+                fixed = self._fixed_step(display, render)
+                fixed.run({**given, **past}, {**left, info.image.name: image})
+        else:
+            self._run(given, past, left, {info.image.name: image})
         return image
+
+    def _fixed_step(self, display: Size, render: Size) -> FixedStep:
+        if self._fixed is None or self._fixed.sizes != (display, render):
+            self._fixed = None  # whose memory is free before more is taken
+            path = self._info.steps[self.precision]
+            self._fixed = FixedStep(
+                self._info,
+                path,
+                self.providers,
+                self._threads,
+                self.device,
+                display=display,
+                render=render,
+            )
+        return self._fixed
 
     def _run(self, given: Tensors, past: Tensors, left: Tensors, made: Tensors) -> None:
         binding = self._session.io_binding()

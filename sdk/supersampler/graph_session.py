@@ -10,15 +10,29 @@ import onnxruntime as ort
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 
+Provider = str | tuple[str, dict[str, str]]
+"""An execution provider's name, with options or without."""
 
-def open_session(path: Path, options: ort.SessionOptions, providers: Sequence[str]) -> ort.InferenceSession:
-    """Load a graph.
+
+def session_options(threads: int) -> ort.SessionOptions:
+    """Return what all sessions have in common; 0 threads take every core."""
+    options = ort.SessionOptions()
+    options.log_severity_level = 3  # errors only; the rest would print over a progress bar
+    options.intra_op_num_threads = threads
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+    return options
+
+
+def open_session(
+    path: Path, options: ort.SessionOptions, providers: Sequence[Provider], graph: bytes | None = None
+) -> ort.InferenceSession:
+    """Load the graph at `path`, or in its place the one that was made of it.
 
     Raises:
         ModelError: ONNX Runtime cannot.
     """
     try:
-        return ort.InferenceSession(str(path), options, providers=list(providers))
+        return ort.InferenceSession(graph or str(path), options, providers=list(providers))
     except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
 

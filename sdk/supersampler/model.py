@@ -13,7 +13,7 @@ from supersampler.errors import ArgumentError, FrameError
 from supersampler.executor import Executor
 from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
 from supersampler.graph_executor import GraphExecutor
-from supersampler.graph_session import pixels_of, vector_inputs
+from supersampler.graph_session import pixels_of, session_options, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
@@ -57,6 +57,7 @@ class Model:
         threads: int = 0,
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
+        capture: bool = False,
     ) -> "Model":
         """Load a shipped model by name, or a model folder by path.
 
@@ -70,29 +71,28 @@ class Model:
                 and the model has them.
             precision: of the learned part: "int8", in bytes, as the host executor always runs it; "fp32" or
                 "fp16" in a graph. What is not learned is fp32 everywhere.
+            capture: have CUDA or TensorRT capture the step with tensors as a CUDA graph, and launch it as one
+                from then on, without the time that it takes to launch each kernel. Where a size changes, it
+                is captured anew. The CPU runs the same on buffers that stay where they are, without capture.
 
         Raises:
             ModelError: no such model, a damaged folder, or another contract.
-            ProviderError: a provider was asked for and cannot be had.
+            ProviderError: a provider was asked for and cannot be had, or cannot capture.
             ArgumentError: the model cannot run so.
         """
         info = read_model_info(find_model(name_or_path))
         names = resolve_providers(providers)
-        options = ort.SessionOptions()
-        options.log_severity_level = 3  # errors only; the rest would print over a progress bar
-        options.intra_op_num_threads = threads
-        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
-        carrier = Carrier(info, options)
-        if executor != "graph" and list(names) == [CPU]:
+        carrier = Carrier(info, session_options(threads))
+        if executor != "graph" and not capture and list(names) == [CPU]:
             host = host_executor(info, threads)
             if host is not None and precision in ("auto", host.precision):
                 return cls(info, host, carrier, [CPU], threads)
         kind = "fp32" if precision == "auto" else precision
         if executor == "host" or kind not in info.steps:
-            got = f"executor={executor!r}, precision={precision!r}, providers {', '.join(names)}"
+            got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(names)}"
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want)
-        graph = GraphExecutor(info, options, names, kind)
+        graph = GraphExecutor(info, threads, names, kind, capture=capture)
         return cls(info, graph, carrier, graph.providers, threads)
 
     @property
@@ -104,6 +104,11 @@ class Model:
     def device(self) -> str:
         """Where histories, and tensors for `run_tensors`, lie: "cpu", "cuda", "dml"."""
         return self._executor.device if isinstance(self._executor, GraphExecutor) else "cpu"
+
+    @property
+    def capture(self) -> bool:
+        """Whether steps with tensors are captured; see `load`."""
+        return isinstance(self._executor, GraphExecutor) and self._executor.capture
 
     @property
     def precision(self) -> str:
@@ -205,6 +210,7 @@ class Model:
 
         Raises:
             FrameError: an input is missing, or its type, shape, range or device does not fit.
+            ModelError: the provider cannot capture the step.
             ArgumentError: the executor is not a graph, or `history_out` is `history`.
         """
         if not isinstance(self._executor, GraphExecutor):

@@ -31,16 +31,7 @@ class TensorInfo:
 
     def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
         """Its shape at the given (width, height) sizes."""
-        named = {
-            "render_width": render[0],
-            "render_height": render[1],
-            "display_width": display[0],
-            "display_height": display[1],
-            "half_width": (display[0] + 1) // 2,
-            "half_height": (display[1] + 1) // 2,
-            "previous_width": previous[0],
-            "previous_height": previous[1],
-        }
+        named = extents(render=render, display=display, previous=previous)
         return tuple(named[n] if isinstance(n, str) else n for n in self.shape)
 
 
@@ -93,6 +84,20 @@ class ModelInfo:
     def carry_path(self) -> Path:
         """The graph that blends what frames carry along."""
         return self.folder / "carry.onnx"
+
+
+def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
+    """Return what the names in shapes stand for at the given (width, height) sizes."""
+    return {
+        "render_width": render[0],
+        "render_height": render[1],
+        "display_width": display[0],
+        "display_height": display[1],
+        "half_width": (display[0] + 1) // 2,
+        "half_height": (display[1] + 1) // 2,
+        "previous_width": previous[0],
+        "previous_height": previous[1],
+    }
 
 
 def model_names() -> list[str]:

@@ -23,6 +23,12 @@ CPU = NAMES["cpu"]
 AUTOMATIC = ("cuda", "directml", "cpu")
 """What "auto" looks for, in this order: the providers that run every operator of our graphs at once."""
 
+_CAPTURE = {
+    NAMES["cuda"]: {"enable_cuda_graph": "1"},
+    NAMES["tensorrt"]: {"trt_cuda_graph_enable": "1"},
+    CPU: {},  # has no launches to save: to try all but the capture itself
+}
+
 _DISTRIBUTIONS = (
     "onnxruntime",
     "onnxruntime-gpu",
@@ -54,6 +60,20 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
                 "uninstall onnxruntime, then install onnxruntime-gpu or onnxruntime-directml."
             )
     return names
+
+
+def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:
+    """Return these providers, each with options: the first is to capture what a session runs.
+
+    Raises:
+        ProviderError: it cannot.
+    """
+    if providers[0] not in _CAPTURE:
+        raise ProviderError(
+            f"{providers[0]} cannot capture a step; {', '.join(_CAPTURE)} take capture=True. "
+            "Leave it out, or ask for one of these."
+        )
+    return [(name, _CAPTURE[name] if name == providers[0] else {}) for name in providers]
 
 
 def check_provider_in_use(wanted: str, used: Sequence[str]) -> None:

@@ -18,6 +18,7 @@ from supersampler.plan import Plan
 from supersampler.presets import PresetName, chosen
 from supersampler.recording.calls import Setup
 from supersampler.recording.recorder import Recorder, setup_here
+from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.stats import Stats
 from supersampler.tensors import Tensor, render_size_of, taken
@@ -39,7 +40,7 @@ class Upscaler:
         render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
-        threads, executor, precision: see `Model.load`; not with a `Model`.
+        threads, executor, precision, capture: see `Model.load`; not with a `Model`.
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
             moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
@@ -74,6 +75,7 @@ class Upscaler:
         threads: int = 0,
         executor: ExecutorName = "auto",
         precision: Precision = "auto",
+        capture: bool = False,
         skip: Skip = "auto",
         preset: PresetName | None = None,
         validate: Literal["off", "warn", "strict"] = "warn",
@@ -89,13 +91,18 @@ class Upscaler:
         model, precision, skip = chosen(preset, model, precision, skip)
         self.skip = _checked_skip(skip)
         if isinstance(model, Model):
-            if threads or (providers, executor, precision) != ("auto",) * 3:
-                name = "providers, threads, executor or precision"
+            if threads or capture or (providers, executor, precision) != ("auto",) * 3:
+                name = "providers, threads, executor, precision or capture"
                 raise ArgumentError(name, got="set beside a Model", want="set in Model.load")
             self.model = model
         else:
             self.model = Model.load(
-                model, providers=providers, threads=threads, executor=executor, precision=precision
+                model,
+                providers=providers,
+                threads=threads,
+                executor=executor,
+                precision=precision,
+                capture=capture,
             )
         if self._render_size is not None and self._display_size is None:
             self._display_size = self._scaled(self._render_size)
@@ -208,6 +215,7 @@ class Upscaler:
         Raises:
             FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
                 before.
+            ModelError: the provider cannot capture the step, with `capture`; likewise.
             ArgumentError: the executor takes no tensors.
         """
         run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
@@ -225,6 +233,9 @@ class Upscaler:
     def warm_up(self, render_size: Size | None = None) -> None:
         """Run once on a black frame, so that the first `step` pays for no start-up; the history is untouched.
 
+        With `capture` this captures: call it on the thread that will step, as ONNX Runtime keeps CUDA graphs
+        by thread.
+
         Raises:
             ArgumentError: `render_size` was given neither here nor to the constructor.
         """
@@ -235,7 +246,11 @@ class Upscaler:
         zeros = np.zeros((height, width, 3), np.float32)
         frame = Frame(color=zeros, depth=zeros[..., 0], motion=zeros[..., :2], jitter=(0.0, 0.0))
         display_size = self._display_size or self._scaled(size)
-        self.model.run(frame, self.model.first_history(display_size, size))
+        history = self.model.first_history(display_size, size)
+        self.model.run(frame, history)
+        if self.model.capture:
+            tensors = tensors_of_frame(frame, self.model.device)
+            self.model.run_tensors(tensors, history, jitter=frame.jitter)
 
     def save_state(self) -> State:
         """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""

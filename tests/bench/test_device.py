@@ -8,14 +8,22 @@ from supersampler_bench.device import OnDevice, device_record, markdown_table, m
 from supersampler_bench.record import setting
 
 
-def test_each_precision_that_a_method_has_is_timed() -> None:
+def test_each_precision_that_a_method_has_is_timed_with_and_without_recording() -> None:
     results = measure_device(
-        ["taau", "classifier-small"], [(32, 18)], ["fp32", "fp16"], provider="cpu", steps=2
+        ["taau", "classifier-small"],
+        [(32, 18)],
+        ["fp32", "fp16"],
+        provider="cpu",
+        steps=2,
+        captures=(False, True),
     )
-    assert [(r.method, r.precision) for r in results] == [
-        ("taau", "fp32"),
-        ("classifier-small", "fp32"),
-        ("classifier-small", "fp16"),
+    assert [(r.method, r.precision, r.capture) for r in results] == [
+        ("taau", "fp32", False),
+        ("taau", "fp32", True),
+        ("classifier-small", "fp32", False),
+        ("classifier-small", "fp32", True),
+        ("classifier-small", "fp16", False),
+        ("classifier-small", "fp16", True),
     ]
     frame = 16 * 9 * 6 * 4  # colour, depth, motion
     assert all(r.moved > frame + 32 * 18 * 3 * 4 for r in results)
@@ -23,9 +31,9 @@ def test_each_precision_that_a_method_has_is_timed() -> None:
 
 
 def test_the_table_says_how_many_copies_long_a_step_is() -> None:
-    timed = OnDevice("taau", (1920, 1080), "fp32", "CUDAExecutionProvider", 2.0, 3.0, 4.0, 100_000_000)
+    timed = OnDevice("taau", (1920, 1080), "fp32", "CUDAExecutionProvider", True, 2.0, 3.0, 4.0, 100_000_000)
     table = markdown_table({**device_record([timed], 1e12, 2.0), **setting()})
-    assert "| 1920x1080 | taau | fp32 | CUDAExecutionProvider | 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
+    assert "| taau | fp32 | CUDAExecutionProvider | yes | 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
     assert "1000 GB/s" in table
     assert "| – |" in markdown_table({**device_record([timed], 0.0, 2.0), **setting()})
 

@@ -1,0 +1,28 @@
+"""What of our graphs ONNX Runtime's CUDA provider runs, from docs/OperatorKernels.md in its repository.
+
+Read at commit 001d12d2623fd411ce0f83d05abb5e82304a3389: kernels for opset 17, and of their types those that
+our graphs could have.
+"""
+
+_FLOATS = {"float", "float16"}
+_NUMBERS = {*_FLOATS, "int32", "int64"}
+_ANY = {*_NUMBERS, "bool"}
+
+CUDA_KERNELS = {
+    **dict.fromkeys(("Cast", "Concat", "Expand", "Gather", "Identity", "Reshape", "Slice", "Split"), _ANY),
+    **dict.fromkeys(("Transpose", "Unsqueeze"), _ANY),
+    **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "ReduceSum", "Sub"), _NUMBERS),
+    **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
+    **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MaxPool"), _FLOATS),
+    **dict.fromkeys(("Reciprocal", "Relu", "Sqrt"), _FLOATS),
+    "And": {"bool"},
+    "Clip": {*_FLOATS, "int64"},
+    "GridSample": {"float"},
+    "Where": _ANY,  # bool is its condition
+}
+"""Types of data that a kernel takes."""
+
+CPU_INPUTS = dict.fromkeys(
+    ("Clip", "Expand", "ReduceSum", "Reshape", "Slice", "Split", "Unsqueeze"), slice(1, None)
+)
+"""Which inputs kernels read on the host."""
