@@ -31,7 +31,7 @@ class OnDevice:
         display: (width, height) of the pictures.
         precision: of what is learned.
         provider: of ONNX Runtime.
-        capture: whether the step is captured; see `Model.load`.
+        capture: see `Model.load`.
         median, p95, p99: wall time of a step, the device waited for.
         moved: bytes that a step must move: the frame, the history before and after, the picture.
     """
@@ -132,7 +132,7 @@ def measure_device(
         provider: see `Model.load`.
         ratio: display over render size.
         steps: that count, of each.
-        captures: without and with the step captured; see `Model.load`.
+        captures: each `capture` to time; see `Model.load`.
         on_step: called after each.
     """
     results = []
@@ -182,14 +182,14 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     results, copied = [OnDevice(**row) for row in record["timed"]], record["copied"]
     rows = [
-        "| display | method | precision | provider | captured | ms | p95 | p99 | MB | of a copy |",
+        "| display | method | precision | provider | capture | ms | p95 | p99 | MB | of a copy |",
         "| --- | --- | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
     ]
     for r in results:
         share = f"{r.median / (1e3 * r.moved / copied):.0f}x" if copied else "–"
-        captured = "yes" if r.capture else "no"
+        capture = "yes" if r.capture else "no"
         rows.append(
-            f"| {r.display[0]}x{r.display[1]} | {r.method} | {r.precision} | {r.provider} | {captured} "
+            f"| {r.display[0]}x{r.display[1]} | {r.method} | {r.precision} | {r.provider} | {capture} "
             f"| {r.median:.2f} | {r.p95:.2f} | {r.p99:.2f} | {1e-6 * r.moved:.0f} | {share} |"
         )
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""

@@ -91,7 +91,7 @@ class Model:
         if executor == "host" or kind not in info.steps:
             got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(names)}"
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
-            raise ArgumentError("executor", got=got, want=want)
+            raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
         graph = GraphExecutor(info, threads, names, kind, capture=capture)
         return cls(info, graph, carrier, graph.providers, threads)
 
