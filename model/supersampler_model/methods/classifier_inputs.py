@@ -41,7 +41,7 @@ INPUTS = (
 """Names of what the network may see of a pixel, (1, 1, H, W) each."""
 
 SEEN = tuple(name for name in INPUTS if name not in ("speed", "blur"))
-"""Those that it does see, sixteen: the two others give nothing (docs/methods.md)."""
+"""Those that it does see: sixteen, which are one vector of bytes for four pixels (docs/methods.md)."""
 
 AROUND = (
     "drift",  # how far past and frame are apart on the mean: their light differs
