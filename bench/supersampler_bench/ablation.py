@@ -78,7 +78,7 @@ class Ablation:
 
     Attributes:
         data: training sets.
-        folder: of the runs; a run that is there is gone on with.
+        folder: of the runs, numbered as VARIANTS; a run that is there is gone on with.
         steps: updates of each.
         workers: runs at a time, a thread each.
         names: of VARIANTS.
@@ -95,7 +95,7 @@ def run_ablation(ablation: Ablation, on_row: Callable[[Row], None]) -> list[Row]
     """Train and validate all variants, in the order of their names."""
     context = multiprocessing.get_context("spawn")
     with ProcessPoolExecutor(ablation.workers, context) as pool:
-        futures = [pool.submit(_run, ablation, name) for name in ablation.names]
+        futures = [pool.submit(run_variant, ablation, name) for name in ablation.names]
         for future in as_completed(futures):
             on_row(future.result())
         return [future.result() for future in futures]
@@ -125,15 +125,20 @@ def markdown_table(record: Record) -> str:
     return "\n".join(lines)
 
 
-def _run(ablation: Ablation, name: str) -> Row:
+def run_variant(ablation: Ablation, name: str) -> Row:
+    """Train and validate one variant, or go on with what its folder has of it.
+
+    Raises:
+        ArgumentError: the folder has the run of another variant, from before VARIANTS were changed.
+    """
     torch.set_num_threads(1)
     seed = int(name == CHANCE)
     torch.manual_seed(seed)
     folder = ablation.folder / f"{list(VARIANTS).index(name):02d}"
     folder.mkdir(parents=True, exist_ok=True)
     scored = folder / f"scored-{ablation.steps}.json"
-    if scored.exists():
-        return Row(name, **json.loads(scored.read_text(encoding="utf-8")))
+    if (known := _known(scored, name)) is not None:
+        return known
     datasets = [open_dataset(path) for path in ablation.data]
     method = VARIANTS[name]()
     plan = Plan(steps=ablation.steps, batch=BATCH, average=AVERAGE, seed=seed)
@@ -142,5 +147,14 @@ def _run(ablation: Ablation, name: str) -> Row:
         trainer.run(trainer.done + 200)
         trainer.save()
     found = validate(trainer.average.eval(), validation_entries(datasets, method.ratios))
-    write_json({"psnr": found.psnr, "tpsnr": found.tpsnr}, scored)
-    return Row(name, found.psnr, found.tpsnr)
+    row = Row(name, found.psnr, found.tpsnr)
+    write_json(vars(row), scored)
+    return row
+
+
+def _known(scored: Path, name: str) -> Row | None:
+    """Scores in a folder, if they are this variant's: numbers of folders change when VARIANTS do."""
+    if not scored.exists():
+        return None
+    known = json.loads(scored.read_text(encoding="utf-8"))
+    return Row(**known) if known.get("name") == name else None

@@ -16,19 +16,19 @@ from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
 from supersampler_bench import cli_pareto, cli_report, cli_run, cli_stress, color_video_vdp, public_shots
 from supersampler_bench.class_table import rich_class_table
+from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, listed, publish
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality
-from supersampler_bench.record import Measured, quality_record, setting, write_json
+from supersampler_bench.record import Measured, quality_record, write_json
 from supersampler_bench.report import Report, block_names
-from supersampler_bench.table import find_block, find_blocks, rich_table, update_block, update_blocks
+from supersampler_bench.table import find_blocks, rich_table, update_blocks
 
 if TYPE_CHECKING:
     from supersampler_bench.gallery import Gallery
 
 app = typer.Typer(no_args_is_help=True)
 _CACHE_HELP = "Where the test shots are kept."
-_ERRORS = Console(stderr=True, highlight=False)
 
 
 @app.callback()
@@ -84,7 +84,7 @@ def quality(
         Path | None,
         typer.Option("-o", "--output", help="Folder for curves over the frames, error heat maps, classes."),
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+    json: JSON = None,
     update: Annotated[
         list[Path] | None,
         typer.Option(help="Rewrite the tables between this Markdown file's bench marks; any number."),
@@ -114,7 +114,7 @@ def quality(
         name, opened = one.name, [(one, {})]
     for page in update or []:
         find_blocks(page, block_names(f"quality {name}"))
-    names = [method.strip() for method in methods.split(",")]
+    names = listed(methods)
     report = Report(quality_record([_measured(one, origin, names, cvvdp, gallery) for one, origin in opened]))
     if gallery is not None:
         gallery.add_means(report)
@@ -131,7 +131,7 @@ def quality(
 
 def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:
     try:
-        ratios = [float(text) for text in ratio.split(",")]
+        ratios = [float(text) for text in listed(ratio)]
     except ValueError as error:
         raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
     found = _found(cache or public_shots.default_cache(), ratios)
@@ -145,14 +145,14 @@ def _found(cache: Path, ratios: Sequence[float]) -> list[PublicShot]:
 
 def _warn_of(shots: list[PublicShot]) -> None:
     for warning in filter(None, (shot.warning() for shot in shots)):
-        _ERRORS.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+        ERRORS.print(f"warning: {warning}", style="yellow", soft_wrap=True)
 
 
 def _measured(
     shot: Shot, origin: dict[str, Any], methods: list[str], cvvdp: bool, gallery: "Gallery | None"
 ) -> Measured:
     maps = ErrorMaps(methods)
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task(shot.name, total=len(shot))
         results = measure_quality(
             shot,
@@ -179,10 +179,8 @@ def ablation(
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the runs.")],
     steps: Annotated[int, typer.Option(min=1, help="Updates of each run.")] = 800,
     workers: Annotated[int, typer.Option(min=1, help="Runs at a time, a thread each.")] = 1,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
-    ] = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Train the classifier with one choice changed at a time, briefly, and compare on validation sequences.
 
@@ -193,16 +191,11 @@ def ablation(
     """
     from supersampler_bench.ablation import Ablation, ablation_record, markdown_table, run_ablation
 
-    if update is not None:
-        find_block(update, "ablation")
+    tables = {"ablation": markdown_table}
+    check_page(update, tables)
     plan = Ablation(data=data, folder=output, steps=steps, workers=workers)
-    rows = run_ablation(plan, lambda r: _ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
-    record = {**ablation_record(rows, plan), **setting()}
-    Console().print(markdown_table(record), markup=False)
-    if json is not None:
-        write_json(record, json)
-    if update is not None:
-        update_block(update, "ablation", markdown_table(record))
+    rows = run_ablation(plan, lambda r: ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
+    publish(ablation_record(rows, plan), tables, json, update)
 
 
 @app.command()
@@ -235,7 +228,7 @@ def shots(
         found = public_shots.freeze(found, public_shots.FROZEN)
     Console().print(_hashes(found))
     _warn_of(found)
-    _ERRORS.print(f"{len(found)} shots in {folder / public_shots.NAME}")
+    ERRORS.print(f"{len(found)} shots in {folder / public_shots.NAME}")
 
 
 @app.command("product-shot")
@@ -260,7 +253,7 @@ def render(
     samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 2,
     frames: Annotated[int, typer.Option(min=3, help="Of each family and worker.")] = 6,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
+    json: JSON = None,
 ) -> None:
     """Measure how many training samples `supersampler render --gbuffers` makes in an hour, by family.
 
@@ -288,10 +281,10 @@ def _hashes(found: list[PublicShot]) -> Table:
 def _progress(text: str, total: int, done: int = 0) -> Iterator[Any]:
     """Show how far a long run is and how long it will take; yields what is called with the number done."""
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with Progress(*columns, console=_ERRORS, disable=not _ERRORS.is_terminal) as progress:
+    with Progress(*columns, console=ERRORS, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task(text, total=total, completed=done)
         try:
             yield lambda count: progress.update(task, completed=count)
         except KeyboardInterrupt:
-            _ERRORS.print("Stopped. The same command, given again, goes on.")
+            ERRORS.print("Stopped. The same command, given again, goes on.")
             raise

@@ -8,10 +8,8 @@ import typer
 from rich.console import Console
 
 from supersampler.cli.arguments import open_shot, parse_size
-from supersampler_bench.record import read_record, setting, write_json
-from supersampler_bench.table import find_block, update_blocks
-
-_ERRORS = Console(stderr=True, highlight=False)
+from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, publish
+from supersampler_bench.record import read_record
 
 
 def pareto(
@@ -22,10 +20,8 @@ def pareto(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
-    ] = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Time every setting that was scored, and draw time against error: what leads, and what is beaten.
 
@@ -42,23 +38,16 @@ def pareto(
         shots_of,
     )
 
-    if update is not None:
-        find_block(update, "pareto")
-        find_block(update, "presets")
+    tables = {"pareto": markdown_table, "presets": preset_table}
+    check_page(update, tables)
     scored, size = read_record(quality), parse_size(display_size)
-    with _ERRORS.status("timing"):
+    with ERRORS.status("timing"):
         points = measure_pareto(scored, size, threads=threads, steps=steps)
-    record = {**pareto_record(points, shots_of(scored), size, threads), **setting()}
-    tables = {"pareto": markdown_table(record), "presets": preset_table(record)}
-    Console().print("\n\n".join(tables.values()), markup=False, soft_wrap=True)
+    publish(pareto_record(points, shots_of(scored), size, threads), tables, json, update)
     if output is not None:
         from supersampler_bench.pareto_figures import draw_pareto  # needs matplotlib
 
         draw_pareto(points, f"{display_size}, {threads} threads", output)
-    if json is not None:
-        write_json(record, json)
-    if update is not None:
-        update_blocks(update, tables)
 
 
 def suggest(
@@ -81,7 +70,7 @@ def suggest(
     with resources.as_file(known) as path:
         points = points_of(read_record(path))
     opened, size = open_shot(shot), parse_size(display_size)
-    with _ERRORS.status("timing"):
+    with ERRORS.status("timing"):
         candidates = measure_candidates(opened, size, budget_ms, points, threads=threads)
     lines = [
         "| setting | ms | p95 | PSNR dB of the test shots | |",
@@ -95,6 +84,6 @@ def suggest(
     console.print("\n".join(lines), markup=False, soft_wrap=True)
     best = candidates[0]
     if not best.fits:
-        _ERRORS.print(f"nothing fits {budget_ms:g} ms; {best.spec} comes nearest: {best.p95:.1f} ms")
+        ERRORS.print(f"nothing fits {budget_ms:g} ms; {best.spec} comes nearest: {best.p95:.1f} ms")
         raise typer.Exit(1)
     console.print(f"\n{upscale_command(shot, size, best.spec, threads)}", markup=False, soft_wrap=True)

@@ -6,9 +6,8 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from supersampler_bench.cli_shared import ERRORS
 from supersampler_bench.record import read_record
-
-_ERRORS = Console(stderr=True, highlight=False)
 
 
 def tables(
@@ -60,8 +59,8 @@ def report(
 ) -> None:
     """Make one HTML page of all records: tables, figures, machine and versions, pictures side by side.
 
-    The page needs no other file and no network. With --quick it is of rough numbers of this machine, which
-    take a few minutes: quality of the shipped shot, speed, one against the other, parity, stress.
+    The page needs no other file and no network. With --quick it is of rough numbers of this machine:
+    quality of the shipped shot, speed, one against the other, parity, stress.
 
     \b
     Examples:
@@ -83,10 +82,10 @@ def report(
     records = read_records(folder)
     if not quick and "pareto" not in records and SHIPPED_PARETO.is_file():
         records["pareto"] = read_record(SHIPPED_PARETO)
-    with _ERRORS.status("drawing"):
+    with ERRORS.status("drawing"):
         write_page(output, records, folder, split_view(shipped_shot()))
     Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
 
 
 def _say(text: str) -> None:
-    _ERRORS.print(text, soft_wrap=True, markup=False)
+    ERRORS.print(text, soft_wrap=True, markup=False)

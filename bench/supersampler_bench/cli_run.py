@@ -1,8 +1,7 @@
 """`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
 
-from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 import typer
 from rich.console import Console
@@ -10,15 +9,17 @@ from rich.progress import Progress
 
 from supersampler.cli.arguments import parse_size, parse_skip
 from supersampler.errors import ArgumentError
-from supersampler.model import ExecutorName, Precision
-from supersampler_bench.record import Record, read_record, setting, write_json
-from supersampler_bench.table import find_block, update_block
-
-_ERRORS = Console(stderr=True, highlight=False)
-_JSON = Annotated[Path | None, typer.Option(help="Write all values and their setting here.")]
-_UPDATE = Annotated[
-    Path | None, typer.Option(help="Rewrite the table between this Markdown file's bench marks.")
-]
+from supersampler.model import Precision
+from supersampler_bench.cli_shared import (
+    ERRORS,
+    JSON,
+    UPDATE,
+    check_page,
+    listed,
+    parse_executors,
+    publish,
+)
+from supersampler_bench.record import read_record
 
 
 def cost(
@@ -27,8 +28,8 @@ def cost(
         typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
     ] = "classifier,classifier-small",
     display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Count the multiply-adds and parameters of networks, in their graphs.
 
@@ -37,9 +38,11 @@ def cost(
     """
     from supersampler_bench.cost import cost_record, markdown_table, measure_cost
 
+    tables = {"cost": markdown_table}
+    check_page(update, tables)
     size = parse_size(display_size)
-    record = cost_record([measure_cost(name, size) for name in _listed(methods)], size)
-    _publish("cost", record, markdown_table, json, update)
+    record = cost_record([measure_cost(name, size) for name in listed(methods)], size)
+    publish(record, tables, json, update)
 
 
 def speed(
@@ -53,8 +56,8 @@ def speed(
     skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Time a step of methods, on this machine, beside plain variance clipping in the same run.
 
@@ -65,29 +68,27 @@ def speed(
     """
     from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
 
-    if update is not None:
-        find_block(update, "speed")
-    names, kinds = _listed(methods), _listed(executors)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(executors), want="host, graph or host,graph")
-    kept = _listed(precisions)
+    tables = {"speed": markdown_table}
+    check_page(update, tables)
+    names, kinds = listed(methods), parse_executors(executors)
+    kept = listed(precisions)
     if not set(kept) <= {"auto", "fp32", "fp16", "int8"}:
         raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, fp16, int8")
-    counts = [int(text) for text in _listed(threads)]
-    displays = [parse_size(text) for text in _listed(sizes)]
-    with _ERRORS.status("timing"):
+    counts = [int(text) for text in listed(threads)]
+    displays = [parse_size(text) for text in listed(sizes)]
+    with ERRORS.status("timing"):
         results = measure_speed(
             names,
             displays,
-            [cast("ExecutorName", kind) for kind in kinds],
+            kinds,
             counts,
             precisions=[cast("Precision", kind) for kind in kept],
-            skips=[parse_skip(text) for text in _listed(skip)],
+            skips=[parse_skip(text) for text in listed(skip)],
             ratio=ratio,
             steps=steps,
         )
         limits = measure_limits()
-    _publish("speed", speed_record(results, limits, ratio), markdown_table, json, update)
+    publish(speed_record(results, limits, ratio), tables, json, update)
 
 
 def device(
@@ -102,8 +103,8 @@ def device(
     capture: Annotated[
         bool, typer.Option("--capture", help="Also with the step captured, as a CUDA graph.")
     ] = False,
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Time the graphs on a device: frames and pictures stay in its memory.
 
@@ -113,14 +114,14 @@ def device(
     from supersampler.model import Model
     from supersampler_bench.device import device_record, markdown_table, measure_copy, measure_device
 
-    if update is not None:
-        find_block(update, "device")
-    kinds = _listed(precisions)
+    tables = {"device": markdown_table}
+    check_page(update, tables)
+    kinds = listed(precisions)
     if not set(kinds) <= {"fp32", "fp16"}:
         raise ArgumentError("--precisions", got=repr(precisions), want="fp32, fp16 or both")
-    names, displays = _listed(methods), [parse_size(text) for text in _listed(sizes)]
+    names, displays = listed(methods), [parse_size(text) for text in listed(sizes)]
     wanted = [cast("Precision", kind) for kind in kinds]
-    with _ERRORS.status("timing"):
+    with ERRORS.status("timing"):
         results = measure_device(
             names,
             displays,
@@ -131,7 +132,7 @@ def device(
             captures=(False, True) if capture else (False,),
         )
         copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
-    _publish("device", device_record(results, copied, ratio), markdown_table, json, update)
+    publish(device_record(results, copied, ratio), tables, json, update)
 
 
 def skip(
@@ -142,8 +143,8 @@ def skip(
     display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Measure what skipping saves and costs, in test shots whose camera stands: rendered here, with OpenGL.
 
@@ -154,15 +155,15 @@ def skip(
     """
     from supersampler_bench.skip import frame_count, markdown_table, measure_skipping, skip_record
 
-    if update is not None:
-        find_block(update, "skip")
-    families, names, size = _listed(scenes), _listed(methods), parse_size(display_size)
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+    tables = {"skip": markdown_table}
+    check_page(update, tables)
+    families, names, size = listed(scenes), listed(methods), parse_size(display_size)
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task("frames", total=2 * len(families) * frame_count(ratio))
         results = measure_skipping(
             families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
         )
-    _publish("skip", skip_record(results, size, ratio), markdown_table, json, update)
+    publish(skip_record(results, size, ratio), tables, json, update)
 
 
 def parity(
@@ -170,8 +171,8 @@ def parity(
         str, typer.Option(help="Names of shipped models that have kernels, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
     frames: Annotated[int, typer.Option(min=10, help="That follow from one another.")] = 200,
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Hold the graph and the kernels against torch, over a long sequence that is rendered here, with OpenGL.
 
@@ -180,12 +181,12 @@ def parity(
     """
     from supersampler_bench.parity import SIZES, markdown_table, measure_parity, parity_record
 
-    if update is not None:
-        find_block(update, "parity")
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+    tables = {"parity": markdown_table}
+    check_page(update, tables)
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task("frames", total=len(SIZES) * frames)
-        results = measure_parity(_listed(methods), frames, on_frame=lambda: progress.advance(task))
-    _publish("parity", parity_record(results), markdown_table, json, update)
+        results = measure_parity(listed(methods), frames, on_frame=lambda: progress.advance(task))
+    publish(parity_record(results), tables, json, update)
 
 
 def precision(
@@ -199,8 +200,8 @@ def precision(
     frames: Annotated[int, typer.Option(min=30, help="That follow from one another.")] = 300,
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
-    json: _JSON = None,
-    update: _UPDATE = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Measure what coarser precisions cost at the end of long sequences, rendered here, with OpenGL.
 
@@ -209,21 +210,21 @@ def precision(
     """
     from supersampler_bench.precision import markdown_table, measure_precision, precision_record
 
-    if update is not None:
-        find_block(update, "precision")
-    families, size = _listed(scenes), parse_size(display_size)
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+    tables = {"precision": markdown_table}
+    check_page(update, tables)
+    families, size = listed(scenes), parse_size(display_size)
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task("frames", total=len(families) * frames)
         results = measure_precision(
             families,
-            _listed(methods),
+            listed(methods),
             size,
             frames,
             ratio=ratio,
             samples=samples,
             on_frame=lambda: progress.advance(task),
         )
-    _publish("precision", precision_record(results, size, frames, ratio), markdown_table, json, update)
+    publish(precision_record(results, size, frames, ratio), tables, json, update)
 
 
 def compare(
@@ -248,27 +249,6 @@ def compare(
     worse = [change for change in found if change.worse > above]
     Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
     better = sum(change.worse < -above for change in found)
-    _ERRORS.print(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
+    ERRORS.print(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
     if worse:
         raise typer.Exit(1)
-
-
-def _publish(
-    name: str,
-    measured: dict[str, Any],
-    markdown_table: Callable[[Record], str],
-    json: Path | None,
-    update: Path | None,
-) -> None:
-    """Print the table of what was measured; write the record to `json`, the table to the page `update`."""
-    record = {**measured, **setting()}
-    table = markdown_table(record)
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json(record, json)
-    if update is not None:
-        update_block(update, name, table)
-
-
-def _listed(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]

@@ -1,18 +1,21 @@
 """`supersampler bench stress`: what methods make of long runs and bad treatment."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated
 
 import typer
-from rich.console import Console
 from rich.progress import Progress
 
-from supersampler.errors import ArgumentError
-from supersampler.model import ExecutorName
-from supersampler_bench.record import setting, write_json
-from supersampler_bench.table import find_block, update_block
-
-_ERRORS = Console(stderr=True, highlight=False)
+from supersampler_bench.cli_shared import (
+    ERRORS,
+    JSON,
+    UPDATE,
+    Tables,
+    check_page,
+    listed,
+    parse_executors,
+    publish,
+)
 
 
 def stress(
@@ -25,10 +28,8 @@ def stress(
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for curves, and for what was measured.")
     ] = None,
-    json: Annotated[Path | None, typer.Option(help="Write all values and their setting here.")] = None,
-    update: Annotated[
-        Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
-    ] = None,
+    json: JSON = None,
+    update: UPDATE = None,
 ) -> None:
     """Run methods for long and treat them badly, and hold what happens against what they promise.
 
@@ -43,13 +44,13 @@ def stress(
     from supersampler_bench.stress.runner import chosen, measure, runs
     from supersampler_bench.stress.subjects import subjects
 
-    if update is not None:
-        for name in ("stress", "stress scenarios"):
-            find_block(update, name)  # fails now, not after minutes
-    scenarios = chosen(_listed(only) if only else [], quick=quick)
-    stressed = subjects(_listed(methods), _executors(executors))
+    scenario_block = "stress scenarios"
+    tables: Tables = {"stress": markdown_table, scenario_block: lambda _: scenario_list()}
+    check_page(update, tables)
+    scenarios = chosen(listed(only) if only else [], quick=quick)
+    stressed = subjects(listed(methods), parse_executors(executors))
     outcomes = []
-    with Progress(console=_ERRORS, transient=True, disable=not _ERRORS.is_terminal) as progress:
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(runs(scenarios, stressed)))
         try:
             for outcome in measure(scenarios, stressed, quick=quick, keep=output):
@@ -57,27 +58,9 @@ def stress(
                 progress.advance(task)
         except KeyboardInterrupt:
             if output is not None:
-                _ERRORS.print("Stopped. The same command, given again, goes on.")
+                ERRORS.print("Stopped. The same command, given again, goes on.")
             raise
     if output is not None:
         for path in draw_sheets(outcomes, output):
-            _ERRORS.print(str(path))
-    record = {**stress_record(outcomes, quick=quick), **setting()}
-    table = markdown_table(record)
-    Console().print(table, markup=False, soft_wrap=True)
-    if json is not None:
-        write_json(record, json)
-    if update is not None:
-        update_block(update, "stress", table)
-        update_block(update, "stress scenarios", scenario_list())
-
-
-def _executors(text: str) -> list[ExecutorName]:
-    kinds = _listed(text)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(text), want="host, graph or host,graph")
-    return [cast("ExecutorName", kind) for kind in kinds]
-
-
-def _listed(text: str) -> list[str]:
-    return [part.strip() for part in text.split(",")]
+            ERRORS.print(str(path))
+    publish(stress_record(outcomes, quick=quick), tables, json, update, unsaid=[scenario_block])

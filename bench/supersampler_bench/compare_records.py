@@ -88,9 +88,14 @@ def _identity(item: Mapping[str, Any]) -> str:
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             said.append(str(value))
-        elif isinstance(value, list) and all(isinstance(part, int) for part in value):
+        elif _is_size(value):
             said.append("x".join(map(str, value)))
     return " ".join(said)
+
+
+def _is_size(value: Any) -> bool:
+    """Whether it is (width, height): longer lists, of frames, say, tell no row from another."""
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(part, int) for part in value)
 
 
 def _direction(path: Sequence[str]) -> float:

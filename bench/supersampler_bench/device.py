@@ -16,10 +16,7 @@ from supersampler.frame import Size
 from supersampler.graph_session import frame_inputs
 from supersampler.model import Precision
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.speed import frames_of, measure_limits
-
-WARM_UP = 4
-COPIED = 1 << 28  # bytes; several times what caches hold
+from supersampler_bench.speed import COPIED, WARM_UP, frames_of, measure_limits
 
 
 @dataclass(frozen=True)
@@ -67,18 +64,15 @@ class _Runner:
         self._display = display
         self._upscaler = Upscaler(self._model, display_size=display, validate="off")
         images = [tensor.name for tensor in self._model.info.inputs if len(tensor.shape) == 4]
-        self._frames = itertools.cycle(
-            [
-                (frame, {name: _placed(array, device) for name, array in given.items()})
-                for frame in frames
-                for given in [frame_inputs(frame, display, images)]
-            ]
-        )
+        placed = []
+        for frame in frames:
+            given = frame_inputs(frame, display, images)
+            placed.append((frame, {name: _placed(array, device) for name, array in given.items()}))
+        self._frames = itertools.cycle(placed)
         size = (1, 3, *display[::-1])
         self._image = ort.OrtValue.ortvalue_from_shape_and_type(list(size), np.float32, device, 0)
-        first = frame_inputs(frames[0], display, images)
         history = self._model.plan(frames[0].size, display).history_bytes
-        self._moved = sum(array.nbytes for array in first.values()) + history + 4 * int(np.prod(size))
+        self._moved = sum(array.nbytes for array in given.values()) + history + 4 * int(np.prod(size))
         self._wall: list[float] = []
         for _ in range(WARM_UP):
             self.step()

@@ -5,16 +5,15 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from supersampler.compare import false_color
-from supersampler.files import replacing
 from supersampler.frame import Array, Float32
 from supersampler_bench.confusion import GROUPS, Counts, overlap, shares
 from supersampler_bench.error_maps import ErrorMaps
+from supersampler_bench.png import save_png
 from supersampler_bench.scores import BORDER, FRAME_METRICS, WARM_UP_FRAMES, MethodScores
 from supersampler_bench.table import CLIP_COLUMNS, COLUMNS, Column
 
@@ -46,7 +45,7 @@ def draw_curves(title: str, results: Sequence[MethodScores], path: Path) -> None
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 7))
     figure.suptitle(f"{title}: without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded")
-    _save(figure, path)
+    save_png(figure, path)
 
 
 def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
@@ -78,7 +77,7 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
     for column, image in zip((1, 2), shown, strict=True):
         figure.colorbar(image, ax=panels[:, column], location="bottom", fraction=0.02, pad=0.01, extend="max")
     figure.suptitle(f"{title}: LDR-FLIP, in the frame in which all err the most, and on average")
-    _save(figure, path)
+    save_png(figure, path)
 
 
 def draw_classes(title: str, told: Sequence[tuple[str, Counts]], path: Path) -> None:
@@ -96,7 +95,7 @@ def draw_classes(title: str, told: Sequence[tuple[str, Counts]], path: Path) -> 
             _draw_matrix(axes, names, matrix)
             axes.set_title(f"{method}: {group}", fontsize="medium")
     figure.suptitle(title)
-    _save(figure, path)
+    save_png(figure, path)
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
@@ -133,8 +132,3 @@ def _curve(column: Column, result: MethodScores) -> tuple[NDArray[np.intp], Arra
         return np.array(list(values), np.intp), np.array(list(values.values()))
     numbers = np.arange(min(values), max(values) + 1)
     return numbers, np.array([values.get(int(n), np.nan) for n in numbers])
-
-
-def _save(figure: Figure, path: Path) -> None:
-    with replacing(path) as partial:
-        FigureCanvasAgg(figure).print_png(partial)  # type: ignore[no-untyped-call]

@@ -242,8 +242,3 @@ def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
     """Points of the ratio that is nearest."""
     groups = by_ratio(points)
     return groups[min(groups, key=lambda known: abs(known - ratio))]
-
-
-def timed_again(points: Sequence[Point], milliseconds: Mapping[Spec, float]) -> list[Point]:
-    """The same points with other times; those without one are left out."""
-    return [replace(p, milliseconds=milliseconds[p.spec]) for p in points if p.spec in milliseconds]

@@ -4,12 +4,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from supersampler.files import replacing
 from supersampler_bench.pareto import METRICS, Metric, Point, by_ratio, frontier
+from supersampler_bench.png import save_png
 
 _GREY = "0.65"
 
@@ -46,8 +45,7 @@ def _draw(points: Sequence[Point], metric: Metric, title: str, path: Path) -> No
         axes.remove()
     better = "up" if metric.higher else "down"
     figure.suptitle(f"{title}: {metric.heading} ({better} and left is better)")
-    with replacing(path) as partial:
-        FigureCanvasAgg(figure).print_png(partial)  # type: ignore[no-untyped-call]
+    save_png(figure, path)
 
 
 def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Metric) -> None:

@@ -15,8 +15,8 @@ from supersampler.model import ExecutorName, Precision
 from supersampler.model_info import find_model, read_model_info
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
+from supersampler_bench.rendered_frame import rendered_frame
 from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.method import Method
@@ -135,10 +135,8 @@ def _sequence(render: Size, display: Size, frames: int) -> Iterator[Frame]:
     sequence = make_sequence(spec)
     renderer = Renderer(display, samples=1)
     for index in range(frames):
-        scene = sequence.scene(index)
         jitter = halton_jitter(index, display[0] / render[0])
-        color, surfaces = renderer.frame(scene, render, jitter=jitter)
-        yield frame_of(color, surfaces, None, jitter=jitter, exposure=scene.camera.exposure)
+        yield rendered_frame(renderer, sequence.scene(index), render, jitter)
 
 
 def parity_record(results: Sequence[Apart]) -> dict[str, Any]:

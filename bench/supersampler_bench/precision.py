@@ -13,8 +13,8 @@ from supersampler.model import Precision
 from supersampler_bench.metrics import psnr, tpsnr
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
+from supersampler_bench.rendered_frame import rendered_frame
 from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
@@ -108,12 +108,10 @@ def _frames(
     size = render_size(renderer.display_size, ratio)
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
-        color, surfaces = renderer.frame(scene, size, jitter=jitter)
-        exposure = scene.camera.exposure
-        frame = frame_of(color, surfaces, None, jitter=jitter, reset=sequence.cut(index), exposure=exposure)
+        frame = rendered_frame(renderer, scene, size, jitter, reset=sequence.cut(index))
         known = index >= count - SCORED
         truth = renderer.reference(scene).color if known else None
-        yield frame, None if truth is None else display_transform(truth, exposure)
+        yield frame, None if truth is None else display_transform(truth, scene.camera.exposure)
 
 
 def precision_record(results: Sequence[Scored], display: Size, frames: int, ratio: float) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Everything measured briefly on this machine: rough numbers, in a few minutes."""
+"""Everything measured briefly on this machine: rough numbers."""
 
 import time
 from collections.abc import Callable, Mapping

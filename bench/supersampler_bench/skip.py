@@ -14,9 +14,8 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.model import Skip
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record, machine_name
+from supersampler_bench.rendered_frame import rendered_frame
 from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.rendered import frame_of
-from supersampler_model.data.scene import Scene
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
@@ -122,12 +121,7 @@ def _frames(renderer: Renderer, family: str, ratio: float, *, time_stands: bool)
         scene = sequence.scene(index)
         if index >= count - SCORED and (truth is None or not time_stands):
             truth = renderer.reference(scene).color
-        yield _frame(renderer, scene, size, halton_jitter(index, ratio)), truth
-
-
-def _frame(renderer: Renderer, scene: Scene, size: Size, jitter: tuple[float, float]) -> Frame:
-    color, surfaces = renderer.frame(scene, size, jitter=jitter)
-    return frame_of(color, surfaces, None, jitter=jitter, reset=False, exposure=scene.camera.exposure)
+        yield rendered_frame(renderer, scene, size, halton_jitter(index, ratio)), truth
 
 
 def _skipped(scene: str, time_stands: bool, method: str, runners: Sequence[_Runner]) -> Skipped:

@@ -4,10 +4,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from supersampler.files import replacing
+from supersampler_bench.png import save_png
 from supersampler_bench.speed import Timed
 
 
@@ -35,8 +34,7 @@ def draw_speed(results: Sequence[Timed], path: Path) -> None:
         axes.remove()
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    with replacing(path) as partial:
-        FigureCanvasAgg(figure).print_png(partial)  # type: ignore[no-untyped-call]
+    save_png(figure, path)
 
 
 def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> None:

@@ -48,6 +48,15 @@ def test_a_lower_psnr_is_worse_by_decibels_and_a_longer_step_by_its_share() -> N
     assert before["timed"][3]["setting"]["method"] in first.what
 
 
+def test_rows_are_told_apart_by_sizes_and_names_and_not_by_which_frames_have_references() -> None:
+    before = record("quality-plaza")
+    after = copy.deepcopy(before)
+    after["shots"][0]["reference_frames"].pop()
+    found = changes(before, after)
+    assert found
+    assert found[0].what.startswith("plaza 32 320x180 640x360 truth classes, bilinear, ")
+
+
 def test_records_of_different_benches_are_refused() -> None:
     with pytest.raises(ArgumentError, match="speed"):
         changes(record("parity"), record("speed"))

@@ -231,5 +231,17 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "| scenario | figure | at most | taa host | taa graph | bilinear graph |" in page.read_text()
     assert "| threads | One thread, two, three, five:" in page.read_text()
+    assert "| threads | apart |" in result.output
+    assert "One thread, two, three, five:" not in result.output, "what is done is for the page"
     assert '"outcomes"' in (tmp_path / "stress.json").read_text()
     assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000
+
+
+def test_a_page_that_lacks_one_of_the_blocks_is_refused_before_anything_runs(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- bench:stress -->\n<!-- /bench -->\n")
+    result = CliRunner().invoke(
+        app, ["stress", "--only", "threads", "-o", str(tmp_path / "out"), "--update", str(page)]
+    )
+    assert "0 blocks of 'stress scenarios'" in str(result.exception)
+    assert not (tmp_path / "out").exists()

@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure as Sheet
 from matplotlib.ticker import MaxNLocator
 
-from supersampler.files import replacing
+from supersampler_bench.png import save_png
 from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
 from supersampler_bench.stress.scenario import Figure, Scenario
@@ -140,8 +139,7 @@ def _draw_sheet(scenarios: Sequence[Scenario], outcomes: Sequence[Outcome], path
         axes.remove()
     handles = {str(line.get_label()): line for axes in sheet.axes for line in axes.lines}
     sheet.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6, fontsize="small")
-    with replacing(path) as partial:
-        FigureCanvasAgg(sheet).print_png(partial)  # type: ignore[no-untyped-call]
+    save_png(sheet, path)
 
 
 def _draw_panel(axes: Axes, scenario: Scenario, outcomes: Sequence[Outcome], methods: Sequence[str]) -> None:

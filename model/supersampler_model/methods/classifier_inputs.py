@@ -41,7 +41,7 @@ INPUTS = (
 """Names of what the network may see of a pixel, (1, 1, H, W) each."""
 
 SEEN = tuple(name for name in INPUTS if name not in ("speed", "blur"))
-"""Those that it does see, sixteen: the two others give nothing (docs/methods.md)."""
+"""Those that it does see: sixteen, which are one vector of bytes for four pixels (docs/methods.md)."""
 
 AROUND = (
     "drift",  # how far past and frame are apart on the mean: their light differs
@@ -49,12 +49,11 @@ AROUND = (
 )
 """Names of what it may see of a neighbourhood of about ten pixels, (1, 1, H / 2, W / 2) each."""
 
-CountCode = Literal["saturating", "logarithm", "linear"]
-MOST = 64.0  # samples that the others than the first reach 1 at
+CountCode = Literal["saturating", "logarithm"]
+MOST = 64.0  # samples that the logarithm reaches 1 at
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
     "saturating": lambda count: count / (count + 4.0),
     "logarithm": lambda count: (1.0 + count).log() / math.log1p(MOST),
-    "linear": lambda count: count / MOST,
 }
 """What the network sees of a count of samples."""
 

@@ -9,9 +9,6 @@ TILE = 32
 SAMPLES = 16
 """Samples of a side of the tiles that a frame is compared in with what it was."""
 
-LONGEST, FAR = 3e38, 1e6
-"""Of motion, in pixels: what is no number, or more than that, is none; where it may lead at most."""
-
 TAA_PIXEL = 3
 """Values of a pixel that go from frame to frame: linear RGB."""
 TAA_PLANES = 5

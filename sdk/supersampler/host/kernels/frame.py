@@ -13,7 +13,7 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
-from supersampler.host.layout import FAR, LONGEST, PAD
+from supersampler.host.layout import PAD
 from supersampler.host.shuffles import rows4, transposed, zipped
 from supersampler.host.vector import (
     absolute,
@@ -29,6 +29,8 @@ from supersampler.host.vector import (
 )
 
 DARKEST = 1e-4
+LONGEST, FAR = 3e38, 1e6
+"""Of motion, in pixels: what is no number, or more than that, is none; where it may lead at most."""
 
 
 @njit

@@ -3,8 +3,9 @@
 import numpy as np
 from numba import njit
 
+from supersampler.host.kernels.frame import LONGEST
 from supersampler.host.kernels.types import Floats, Words
-from supersampler.host.layout import LONGEST, SAMPLES, TILE
+from supersampler.host.layout import SAMPLES, TILE
 from supersampler.host.vector import (
     absolute,
     all_lanes,
