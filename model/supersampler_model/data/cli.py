@@ -27,6 +27,9 @@ def render(
     frames: Annotated[int, typer.Option(help="Frames of each.")] = 25,
     size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
     ratios: Annotated[str, typer.Option(help="Display over render size, drawn from these.")] = "1,1.5,2,3,4",
+    also: Annotated[
+        str, typer.Option(help="Draw every sequence at these ratios, too; references are shared.")
+    ] = "",
     samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
     gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
     gltf: Annotated[
@@ -43,7 +46,7 @@ def render(
 ) -> None:
     """Render OUT, a training set: frames, references of many samples a pixel, and labels, split by scene.
 
-    A run that was stopped goes on when the same command is given again.
+    A run that was stopped goes on when the same command is given again; --also may be added then.
 
     With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
     rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
@@ -52,6 +55,7 @@ def render(
     Examples:
       supersampler render data --sequences 60 --frames 25 --workers 2
       supersampler render data --scenes fences,floors --show-labels
+      supersampler render data --gbuffers --also 2,4
       supersampler render data --gltf my/scenes --gltf-share 0.3
     """
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
@@ -69,19 +73,29 @@ def render(
     )
     console = Console(stderr=True, highlight=False)
     dataset = create_dataset(output, plan_sequences(plan))
-    total = sum(entry.spec.frames for entry in dataset.entries())
-    done = sum(dataset.complete(entry) for entry in dataset.entries())
+    turns = [None, *_others(also)]
+    sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]
+    total = len(turns) * sum(entry.spec.frames for entry in dataset.entries())
+    done = sum(drawn.complete(entry) for drawn in sets for entry in drawn.entries())
     columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=console, disable=not console.is_terminal) as progress:
             task = progress.add_task("", total=total, completed=done)
-            render_dataset(dataset, workers=workers, on_frame=lambda: progress.advance(task))
+            for ratio in turns:
+                render_dataset(dataset, ratio=ratio, workers=workers, on_frame=lambda: progress.advance(task))
     except KeyboardInterrupt:
         console.print("Stopped. The same command, given again, goes on.")
         raise typer.Exit(130) from None
     if show_labels:
         write_sheet(dataset, output / "labels")
     console.print(f"{total} frames of {size_text(dataset.description.display_size)} in {output}")
+
+
+def _others(also: str) -> list[float]:
+    ratios = _numbers("--also", also) if also else []
+    if ratios and min(ratios) < 1.0:
+        raise ArgumentError("--also", got=also, want="ratios of at least 1.0")
+    return ratios
 
 
 def _numbers(name: str, text: str) -> list[float]:

@@ -9,7 +9,7 @@ import pytest
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
-from supersampler import ArgumentError, Upscaler, display_transform
+from supersampler import ArgumentError, Upscaler, display_transform, halton_jitter
 from supersampler_model.data.camera import Camera
 from supersampler_model.data.dataset import (
     Dataset,
@@ -84,6 +84,37 @@ def test_what_was_drawn_is_read_again(tmp_path: Path, small_renderer: Renderer) 
     np.testing.assert_array_equal(frames[1].depth, again.render.depth)
     np.testing.assert_allclose(frames[1].motion, again.render.motion, rtol=1e-3, atol=1e-3)
     np.testing.assert_allclose(frames[1].reference, again.reference.color, rtol=1e-3, atol=1e-4)
+
+
+def test_sequences_drawn_at_another_ratio_share_what_is_of_display_size(
+    tmp_path: Path, small_renderer: Renderer
+) -> None:
+    dataset, entry = rendered(tmp_path, small_renderer, gbuffers=True)
+    at = dataset.at(4.0)
+    [fourth] = at.entries()
+    assert at.complete(fourth) == 0
+    render_sequence(at, fourth, small_renderer)
+    assert (at.complete(fourth), dataset.complete(entry)) == (FRAMES, FRAMES)
+    frame, own = at.read(fourth, 1), dataset.read(entry, 1)
+    np.testing.assert_array_equal(frame.reference, own.reference)
+    again = small_renderer.render(YardSequence(entry.spec).scene(1), (24, 14), jitter=frame.jitter)
+    np.testing.assert_array_equal(frame.color, again.color)
+    assert frame.jitter == halton_jitter(1, 4.0)
+    assert own.gbuffer is None
+    assert frame.gbuffer is not None
+    np.testing.assert_allclose(frame.gbuffer["base_color"] / 255.0, again.render.base_color, atol=0.003)
+    assert frame.frame().gbuffer_display is not None
+
+
+def test_another_ratio_is_not_drawn_of_scenes_that_have_changed(
+    tmp_path: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dataset, _ = rendered(tmp_path, small_renderer)
+    at = dataset.at(4.0)
+    monkeypatch.setattr(YardSequence, "scene", lambda _, index: Yard(2).scene(index + 20))
+    with pytest.raises(DatasetError, match="shows something else than is drawn now"):
+        render_sequence(at, at.entries()[0], small_renderer)
+    assert at.complete(at.entries()[0]) == 0
 
 
 def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(

@@ -40,6 +40,19 @@ def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp
     assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
 
 
+def test_a_set_is_drawn_at_other_ratios_when_they_are_asked_for_later(tmp_path: Path) -> None:
+    options = ("--scenes", "floors", "--sequences", "1", *SMALL)
+    assert render(tmp_path, *options).exit_code == 0
+    before = dict.fromkeys(tmp_path.rglob("*.safetensors"))
+    answer = render(tmp_path, *options, "--also", "2,4")
+    assert answer.exit_code == 0, answer.output
+    names = sorted(path.name for path in set(tmp_path.rglob("*.safetensors")) - set(before))
+    assert names == [f"000{i}.{r}x.safetensors" for i in range(2) for r in (2, 4)]
+    answer = render(tmp_path, *options, "--also", "0.5")
+    assert answer.exit_code == 1
+    assert "--also" in answer.output
+
+
 def test_a_disk_that_refuses_is_one_line_and_the_next_run_goes_on(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     out = tmp_path / "set"

@@ -2,12 +2,12 @@
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
 from supersampler.files import replacing
-from supersampler_model.data.dataset.frame_file import TrainingFrame, read_training_frame
+from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec
 
@@ -80,19 +80,37 @@ class Description:
 
 
 class Dataset:
-    """A training set on disk, as far as it is rendered."""
+    """A training set on disk, as far as it is rendered.
 
-    def __init__(self, folder: Path, description: Description) -> None:
-        self.folder, self.description = folder, description
+    Args:
+        folder: where it is.
+        description: what it is to hold.
+        own: the set whose references and labels this one shares, its sequences drawn anew at another ratio;
+            None draws its own.
+    """
+
+    def __init__(self, folder: Path, description: Description, *, own: "Dataset | None" = None) -> None:
+        self.folder, self.description, self.own = folder, description, own
+
+    def at(self, ratio: float) -> "Dataset":
+        """Return the same set with all sequences at one ratio, and with G-buffers of render size."""
+        sequences = tuple(replace(entry, ratio=ratio) for entry in self.description.sequences)
+        return Dataset(self.folder, replace(self.description, sequences=sequences), own=self)
 
     def path(self, entry: SequenceEntry, index: int) -> Path:
         """File of one frame, there or not."""
         return self.folder / entry.folder / f"{index:04d}.safetensors"
 
+    def drawn_path(self, entry: SequenceEntry, index: int) -> Path | None:
+        """File of what was drawn anew; None where nothing was."""
+        suffix = f".{entry.ratio:g}x.safetensors"
+        return None if self.own is None else self.path(entry, index).with_suffix(suffix)
+
     def complete(self, entry: SequenceEntry) -> int:
         """How many frames from the first on are there."""
         for index in range(entry.spec.frames):
-            if not self.path(entry, index).exists():
+            drawn = self.drawn_path(entry, index)
+            if not self.path(entry, index).exists() or not (drawn is None or drawn.exists()):
                 return index
         return entry.spec.frames
 
@@ -106,7 +124,8 @@ class Dataset:
         Raises:
             DatasetError: it is not there, or damaged.
         """
-        return read_training_frame(self.path(entry, index))
+        frame, drawn = read_training_frame(self.path(entry, index)), self.drawn_path(entry, index)
+        return frame if drawn is None else replace(frame, **read_drawn(drawn)._asdict())
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
         """The frames of a sequence that are there, in order."""

@@ -2,9 +2,10 @@
 
 import json
 import mmap
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +17,7 @@ from supersampler_model.data.errors import DatasetError
 
 _TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
 _STORED = {"color": "F16", "depth": "F32", "motion": "F16", "reference": "F16", "ghost": "U8", "alias": "U8"}
-_DISPLAY = "display."
+_DISPLAY, _RENDER = "display.", "render."
 _BYTES = ("base_color", "roughness", "metallic", "specular")  # in [0, 1]; eight bits, as engines store them
 
 
@@ -37,6 +38,7 @@ class TrainingFrame:
         ghost, alias: (H, W) uint8 classes, `labels.Ghost` and `labels.Alias`.
         gbuffer_display: at display size, by name: `normal` float16, `depth` float32, the others uint8 of
             [0, 1]; None where the set has none.
+        gbuffer: the same at render size, without depth; None where the frame was not drawn anew at a ratio.
     """
 
     color: NDArray[np.float16]
@@ -49,12 +51,10 @@ class TrainingFrame:
     ghost: NDArray[np.uint8]
     alias: NDArray[np.uint8]
     gbuffer_display: dict[str, NDArray[Any]] | None = None
+    gbuffer: dict[str, NDArray[Any]] | None = None
 
     def frame(self) -> Frame:
         """Return the `Frame` that an `Upscaler` steps on."""
-        buffers = self.gbuffer_display
-        if buffers is not None:
-            buffers = {n: a.astype(np.float32) / 255.0 if n in _BYTES else a for n, a in buffers.items()}
         return Frame(
             color=self.color,
             depth=self.depth,
@@ -62,8 +62,16 @@ class TrainingFrame:
             jitter=self.jitter,
             reset=self.reset,
             exposure=self.exposure,
-            gbuffer_display=buffers,
+            gbuffer=unit_range(self.gbuffer),
+            gbuffer_display=unit_range(self.gbuffer_display),
         )
+
+
+def unit_range(buffers: dict[str, NDArray[Any]] | None) -> dict[str, NDArray[Any]] | None:
+    """Return bytes as the numbers in [0, 1] that they stand for."""
+    if buffers is None:
+        return None
+    return {n: a.astype(np.float32) / 255.0 if n in _BYTES else a for n, a in buffers.items()}
 
 
 def write_training_frame(path: Path, frame: TrainingFrame) -> None:
@@ -72,17 +80,9 @@ def write_training_frame(path: Path, frame: TrainingFrame) -> None:
     Raises:
         OSError: the disk refused.
     """
-    tensors = {name: getattr(frame, name).astype(_TYPES[kind], copy=False) for name, kind in _STORED.items()}
-    for name, array in (frame.gbuffer_display or {}).items():
-        stored = _rounded(array) if name in _BYTES and array.dtype != np.uint8 else array
-        tensors[_DISPLAY + name] = stored
-    numbers = {"jitter": frame.jitter, "reset": frame.reset, "exposure": frame.exposure}
-    content = save(
-        {name: np.ascontiguousarray(array) for name, array in tensors.items()},
-        metadata={"frame": json.dumps(numbers)},  # in one entry: safetensors keeps no order of several
-    )
-    with replacing(path) as partial:
-        partial.write_bytes(content)
+    tensors = {name: getattr(frame, name) for name in _STORED}
+    tensors |= _rounded(_DISPLAY, frame.gbuffer_display or {})
+    _write(path, tensors, {"jitter": frame.jitter, "reset": frame.reset, "exposure": frame.exposure})
 
 
 def read_training_frame(path: Path) -> TrainingFrame:
@@ -91,6 +91,66 @@ def read_training_frame(path: Path) -> TrainingFrame:
     Raises:
         DatasetError: the file is missing, cut off, or lacks a tensor.
     """
+    tensors, numbers = _read(path)
+    display = _split_off(_DISPLAY, tensors)
+    try:
+        return TrainingFrame(**tensors, **numbers, gbuffer_display=display or None)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise _damaged(path, error) from error
+
+
+class Drawn(NamedTuple):
+    """What differs of a frame that is drawn at another ratio; see `TrainingFrame`."""
+
+    color: NDArray[np.float16]
+    depth: NDArray[np.float32]
+    motion: NDArray[np.float16]
+    jitter: tuple[float, float]
+    gbuffer: dict[str, NDArray[Any]]
+
+
+def write_drawn(path: Path, drawn: Drawn) -> None:
+    """Write what differs, in one piece or not at all.
+
+    Raises:
+        OSError: the disk refused.
+    """
+    tensors = {name: getattr(drawn, name) for name in ("color", "depth", "motion")}
+    _write(path, tensors | _rounded(_RENDER, drawn.gbuffer), {"jitter": drawn.jitter})
+
+
+def read_drawn(path: Path) -> Drawn:
+    """Map what differs into memory.
+
+    Raises:
+        DatasetError: the file is missing, cut off, or lacks a tensor.
+    """
+    tensors, numbers = _read(path)
+    gbuffer = _split_off(_RENDER, tensors)
+    try:
+        return Drawn(**tensors, **numbers, gbuffer=gbuffer)  # type: ignore[arg-type]
+    except TypeError as error:
+        raise _damaged(path, error) from error
+
+
+def _split_off(prefix: str, tensors: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """Take the tensors whose names begin so out of `tensors`."""
+    return {n.removeprefix(prefix): tensors.pop(n) for n in list(tensors) if n.startswith(prefix)}
+
+
+def _write(path: Path, tensors: dict[str, NDArray[Any]], numbers: dict[str, Any]) -> None:
+    kinds = {name: _TYPES[_STORED[name]] for name in tensors if name in _STORED}
+    stored = {name: a.astype(kinds[name], copy=False) if name in kinds else a for name, a in tensors.items()}
+    content = save(
+        {name: np.ascontiguousarray(array) for name, array in stored.items()},
+        metadata={"frame": json.dumps(numbers)},  # in one entry: safetensors keeps no order of several
+    )
+    with replacing(path) as partial:
+        partial.write_bytes(content)
+
+
+def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Tensors, mapped, and the numbers beside them."""
     try:
         with path.open("rb") as file:
             mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
@@ -98,14 +158,14 @@ def read_training_frame(path: Path) -> TrainingFrame:
         header = json.loads(mapped[8 : 8 + length])
         numbers = json.loads(header.pop("__metadata__")["frame"])
         tensors = {name: _view(mapped, 8 + length, entry) for name, entry in header.items()}
-        display = {n.removeprefix(_DISPLAY): tensors.pop(n) for n in list(tensors) if n.startswith(_DISPLAY)}
-        content: dict[str, Any] = {**tensors, **numbers, "jitter": tuple(numbers["jitter"])}
-        return TrainingFrame(**content, gbuffer_display=display or None)
+        return tensors, numbers | {"jitter": tuple(numbers["jitter"])}
     except (OSError, ValueError, KeyError, TypeError) as error:
-        hint = "Delete it and render again: what is complete is kept."
-        raise DatasetError(
-            path, f"not a whole training frame ({type(error).__name__}: {error})", hint
-        ) from error
+        raise _damaged(path, error) from error
+
+
+def _damaged(path: Path, error: Exception) -> DatasetError:
+    hint = "Delete it and render again: what is complete is kept."
+    return DatasetError(path, f"not a whole training frame ({type(error).__name__}: {error})", hint)
 
 
 def _view(mapped: mmap.mmap, start: int, entry: dict[str, Any]) -> NDArray[Any]:
@@ -117,6 +177,12 @@ def _view(mapped: mmap.mmap, start: int, entry: dict[str, Any]) -> NDArray[Any]:
     return flat.reshape(entry["shape"])
 
 
-def _rounded(values: NDArray[Any]) -> NDArray[np.uint8]:
-    """[0, 1] to 0..255."""
+def _rounded(prefix: str, buffers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
+    """G-buffers as they are stored, [0, 1] as 0..255."""
+    return {prefix + name: _bytes(array) if name in _BYTES else array for name, array in buffers.items()}
+
+
+def _bytes(values: NDArray[Any]) -> NDArray[np.uint8]:
+    if values.dtype == np.uint8:
+        return values
     return (np.clip(values.astype(np.float32), 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)

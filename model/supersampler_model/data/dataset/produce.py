@@ -6,11 +6,20 @@ import numpy as np
 
 from supersampler import halton_jitter
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry
-from supersampler_model.data.dataset.frame_file import TrainingFrame, write_training_frame
+from supersampler_model.data.dataset.frame_file import (
+    Drawn,
+    TrainingFrame,
+    write_drawn,
+    write_training_frame,
+)
+from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import LabelThresholds, label
 from supersampler_model.data.rendered import Rendered
 from supersampler_model.data.sequences import Sequence, make_sequence
+
+SAME = 0.01
+"""Mean difference, of the mean, of two drivers' pictures of one frame: rasterisers round differently."""
 
 
 def render_sequence(
@@ -23,6 +32,8 @@ def render_sequence(
 ) -> None:
     """Render the frames of `entry` that are not there yet.
 
+    Of a set at one ratio (`Dataset.at`), what differs is drawn beside the frames, which must be there.
+
     Args:
         dataset: where they go.
         entry: which sequence.
@@ -32,9 +43,13 @@ def render_sequence(
 
     Raises:
         OSError: the disk refused; all frames before are whole.
+        DatasetError: the scenes have changed since what is there was drawn.
     """
     first = dataset.complete(entry)
     if first == entry.spec.frames:
+        return
+    if dataset.own is not None:
+        _draw_again(dataset, entry, renderer, on_frame)
         return
     sequence = make_sequence(entry.spec)
     before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))  # by an earlier run, if at all
@@ -58,6 +73,36 @@ def render_sequence(
         write_training_frame(dataset.path(entry, index), frame)
         before = rendered
         on_frame()
+
+
+def _draw_again(
+    dataset: Dataset, entry: SequenceEntry, renderer: Renderer, on_frame: Callable[[], None]
+) -> None:
+    """Draw what differs at the ratio of `entry`, after the frames that are there."""
+    sequence, size = make_sequence(entry.spec), entry.render_size(dataset.description.display_size)
+    _check_same_pictures(dataset, entry, sequence, renderer)
+    for index in range(dataset.complete(entry), entry.spec.frames):
+        jitter = halton_jitter(index, entry.ratio)
+        color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
+        motion = surfaces.motion.astype(np.float16)
+        path = dataset.drawn_path(entry, index)
+        assert path is not None  # noqa: S101 - the caller has seen to it
+        write_drawn(path, Drawn(color, surfaces.depth, motion, jitter, surfaces.gbuffer()))
+        on_frame()
+
+
+def _check_same_pictures(
+    dataset: Dataset, entry: SequenceEntry, sequence: Sequence, renderer: Renderer
+) -> None:
+    """Raise a DatasetError where the references that are there are not of what is drawn now."""
+    assert dataset.own is not None  # noqa: S101 - the caller has seen to it
+    own = next(e for e in dataset.own.entries() if e.folder == entry.folder)
+    size = own.render_size(dataset.description.display_size)
+    there = dataset.own.read(own, 0).color.astype(np.float32)
+    now, _ = renderer.frame(sequence.scene(0), size, jitter=halton_jitter(0, own.ratio))
+    if float(np.abs(now - there).mean()) > SAME * float(there.mean()):
+        hint = "Render a new set: scenes, or what draws them, have changed since this one was rendered."
+        raise DatasetError(dataset.path(own, 0), "shows something else than is drawn now", hint)
 
 
 def _rendered(

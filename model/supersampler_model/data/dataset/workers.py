@@ -1,6 +1,6 @@
 """Render a set with several processes, a sequence at a time."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
@@ -12,12 +12,17 @@ from supersampler_model.data.processes import OnFrame, run_parts
 
 
 def render_dataset(
-    dataset: Dataset, *, workers: int = 1, on_frame: Callable[[], None] = lambda: None
+    dataset: Dataset,
+    *,
+    ratio: float | None = None,
+    workers: int = 1,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> None:
     """Render all frames that are not there yet.
 
     Args:
         dataset: what to complete.
+        ratio: at which all sequences are drawn anew; None draws the set itself.
         workers: processes; software OpenGL draws with cores / workers threads in each.
         on_frame: called after each frame, in this process.
 
@@ -26,14 +31,16 @@ def render_dataset(
             stays, and a next run goes on.
     """
     remove_partial_files(dataset.folder)
-    todo = [i for i, e in enumerate(dataset.description.sequences) if dataset.complete(e) < e.spec.frames]
+    at = dataset if ratio is None else dataset.at(ratio)
+    todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
     shares = [todo[k::workers] for k in range(min(workers, len(todo)))]
-    run_parts([partial(_render, dataset.folder, share) for share in shares], on_frame=on_frame)
+    run_parts([partial(_render, dataset.folder, ratio, share) for share in shares], on_frame=on_frame)
 
 
-def _render(folder: Path, indices: list[int], on_frame: OnFrame) -> None:
+def _render(folder: Path, ratio: float | None, indices: Sequence[int], on_frame: OnFrame) -> None:
     """Render some sequences in this process."""
     dataset = open_dataset(folder)
+    dataset = dataset if ratio is None else dataset.at(ratio)
     description = dataset.description
     renderer = Renderer(description.display_size, samples=description.samples)
     for index in indices:
