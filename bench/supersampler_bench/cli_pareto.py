@@ -13,7 +13,9 @@ from supersampler_bench.record import read_record
 
 
 def pareto(
-    quality: Annotated[Path, typer.Argument(help="A file of `bench quality test-shots --json`.")],
+    quality: Annotated[
+        list[Path], typer.Argument(help="Files of `bench quality test-shots --json`, of any ratios.")
+    ],
     display_size: Annotated[str, typer.Option(help="Of the pictures that are timed.")] = "960x540",
     threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 20,
@@ -28,7 +30,7 @@ def pareto(
     Quiet machines measure well: nothing else should run.
 
     Example:
-      supersampler bench pareto bench/results/quality-test-shots.json -o docs/images --update docs/pareto.md
+      supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images --update docs/pareto.md
     """
     from supersampler_bench.pareto import (
         markdown_table,
@@ -40,10 +42,10 @@ def pareto(
 
     tables = {"pareto": markdown_table, "presets": preset_table}
     check_page(update, tables)
-    scored, size = read_record(quality), parse_size(display_size)
+    scored, size = [read_record(path) for path in quality], parse_size(display_size)
     with ERRORS.status("timing"):
         points = measure_pareto(scored, size, threads=threads, steps=steps)
-    publish(pareto_record(points, shots_of(scored), size, threads), tables, json, update)
+    publish(pareto_record(points, shots_of(scored[0]), size, threads), tables, json, update)
     if output is not None:
         from supersampler_bench.pareto_figures import draw_pareto  # needs matplotlib
 

@@ -70,27 +70,27 @@ class Point:
 
 
 def measure_pareto(
-    record: Record,
+    records: Sequence[Record],
     display: Size,
     *,
     threads: int,
     steps: int = 20,
     on_ratio: Callable[[float], None] = lambda _: None,
 ) -> list[Point]:
-    """Time all settings that a quality record has scores of, on this machine.
+    """Time all settings that quality records have scores of, on this machine.
 
     Args:
-        record: of `bench quality --json`.
+        records: of `bench quality --json`, of the same shots.
         display: (width, height) of the pictures that are timed.
         threads: of the processor.
         steps: that count, of each setting.
         on_ratio: called before the settings of a ratio.
 
     Raises:
-        ArgumentError: the record has no scores of shots.
+        ArgumentError: a record has no scores of shots, or is of other shots than the first.
     """
     points = []
-    for ratio, scores in scores_of(record).items():
+    for ratio, scores in scores_of(records).items():
         on_ratio(ratio)
         wanted = {
             spec: Setting(spec.model, display, "auto", threads, spec.precision, spec.skip) for spec in scores
@@ -102,22 +102,25 @@ def measure_pareto(
     return points
 
 
-def scores_of(record: Record) -> dict[float, dict[Spec, dict[str, float]]]:
+def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, float]]]:
     """Scores by ratio and setting, without the warm-up and a border: means, or those of the only shot.
 
     Raises:
-        ArgumentError: the record has no scores of shots.
+        ArgumentError: a record has no scores of shots, or is of other shots than the first.
     """
     found: dict[float, dict[Spec, dict[str, float]]] = {}
-    for row in record.get("means") or _of_only_shot(record):
-        if row["method"] != ORACLE:
-            summary = row["summary"]["warm_cropped"]
-            known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
-            found.setdefault(row["ratio"], {})[parse_spec(row["method"])] = known
-    if not found:
-        got, want = f"of bench {record.get('bench')!r}", "one of `bench quality test-shots --json`"
-        raise ArgumentError("record", got=got, want=want)
-    return found
+    for record in records:
+        rows = list(record.get("means") or _of_only_shot(record))
+        if not rows or shots_of(record) != shots_of(records[0]):
+            got = f"of bench {record.get('bench')!r}, shots {', '.join(shots_of(record)) or 'none'}"
+            want = "of `bench quality test-shots --json`, all of the same shots"
+            raise ArgumentError("record", got=got, want=want)
+        for row in rows:
+            if row["method"] != ORACLE:
+                summary = row["summary"]["warm_cropped"]
+                known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
+                found.setdefault(row["ratio"], {})[parse_spec(row["method"])] = known
+    return dict(sorted(found.items()))
 
 
 def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:

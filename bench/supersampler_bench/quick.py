@@ -65,7 +65,7 @@ def _speed(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
 
 def _pareto(records: Mapping[str, Record], _: Path) -> dict[str, Any]:
     scored = records[_QUALITY]
-    points = measure_pareto(scored, _DISPLAY, threads=2, steps=_STEPS)
+    points = measure_pareto([scored], _DISPLAY, threads=2, steps=_STEPS)
     return pareto_record(points, shots_of(scored), _DISPLAY, 2)
 
 

@@ -102,7 +102,7 @@ def quality() -> dict[str, Any]:
 
 
 def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
-    points = measure_pareto(quality(), (48, 27), threads=1, steps=1)
+    points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
     assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
     assert [p.runs for p in points] == ["graph, fp32", "host, fp32", "host, int8"]
     assert all(p.milliseconds > 0.0 for p in points)
@@ -124,16 +124,26 @@ def test_scores_of_one_shot_need_no_means() -> None:
     for method in shot["methods"]:
         del method["ratio"]
     record = {"bench": "quality", "shots": [shot], "means": []}
-    [(ratio, scores)] = scores_of(record).items()
+    [(ratio, scores)] = scores_of([record]).items()
     assert ratio == 1.5
     assert scores[Spec("taau")]["psnr"] == 29.0
     assert "strred" not in scores[Spec("taau")]
     assert shots_of(record) == ["own"]
 
 
+def test_ratios_come_from_several_records_of_the_same_shots() -> None:
+    other = quality()
+    other["means"] = [{**mean, "ratio": 1.5} for mean in other["means"][:2]]
+    scores = scores_of([quality(), other])
+    assert {ratio: len(group) for ratio, group in scores.items()} == {1.5: 2, 2.0: 3}
+    own = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": []}
+    with pytest.raises(ArgumentError, match="of the same shots"):
+        scores_of([quality(), {**other, "shots": [own]}])
+
+
 def test_a_record_without_means_is_refused() -> None:
     with pytest.raises(ArgumentError, match="test-shots"):
-        measure_pareto({"bench": "speed"}, (48, 27), threads=1)
+        measure_pareto([{"bench": "speed"}], (48, 27), threads=1)
 
 
 def test_what_fits_a_budget_comes_first_the_best_of_it_before_the_rest() -> None:
