@@ -129,7 +129,9 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
             if "network.npz" in described["files"]
             else ""
         ),
-        f"Any ratio of display to render size from {low} to {high}, per axis.",
+        f"A ratio of display to render size of exactly {low:g}, on both axes."
+        if low == high
+        else f"Any ratio of display to render size from {low} to {high}, per axis.",
         "",
         "| tensor | type | shape |",
         "|---|---|---|",

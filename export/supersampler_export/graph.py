@@ -12,6 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.errors import SupersamplerError
+from supersampler.ratios import scaled
 from supersampler_model.method import (
     CHANNELS,
     DISPLAY,
@@ -66,11 +67,10 @@ def export_graph(method: Method) -> onnx.ModelProto:
     Raises:
         ExportError: another opset or operator came out.
     """
-    arguments = example_arguments(method, Size(26, 18), Size(52, 37), Size(22, 15))
+    arguments = example_arguments(method, *traced_sizes(method), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
-    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, CHANNELS)
-    dims = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
+    dims = _dims(method)
     dynamic = {
         name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
         for name, shape in shapes.items()
@@ -80,8 +80,42 @@ def export_graph(method: Method) -> onnx.ModelProto:
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
     left = [[current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()]
     model = _traced(method, arguments, inputs, outputs, dynamic)
-    _declare_outputs(model, [method.image, *left, *(TENSORS[name] for name in method.told)])
+    _declare(model.graph.input, list(shapes.values()))
+    _declare(model.graph.output, [method.image, *left, *(TENSORS[name] for name in method.told)])
+    _strip(model)
     return model
+
+
+def only_ratio(method: Method) -> float | None:
+    """The ratio of display to render size that a method draws at; None where there is a range of them."""
+    low, high = method.ratios
+    return low if low == high else None
+
+
+def traced_sizes(method: Method) -> tuple[Size, Size]:
+    """(render, display) that a graph is traced at: odd and of no whole ratio, where the method may have it."""
+    render, ratio = Size(26, 18), only_ratio(method)
+    display = (52, 37) if ratio is None else scaled(render, ratio)
+    if display is None:
+        raise ExportError(f"{method.name}: {tuple(render)} has no size {ratio:g} times as large")
+    return render, Size(*display)
+
+
+def _dims(method: Method) -> dict[str, Any]:
+    """What stands for each name in shapes; display extents are multiples of the render's at one whole ratio."""
+    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, CHANNELS)
+    dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
+    ratio = only_ratio(method)
+    if ratio is not None and ratio.is_integer():
+        for render, display, half in zip(RENDER, DISPLAY, HALF, strict=True):
+            dims[display] = _times(dims[render], int(ratio))
+            if ratio % 2 == 0:
+                dims[half] = _times(dims[render], int(ratio) // 2)
+    return dims
+
+
+def _times(dim: Any, factor: int) -> Any:
+    return dim if factor == 1 else factor * dim
 
 
 def export_fused(fused: Fused) -> onnx.ModelProto:
@@ -97,7 +131,8 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     }
     arguments = example_inputs(fused, Size(21, 13))
     model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
-    _declare_outputs(model, list(fused.outputs.values()))
+    _declare(model.graph.output, list(fused.outputs.values()))
+    _strip(model)
     return model
 
 
@@ -164,10 +199,15 @@ def check_portable(model: onnx.ModelProto) -> None:
                 raise ExportError("GridSample bicubic differs between providers; use nine bilinear reads")
 
 
-def _declare_outputs(model: onnx.ModelProto, shapes: Sequence[Sequence[int | str]]) -> None:
-    """Give the outputs the symbolic shapes of the contract, in place of the exporter's own names."""
-    for output, shape in zip(model.graph.output, shapes, strict=True):
-        output.CopyFrom(onnx.helper.make_tensor_value_info(output.name, onnx.TensorProto.FLOAT, shape))
+def _declare(values: Sequence[onnx.ValueInfoProto], shapes: Sequence[Sequence[int | str]]) -> None:
+    """Give inputs or outputs the symbolic shapes of the contract, in place of the exporter's own names."""
+    for value, shape in zip(values, shapes, strict=True):
+        kind = value.type.tensor_type.elem_type
+        value.CopyFrom(onnx.helper.make_tensor_value_info(value.name, kind, shape))
+
+
+def _strip(model: onnx.ModelProto) -> None:
+    """Leave out what the exporter says of its own values and nodes."""
     del model.graph.value_info[:]
     for node in model.graph.node:
         del node.metadata_props[:]

@@ -8,11 +8,15 @@ import onnxruntime as ort
 import torch
 from torch import Tensor
 
-from supersampler_export.graph import ExportError, example_inputs, history_name
+from supersampler.gbuffers import GBUFFERS
+from supersampler.ratios import scaled
+from supersampler_export.graph import ExportError, example_inputs, history_name, only_ratio, traced_sizes
 from supersampler_model.color import tone
 from supersampler_model.method import Fused, Method, Size
 
-SIZES: Sequence[tuple[Size, Size]] = (
+Sizes = Sequence[tuple[Size, Size]]
+"""Pairs of (render, display)."""
+SIZES: Sizes = (
     (Size(26, 18), Size(52, 37)),  # as traced
     (Size(80, 45), Size(160, 90)),
     (Size(61, 47), Size(92, 71)),  # odd, at a ratio of 1.5
@@ -22,7 +26,17 @@ SIZES: Sequence[tuple[Size, Size]] = (
     (Size(1, 9), Size(3, 28)),
     (Size(240, 135), Size(480, 270)),
 )
-"""(render, display) sizes of the gate; only the first was traced."""
+"""Sizes of the gate, of methods that take a range of ratios; only the first was traced."""
+RENDERS: Sequence[Size] = (
+    Size(80, 45),
+    Size(61, 47),
+    Size(33, 17),
+    Size(1, 1),
+    Size(1, 9),
+    Size(2, 2),
+    Size(120, 68),
+)
+"""Render sizes of the gate, of methods of one ratio, beside the one that was traced."""
 
 FRAMES = 4
 CARRIED = 3  # channels carried along
@@ -58,7 +72,7 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
     options = ort.SessionOptions()
     options.log_severity_level = 3
     session = ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
-    results = [compare(method, session, render, display) for render, display in SIZES]
+    results = [compare(method, session, render, display) for render, display in sizes_of(method)]
     for result in results:
         if not result.difference <= tolerance:
             raise ExportError(
@@ -66,6 +80,16 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
                 f"{result.difference:.1e}; want {tolerance:.0e}"
             )
     return results
+
+
+def sizes_of(method: Method) -> Sizes:
+    """Sizes of the gate that a method draws from and to; only the first was traced."""
+    ratio = only_ratio(method)
+    if ratio is None:
+        return SIZES
+    pairs = [(render, scaled(render, ratio)) for render in RENDERS]
+    fitting = [(render, Size(*display)) for render, display in pairs if display is not None]
+    return [traced_sizes(method), *fitting]
 
 
 def check_fused(fused: Fused, graph: bytes) -> None:
@@ -105,7 +129,10 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
 
 
 def noise(render: Size, display: Size) -> Iterator[dict[str, Tensor]]:
-    """Frames of smooth colour with noise on it, sloping depth with steps, motion of a few pixels."""
+    """Frames of smooth colour with noise on it, sloping depth with steps, motion of a few pixels.
+
+    G-buffers are waves of their own, of each size; depth of display size is what the frame's is.
+    """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
     for _ in range(FRAMES):
@@ -123,7 +150,26 @@ def noise(render: Size, display: Size) -> Iterator[dict[str, Tensor]]:
             "display_size": torch.tensor(display),
             "carry": _tensor(0.5 + 0.5 * waves),
             "weight": _tensor(random.random((1, display.height, display.width))),
+            **_gbuffers(render, display, phase=a, steps=(a, b)),
         }
+
+
+def _gbuffers(render: Size, display: Size, *, phase: float, steps: tuple[float, float]) -> dict[str, Tensor]:
+    """Base colour and parameters in [0, 1], unit normals, depth as the frame's."""
+    made = {}
+    for number, (name, place) in enumerate(GBUFFERS.items()):
+        size = display if place.of_display else render
+        y, x = np.mgrid[: size.height, : size.width].astype(np.float32)
+        x, y = (x + 0.5) * render.width / size.width - 0.5, (y + 0.5) * render.height / size.height - 0.5
+        waves = np.stack([np.sin((0.3 + 0.1 * c) * x + 0.2 * y + c + number + phase) for c in range(3)])
+        if place.key == "depth":
+            a, b = steps
+            made[name] = _tensor(0.02 + 0.01 * (np.sin(a * x + b * y) > 0.3)[None] + 1e-4 * x)
+        elif place.key == "normal":
+            made[name] = _tensor(waves / np.linalg.norm(waves, axis=0).clip(1e-6))
+        else:
+            made[name] = _tensor(0.5 + 0.5 * waves[: place.channels])
+    return made
 
 
 def _tensor(array: "np.ndarray[tuple[int, ...], np.dtype[np.floating]]") -> Tensor:

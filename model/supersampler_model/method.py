@@ -14,6 +14,8 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
+from supersampler.gbuffers import GBUFFERS
+
 Shape = tuple[int | str, ...]
 
 RENDER = ("render_height", "render_width")
@@ -30,6 +32,10 @@ TENSORS: Mapping[str, Shape] = {
     "exposure": (1,),  # 0 asks the graph to measure it
     "display_size": (2,),  # int64 (width, height)
     "carry": (1, CHANNELS, *RENDER),
+    **{
+        name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
+        for name, place in GBUFFERS.items()
+    },
     "weight": (1, 1, *DISPLAY),
     "image": (1, 3, *DISPLAY),
 }
@@ -76,7 +82,8 @@ class Method(nn.Module):
         told: names, of `TENSORS`, of outputs that no step needs.
         maps: by name, what says why a picture is as it is.
         image: shape of the image.
-        ratios: least and largest ratio of display to render size, per axis.
+        ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
+            sizes are exactly that many times the render size, and a graph is traced so.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 

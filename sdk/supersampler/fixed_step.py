@@ -51,7 +51,9 @@ class FixedStep:
         options = session_options(threads)
         for name, extent in extents(**shapes).items():
             options.add_free_dimension_override_by_name(name, extent)
-        graph = with_display_size(path.read_bytes(), display)
+        graph = path.read_bytes()
+        if any(tensor.name == "display_size" for tensor in info.inputs):
+            graph = with_display_size(graph, display)
         self._session = open_session(path, options, capturing(providers), graph)
         check_provider_in_use(providers[0], self._session.get_providers())
         self._binding = self._session.io_binding()

@@ -17,6 +17,7 @@ Size: TypeAlias = tuple[int, int]
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
+GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
 _HALF_OR_SINGLE = (np.float16, np.float32)
 _SINGLE = (np.float32,)
@@ -156,6 +157,8 @@ def _check(name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tu
 
 def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     """Guess the usual mistakes behind a wrong shape or type."""
+    if array.shape == shape and array.dtype.kind in "biu":
+        return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
         return f"Convert it: array.astype({'np.float32' if array.dtype != np.float32 else array.dtype})."
     if len(shape) == 3 and array.shape == (shape[2], shape[0], shape[1]):
@@ -170,7 +173,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 
 def _checked_gbuffer(name: str, buffers: Mapping[str, object], size: Size | None) -> dict[str, Array]:
-    known = dict(GBUFFER_CHANNELS) if name == "gbuffer" else {**GBUFFER_CHANNELS, "depth": 1}
+    known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
     arrays: dict[str, Array] = {}
     for key, value in buffers.items():
         if key not in known:

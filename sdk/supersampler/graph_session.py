@@ -9,6 +9,7 @@ import onnxruntime as ort
 
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.gbuffers import GBUFFERS
 
 Provider = str | tuple[str, dict[str, str]]
 """An execution provider's name, with options or without."""
@@ -38,9 +39,15 @@ def open_session(
 
 
 def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:
-    """What a graph takes of a frame, by name: images as contiguous NCHW, the rest as small vectors."""
+    """What a graph takes of a frame that has it, by name: images as contiguous NCHW, vectors for the rest."""
     vectors = vector_inputs(frame.jitter, frame.exposure, display_size)
-    return {name: vectors[name] if name in vectors else planes_of(getattr(frame, name)) for name in names}
+    return {name: vectors[name] if name in vectors else planes_of(image_of(frame, name)) for name in names}
+
+
+def image_of(frame: Frame, name: str) -> np.ndarray[Any, Any]:
+    """The image of a frame that a graph has this name for, as it is there."""
+    image: np.ndarray[Any, Any] = GBUFFERS[name].find(frame) if name in GBUFFERS else getattr(frame, name)
+    return image
 
 
 def vector_inputs(

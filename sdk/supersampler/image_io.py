@@ -17,7 +17,9 @@ Channel: TypeAlias = NDArray[Any]
 """(h, w), of the type it has in the file: float16, float32 or uint32."""
 
 
-def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str, Channel]:
+def read_exr(
+    path: Path | str, *, only: Iterable[str] | None = None, without: Iterable[str] = ()
+) -> dict[str, Channel]:
     """Read the channels of an EXR file, in OpenImageIO's order (R, G, B, A first, then by name).
 
     The parts of a multi-part file are read as one image; a part's name is put before its channels where they
@@ -26,6 +28,7 @@ def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str
     Args:
         path: the file.
         only: names of the channels to return; those that the file does not have are left out.
+        without: names of channels not to return. Where none are left, no pixel is read.
 
     Returns:
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
@@ -33,13 +36,14 @@ def read_exr(path: Path | str, *, only: Iterable[str] | None = None) -> dict[str
     Raises:
         ShotError: the file is missing, cut off, not an image, cropped, or deep.
     """
-    wanted = None if only is None else frozenset(only)
+    wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
     source = _opened(path)
     try:
         for part, names in enumerate(_part_names(source)):
-            if wanted is None or not wanted.isdisjoint(names):
-                image.update(_read_part(source, part, names, wanted, path))
+            chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
+            if chosen:
+                image.update(_read_part(source, part, names, chosen, path))
     finally:
         source.close()
     return image
@@ -149,7 +153,7 @@ def _part_names(source: ImageInput) -> list[list[str]]:
 
 
 def _read_part(
-    source: ImageInput, part: int, names: list[str], wanted: frozenset[str] | None, path: Path | str
+    source: ImageInput, part: int, names: list[str], wanted: frozenset[str], path: Path | str
 ) -> dict[str, Channel]:
     source.seek_subimage(part, 0)
     spec = source.spec()
@@ -160,7 +164,7 @@ def _read_part(
     if window != full:
         problem = f"holds a part of its picture: (x, y, w, h) {window} of {full}"
         raise ShotError(path, problem, "Render without a crop region and without overscan.")
-    indices = [index for index, name in enumerate(names) if wanted is None or name in wanted]
+    indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:

@@ -12,6 +12,7 @@ from supersampler.carry import Carrier, check_carry
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.executor import Executor
 from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
+from supersampler.gbuffers import check_gbuffers
 from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of, session_options, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result
@@ -20,6 +21,7 @@ from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
 from supersampler.plan import Plan
 from supersampler.providers import CPU, resolve_providers
+from supersampler.ratios import check_ratio
 from supersampler.tensors import Tensor, render_size_of, taken
 
 ExecutorName = Literal["auto", "graph", "host"]
@@ -229,7 +231,7 @@ class Model:
             else:
                 given[tensor.name] = taken(tensors[tensor.name], tensor.name)
         render_size = render_size_of(given["color"])
-        self._check_ratio(render_size, history.display_size)
+        check_ratio(self.info.ratios, render_size, history.display_size)
         left = self._prepared(history_out, history.display_size, render_size)
         target = None if out is None else taken(out, "image")
         display = history.display_size
@@ -246,7 +248,7 @@ class Model:
         Raises:
             FrameError: the method does not upscale by that much.
         """
-        self._check_ratio(render_size, display_size)
+        check_ratio(self.info.ratios, render_size, display_size)
         history, working = self._executor.needs(display_size, render_size)
         products = round(self.info.multiply_adds * display_size[0] * display_size[1])
         return Plan(self.executor, self.precision, 2 * history, working, products)
@@ -314,25 +316,13 @@ class Model:
         """
         if frame.color is None:
             raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
-        self._check_ratio(frame.size, display_size)
+        check_ratio(self.info.ratios, frame.size, display_size)
+        check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
         known = ["carry", WORK, *self.info.maps]
         if isinstance(want, str) or not set(want) <= set(known):
             raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
         if "carry" in want:
             check_carry(frame, carried)
-
-    def _check_ratio(self, render_size: Size, display_size: Size) -> None:
-        low, high = self.info.ratios
-        for axis, name in enumerate(("width", "height")):
-            ratio = display_size[axis] / render_size[axis]
-            slack = (1.0 + ratio) / render_size[axis]  # either size may be rounded to whole pixels
-            if not low - slack <= ratio <= high + slack:
-                raise FrameError(
-                    "size",
-                    got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
-                    want=f"a ratio from {low} to {high}",
-                    hint="Sizes are (width, height).",
-                )
 
     def _result(
         self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History

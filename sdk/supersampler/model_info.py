@@ -10,6 +10,7 @@ from typing import Any
 
 from supersampler.errors import ModelError
 from supersampler.frame import Size
+from supersampler.gbuffers import GBUFFERS
 
 CONTRACT = 1
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
@@ -79,6 +80,17 @@ class ModelInfo:
         """Graphs of the whole recurrent step, by the precision of what is learned."""
         names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
         return {kind: self.folder / name for kind, name in names.items() if name in self.files}
+
+    @property
+    def gbuffers(self) -> tuple[str, ...]:
+        """Names of the inputs that are G-buffers, as in `supersampler.gbuffers`."""
+        return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
+
+    @property
+    def only_ratio(self) -> float | None:
+        """The ratio of display to render size that it draws at; None where there is a range of them."""
+        low, high = self.ratios
+        return low if low == high else None
 
     @property
     def carry_path(self) -> Path:

@@ -12,6 +12,7 @@ import numpy as np
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.gbuffers import black, grouped
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
@@ -110,7 +111,8 @@ class Upscaler:
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
-        self._recorder = None if record is None else Recorder(record, self._setup())
+        inputs = [tensor.name for tensor in self.model.info.inputs]
+        self._recorder = None if record is None else Recorder(record, self._setup(), inputs)
 
     @staticmethod
     def plan(
@@ -202,8 +204,8 @@ class Upscaler:
 
         Args:
             tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
-                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w). Anything that speaks DLPack
-                (torch, CuPy, JAX).
+                "color" (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the G-buffers that the
+                method asks for. Anything that speaks DLPack (torch, CuPy, JAX).
             jitter: see `Frame`.
             exposure: see `Frame`.
             reset: see `Frame`.
@@ -244,8 +246,16 @@ class Upscaler:
             raise ArgumentError("render_size", got=None, want="(width, height)")
         width, height = _checked_size("render_size", size)
         zeros = np.zeros((height, width, 3), np.float32)
-        frame = Frame(color=zeros, depth=zeros[..., 0], motion=zeros[..., :2], jitter=(0.0, 0.0))
         display_size = self._display_size or self._scaled(size)
+        gbuffer, gbuffer_display = grouped(black(self.model.info.gbuffers, size, display_size))
+        frame = Frame(
+            color=zeros,
+            depth=zeros[..., 0],
+            motion=zeros[..., :2],
+            jitter=(0.0, 0.0),
+            gbuffer=gbuffer,
+            gbuffer_display=gbuffer_display,
+        )
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
         if self.model.capture:
@@ -305,7 +315,7 @@ class Upscaler:
         history = None if frame.reset else self._history
         carried = None if history is None else history.carry
         self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
-        self._checker.check(frame, display_size)
+        self._checker.check(frame, display_size, self.model.info.gbuffers)
         fresh = history is None
         history = history or self.model.first_history(display_size, frame.size)
         result, left = self.model.run_wanted(

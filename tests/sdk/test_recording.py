@@ -112,8 +112,9 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
     recording = open_recording(file)
     step, loaded, reset, close = recording
     assert isinstance(step, StepCall)
+    read = replace(frame, gbuffer=None, gbuffer_display=None)  # which the method does not look at
     for field in fields(Frame):
-        np.testing.assert_equal(getattr(step.frame, field.name), getattr(frame, field.name))
+        np.testing.assert_equal(getattr(step.frame, field.name), getattr(read, field.name))
     assert step.frame.color is not None
     assert step.frame.color.dtype == np.float16
     assert (step.index, step.want) == (0, ("carry",))

@@ -6,7 +6,7 @@ import sys
 import threading
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from pathlib import Path
 from typing import Any
 
@@ -140,9 +140,9 @@ def counted(shot: Shot) -> list[int]:
     reads: list[int] = []
     read = shot._raw
 
-    def recording(index: int) -> RawFrame:
+    def recording(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         reads.append(index)
-        return read(index)
+        return read(index, gbuffers)
 
     shot._raw = recording
     return reads

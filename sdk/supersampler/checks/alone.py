@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.checks.mistake import Mistake
+from supersampler.checks.mistake import Mistake, where
 from supersampler.depth_order import bend, sky_share
 from supersampler.frame import Array, Float32, Frame
 from supersampler.reprojection import grid
@@ -29,7 +29,7 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
     if bad.any():
         hint = "A division by 0 or a power of a negative number in a shader; one such pixel would spread."
         yield Mistake(
-            kind="color not finite", field="color", got=f"NaN or Inf {_where(bad)}", want="finite", hint=hint
+            kind="color not finite", field="color", got=f"NaN or Inf {where(bad)}", want="finite", hint=hint
         )
     rows, columns = grid((color.shape[1], color.shape[0]), _PLACES)
     values = color[rows, columns].astype(np.float32)
@@ -52,7 +52,7 @@ def _depth(depth: Float32) -> Iterator[Mistake]:
     if bad.any():
         hint = "Is it a distance? Conventions(depth='linear') takes inf for the sky."
         yield Mistake(
-            kind="depth not finite", field="depth", got=f"NaN or Inf {_where(bad)}", want="finite", hint=hint
+            kind="depth not finite", field="depth", got=f"NaN or Inf {where(bad)}", want="finite", hint=hint
         )
         return
     least, greatest = float(depth.min()), float(depth.max())
@@ -89,7 +89,7 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
     bad = ~np.isfinite(np.add(frame.motion[..., 0], frame.motion[..., 1], dtype=np.float32))
     if bad.any():
         hint = "Give 0, or the camera's motion, where nothing was drawn: at the sky, say."
-        got = f"NaN or Inf {_where(bad)}"
+        got = f"NaN or Inf {where(bad)}"
         yield Mistake(kind="motion not finite", field="motion", got=got, want="finite", hint=hint)
         return
     rows, columns = grid(frame.size, _PLACES)
@@ -142,8 +142,3 @@ def _change(light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDA
     middle = max(float(np.median(here)), 1e-6)
     change = np.abs(here / (here + middle) - below / (below + middle))
     return float(change[edge].mean() / max(float(change.mean()), 1e-6))
-
-
-def _where(bad: NDArray[np.bool_]) -> str:
-    row, column = np.argwhere(bad)[0]
-    return f"in {int(bad.sum())} pixels, first at (x={column}, y={row})"

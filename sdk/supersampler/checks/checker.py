@@ -1,10 +1,11 @@
 """`FrameChecker`: which frames are read, and what happens to what is found."""
 
 import warnings
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from typing import Literal, get_args
 
 from supersampler.checks.alone import mistakes_alone
+from supersampler.checks.gbuffers import mistakes_of_gbuffers
 from supersampler.checks.mistake import Mistake
 from supersampler.checks.neighbours import Memory, mistakes_between, remembered
 from supersampler.errors import ArgumentError, FrameWarning
@@ -40,12 +41,13 @@ class FrameChecker:
         self._memory, self._seen = Memory(), 0
         self._told: frozenset[str] = frozenset()
 
-    def check(self, frame: Frame, display_size: Size) -> None:
+    def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame against itself and those before it.
 
         Args:
             frame: the next frame; one with `reset` starts anew.
             display_size: (width, height) of the output.
+            gbuffers: names of those that are used, as `ModelInfo.gbuffers` has them; others are not read.
 
         Raises:
             FrameError: a mistake was found and `validate` is "strict". The checker is then as it was before.
@@ -57,7 +59,7 @@ class FrameChecker:
         memory = Memory() if fresh else self._memory
         seen, told = (0, frozenset[str]()) if fresh else (self._seen, self._told)
         if self.validate == "strict" or (self.validate == "warn" and seen < _FRAMES):
-            memory, found = _examined(frame, display_size, memory)
+            memory, found = _examined(frame, display_size, memory, gbuffers)
             told = self._tell(found, told)
             seen += 1
         elif self.validate == "warn":
@@ -75,9 +77,11 @@ class FrameChecker:
         return told | {mistake.kind for mistake in found}
 
 
-def _examined(frame: Frame, display_size: Size, memory: Memory) -> tuple[Memory, list[Mistake]]:
+def _examined(
+    frame: Frame, display_size: Size, memory: Memory, gbuffers: Collection[str]
+) -> tuple[Memory, list[Mistake]]:
     light = None if frame.color is None else luminance(frame.color)
-    found = list(mistakes_alone(frame, light))
+    found = [*mistakes_alone(frame, light), *mistakes_of_gbuffers(frame, gbuffers)]
     if light is not None:
         memory = remembered(memory, frame, light, display_size)
         found += mistakes_between(memory, frame.size, display_size)

@@ -1,6 +1,10 @@
 """One finding of the checks."""
 
 from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.errors import FrameError
 
@@ -26,3 +30,9 @@ class Mistake:
     def error(self) -> FrameError:
         """Return it as an error, whose text also serves as a warning."""
         return FrameError(self.field, got=self.got, want=self.want, hint=self.hint)
+
+
+def where(bad: NDArray[np.bool_]) -> str:
+    """Say how many pixels of a mask, some of which are True, there are, and which is the first."""
+    first: NDArray[Any] = np.argwhere(bad)[0]
+    return f"in {int(bad.sum())} pixels, first at (x={first[1]}, y={first[0]})"

@@ -15,19 +15,22 @@ def check(
 
     Tries motion units, directions and flips, and jitter units, signs and flips, on a few frames, and ranks
     them by how well they carry each picture to the next. Prints what fits, by how much, and the Conventions
-    to write. Exit code 1 where that contradicts what the shot says.
+    to write; and which G-buffers the first frame has. Exit code 1 where what fits contradicts what the shot
+    says.
 
     \b
     Example:
       supersampler check shots/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.detect import detect_conventions
+    from supersampler.gbuffers import listed, names_of
 
     opened = open_shot(shot)
     detection = detect_conventions(opened, frames=frames)
     typer.echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
     for row in detection.rows():
         typer.echo(f"  {row['name']:7} {_verdict(row)}")
+    typer.echo(f"  gbuffer {listed(names_of(opened.read_raw(0)))}")
     for note in detection.notes:
         typer.echo(f"  {note}")
     if detection.agrees:

@@ -45,7 +45,9 @@ def _print_rows(rows: dict[str, str]) -> None:
 
 
 def _model_rows(model: "ModelInfo") -> dict[str, str]:
-    ratio = "only {}".format if model.ratios[0] == model.ratios[1] else "{} to {}".format
+    from supersampler.gbuffers import listed
+
+    ratio = "only {}".format if model.only_ratio else "{} to {}".format
     return {
         "method": model.method,
         "source": model.source,
@@ -53,6 +55,7 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
         "contract": str(model.contract),
         "ratios": f"{ratio(*model.ratios)} (display over render size, each axis)",
         "inputs": "\n".join(map(_tensor_text, model.inputs)),
+        "G-buffers": listed(model.gbuffers),
         "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",
         "image": _tensor_text(model.image),
         "settings": ", ".join(map(_fact, model.config.items())) or "none",
@@ -74,10 +77,9 @@ def _tensor_text(tensor: "TensorInfo") -> str:
 
 
 def _shot_rows(shot: "Shot") -> dict[str, str]:
+    from supersampler.gbuffers import listed, names_of
+
     frame = shot.read(0).frame
-    extras = [*(frame.gbuffer or {}), *(f"{name} (display)" for name in frame.gbuffer_display or {})]
-    if frame.carry is not None:
-        extras.append(f"carry ({frame.carry.shape[2]} channels)")
     return {
         "shot": shot.name,
         "folder": str(shot.path),
@@ -86,7 +88,8 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
         "display size": size_text(shot.display_size),
         "references": f"{len(shot.reference_indices)} frames",
         "conventions": repr(shot.conventions),
-        "more buffers": ", ".join(extras) or "none",
+        "G-buffers": listed(names_of(frame)),
+        "carried": "none" if frame.carry is None else f"{frame.carry.shape[2]} channels",
         "licence": shot.license or "not stated",
         "attribution": "\n".join(shot.attribution) or "none",
     }

@@ -37,7 +37,8 @@ from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
-from supersampler.model import Precision, Skip
+from supersampler.model import Model, Precision, Skip
+from supersampler.model_info import find_model, read_model_info
 from supersampler.presets import PresetName, chosen
 from supersampler.recording.format import is_recording
 from supersampler.shot import Shot
@@ -59,7 +60,8 @@ _NOTES = (
 class UpscaleJob:
     """What to upscale, how, and to where; sizes are (width, height).
 
-    Without `display_size` and `scale` the pictures are of the shot's display size, or 2x where it has none.
+    Without `display_size` and `scale` the pictures are of the shot's display size; where it has none, 2x, or
+    what the model's only ratio is.
     `record` is a file to record to, all frames from the first on; an earlier recording is replaced.
     """
 
@@ -115,7 +117,7 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
     return Upscaler(
         model,
         display_size=size,
-        scale=None if size else job.scale or 2.0,
+        scale=None if size else job.scale or _own_ratio(model) or 2.0,
         render_size=job.shot.render_size,
         providers=job.providers,
         threads=job.threads,
@@ -124,6 +126,11 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
         validate=job.validate,
         record=job.record,
     )
+
+
+def _own_ratio(model: Model | str | Path) -> float | None:
+    info = model.info if isinstance(model, Model) else read_model_info(find_model(model))
+    return info.only_ratio
 
 
 def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
@@ -152,7 +159,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     meter, began = ExposureMeter(), time.perf_counter()
     with _page(job, upscaler) as page, _progress(job.console) as progress:
         task = progress.add_task("", total=count - start)
-        for item in job.shot.frames(start):
+        for item in job.shot.frames(start, gbuffers=upscaler.model.info.gbuffers):
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
             frame = item.frame
             with _named(job, item.index):
@@ -180,7 +187,7 @@ def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> Result:
 
 def _last_cut(shot: Shot, index: int) -> int:
     """The last frame up to `index` that forgets what was before it: the history can be rebuilt from there."""
-    while 0 < index < len(shot) and not shot.read_raw(index).reset:
+    while 0 < index < len(shot) and not shot.read_raw(index, gbuffers=()).reset:
         index -= 1
     return index
 

@@ -66,7 +66,7 @@ class StepCall:
 
     Attributes:
         index: how many steps were before it, those that were refused included.
-        frame: as it was handed in.
+        frame: as it was handed in, but for G-buffers that the model does not read.
         want: what else than the image was asked for.
         tensors: whether the frame came as tensors on a device, whose pixels nothing checks.
         outcome: what came of it; None where the process ended within the step, or just after it.

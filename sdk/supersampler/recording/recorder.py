@@ -10,6 +10,7 @@ import numpy as np
 from supersampler import __version__
 from supersampler.errors import ArgumentError, RecordingError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.gbuffers import only_gbuffers
 from supersampler.history import Result
 from supersampler.machine import installed_versions, machine
 from supersampler.model_info import CONTRACT
@@ -36,12 +37,14 @@ class Recorder:
     Args:
         path: the file, which must not be there yet.
         setup: how the Upscaler was made.
+        inputs: names of the tensors that its model reads; no other G-buffers are recorded.
 
     Raises:
         RecordingError: the file is there already, or cannot be written.
     """
 
-    def __init__(self, path: Path | str, setup: Setup) -> None:
+    def __init__(self, path: Path | str, setup: Setup, inputs: Collection[str]) -> None:
+        self._inputs = inputs
         self._writer: RecordWriter | None = RecordWriter(path)
         self._failure: RecordingError | None = None
         self._steps = 0
@@ -59,7 +62,8 @@ class Recorder:
         Raises:
             RecordingError: it, or the outcome of the step before, cannot be written; nothing was done.
         """
-        return self._around(run, lambda: step_record(frame, want), _as_result)
+        kept = only_gbuffers(frame, self._inputs)
+        return self._around(run, lambda: step_record(kept, want), _as_result)
 
     def step_tensors(
         self,
@@ -77,7 +81,7 @@ class Recorder:
         """
 
         def record() -> Record:
-            frame = frame_of_tensors(tensors, jitter, exposure, reset=reset)
+            frame = frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs)
             return step_record(frame, (), tensors=True)
 
         return self._around(run, record, lambda image: Result(image_of_tensor(image)))

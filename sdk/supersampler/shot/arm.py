@@ -1,6 +1,7 @@
 """Read Arm's neural-graphics sequences: one `.safetensors` file, its tensors stacked by frame."""
 
 import math
+from collections.abc import Collection
 from pathlib import Path
 from typing import Any
 
@@ -51,7 +52,7 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
     )
     entries = [_entry(path, tensors, index) for index in range(count)]
 
-    def raw_frame(index: int) -> RawFrame:
+    def raw_frame(index: int, _: Collection[str] | None) -> RawFrame:
         entry = entries[index]
         return RawFrame(
             color=_image(tensors["colour_linear"], index),

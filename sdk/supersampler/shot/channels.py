@@ -1,6 +1,6 @@
 """Read other people's EXR sequences: a map from our names to their channels, and their conventions."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
@@ -79,9 +79,11 @@ def import_channels(
     )
     entries = [files.entry(i, offset, reset=i == 0 or i in cuts) for i, offset in enumerate(offsets)]
 
-    def raw_frame(index: int) -> RawFrame:
-        entry = entries[index]
-        return files.read_raw(index, entry.jitter, reset=entry.reset, render_size=info.render_size)
+    def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+        jitter, reset = entries[index].jitter, entries[index].reset
+        return files.read_raw(
+            index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers
+        )
 
     def reference(index: int) -> Float32:
         return files.read_reference(index, info.display_size)
@@ -152,12 +154,24 @@ class _MappedFiles:
         )
 
     def read_raw(
-        self, index: int, jitter: tuple[float, float], *, reset: bool, render_size: Size | None = None
+        self,
+        index: int,
+        jitter: tuple[float, float],
+        *,
+        reset: bool,
+        render_size: Size | None = None,
+        gbuffers: Collection[str] | None = None,
     ) -> RawFrame:
+        wanted = {
+            name: source
+            for name, source in self.sources.items()
+            if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
+        }
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
-            sources = {name: source for name, source in self.sources.items() if source.pattern == pattern}
-            arrays.update(_read_file(files[self.numbers[index]], sources, render_size))
+            sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
+            if sources:
+                arrays.update(_read_file(files[self.numbers[index]], sources, render_size))
         carry = arrays.get("carry")
         return RawFrame(
             color=arrays.get("color"),

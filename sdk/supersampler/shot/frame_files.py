@@ -1,6 +1,6 @@
 """The EXR files of one frame: which array lies in which channels, and back."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -43,7 +43,13 @@ class ClassMaps:
     alias: NDArray[np.uint8]
 
 
-def read_frame(folder: Path, entry: FrameEntry, render_size: Size, display_size: Size | None) -> RawFrame:
+def read_frame(
+    folder: Path,
+    entry: FrameEntry,
+    render_size: Size,
+    display_size: Size | None,
+    gbuffers: Collection[str] | None = None,
+) -> RawFrame:
     """Read one frame as it was stored.
 
     Args:
@@ -51,15 +57,17 @@ def read_frame(folder: Path, entry: FrameEntry, render_size: Size, display_size:
         entry: what shot.json says about the frame.
         render_size: (width, height) that the files must have.
         display_size: the same of the display-size files; None takes any.
+        gbuffers: names of those to read, as `ModelInfo.gbuffers` has them; None reads all.
 
     Raises:
         ShotError: a file is missing, damaged, of another size, or lacks a channel.
     """
     path = folder / entry.file
-    channels = read_exr(path)
+    channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers))
     check_size(path, channels, render_size)
     display_path = folder / (entry.display_file or entry.file)
-    display = {} if entry.display_file is None else read_exr(display_path)
+    unwanted = _unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers)
+    display = {} if entry.display_file is None else read_exr(display_path, without=unwanted)
     check_size(display_path, display, display_size)
     motion_of_display = MOTION[0] in display
     return RawFrame(
@@ -177,6 +185,15 @@ def _take_gbuffer(
         if any(channel in channels for channel in names)
     }
     return found or None
+
+
+def _unwanted(
+    group: str, layout: Mapping[str, Sequence[str]], gbuffers: Collection[str] | None
+) -> Iterator[str]:
+    """Yield the channels of the G-buffers that are not to be read."""
+    for name, channels in layout.items():
+        if gbuffers is not None and f"{group}_{name}" not in gbuffers:
+            yield from channels
 
 
 def _take_carry(path: Path, channels: Mapping[str, Channel]) -> Array | None:

@@ -1,7 +1,7 @@
 """A shot: frames in order, read lazily, one at a time, a few ahead."""
 
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -51,7 +51,7 @@ class Shot:
         path: Path,
         info: ShotInfo,
         entries: Sequence[FrameEntry],
-        read_raw: Callable[[int], RawFrame],
+        read_raw: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32],
         read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
     ) -> None:
@@ -75,9 +75,9 @@ class Shot:
         info, entries = load_shot_json(description)
         _check_files(description, entries)
 
-        def raw_frame(index: int) -> RawFrame:
+        def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
             size = entries[index].render_size or info.render_size
-            return read_frame(folder, entries[index], size, info.display_size)
+            return read_frame(folder, entries[index], size, info.display_size, gbuffers)
 
         def reference(index: int) -> Float32:
             return read_reference(folder / str(entries[index].reference), info.display_size)
@@ -133,18 +133,25 @@ class Shot:
     def __iter__(self) -> Iterator[ShotFrame]:
         return self.frames()
 
-    def frames(self, start: int = 0) -> Iterator[ShotFrame]:
+    def frames(
+        self, start: int = 0, *, gbuffers: Collection[str] | None = None
+    ) -> Iterator[ShotFrame]:
         """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
 
         An error of the thread is raised where its frame is reached. The thread ends when the iterator does:
         at the last frame, at an error, or when it is dropped.
+
+        Args:
+            start: index of the first one.
+            gbuffers: names of the G-buffers to read, as `Model.info.gbuffers` has them, as others cost time
+                for nothing; None reads all that are there.
         """
         converter = converter_at(self.info, self._entries, start)
         waiting: deque[Future[ShotFrame]] = deque()
         pool = ThreadPoolExecutor(1, thread_name_prefix="shot")
         try:
             for index in range(start, len(self)):
-                waiting.append(pool.submit(self._load, index, converter))
+                waiting.append(pool.submit(self._load, index, converter, gbuffers))
                 if len(waiting) > _AHEAD:
                     yield waiting.popleft().result()
             while waiting:
@@ -163,9 +170,9 @@ class Shot:
             raise IndexError(f"frame {index} of {len(self)}")
         return self._load(index, converter_at(self.info, self._entries, index))
 
-    def read_raw(self, index: int) -> RawFrame:
-        """Read one frame as stored, without its reference."""
-        return self._raw(index)
+    def read_raw(self, index: int, *, gbuffers: Collection[str] | None = None) -> RawFrame:
+        """Read one frame as stored, without its reference; `gbuffers` as of `frames`."""
+        return self._raw(index, gbuffers)
 
     def read_reference(self, index: int) -> Float32 | None:
         """Read a frame's reference, (H, W, 3) float32, linear RGB; None where it has none."""
@@ -175,8 +182,10 @@ class Shot:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
         return None if self._entries[index].reference is None else self._classes(index)
 
-    def _load(self, index: int, converter: Converter) -> ShotFrame:
-        raw, reference = self.read_raw(index), self.read_reference(index)
+    def _load(
+        self, index: int, converter: Converter, gbuffers: Collection[str] | None = None
+    ) -> ShotFrame:
+        raw, reference = self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:

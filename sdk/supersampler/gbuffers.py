@@ -1,0 +1,117 @@
+"""G-buffers by the names that graphs have for them: gbuffer_display_normal is `gbuffer_display["normal"]`."""
+
+from collections.abc import Collection, Iterable, Mapping
+from dataclasses import replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+from supersampler.errors import FrameError
+from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Float32, Frame, Size
+
+
+class HasGBuffers(Protocol):
+    """A `Frame` or a `RawFrame`."""
+
+    @property
+    def gbuffer(self) -> Mapping[str, Array] | None:
+        """At render size, by name."""
+
+    @property
+    def gbuffer_display(self) -> Mapping[str, Array] | None:
+        """At display size, by name."""
+
+
+class Place(NamedTuple):
+    """Where a frame has a G-buffer; as text it is what a user writes: gbuffer_display['normal']."""
+
+    group: str  # the frame's field
+    key: str
+    channels: int
+
+    def __str__(self) -> str:
+        return f"{self.group}[{self.key!r}]"
+
+    @property
+    def of_display(self) -> bool:
+        """Whether it is of display size."""
+        return self.group == "gbuffer_display"
+
+    def find(self, frame: HasGBuffers) -> Array | None:
+        """The buffer; None where the frame lacks it."""
+        buffers: Mapping[str, Array] = getattr(frame, self.group) or {}
+        return buffers.get(self.key)
+
+    def shape(self, render: Size, display: Size) -> tuple[int, ...]:
+        """(h, w) or (h, w, 3)."""
+        width, height = display if self.of_display else render
+        return (height, width) if self.channels == 1 else (height, width, self.channels)
+
+
+GBUFFERS: Mapping[str, Place] = {
+    f"{group}_{key}": Place(group, key, channels)
+    for group, known in (("gbuffer", GBUFFER_CHANNELS), ("gbuffer_display", GBUFFER_DISPLAY_CHANNELS))
+    for key, channels in known.items()
+}
+"""By the name of the tensor."""
+
+
+def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
+    """Raise FrameError where a frame lacks a G-buffer, or has one of another size than the display's.
+
+    Args:
+        frame: whose other buffers are not looked at.
+        names: of the tensors that the method takes.
+        display_size: (width, height).
+        method: its name, for the message.
+    """
+    for place in (GBUFFERS[name] for name in names):
+        array, want = place.find(frame), place.shape(frame.size, display_size)
+        if array is None:
+            where = "display size, at pixel centres without jitter" if place.of_display else "render size"
+            hint = f"{method!r} reads it: render it at {where}, or take a method that asks for none."
+            raise FrameError(str(place), got=None, want=want, hint=hint)
+        if array.shape != want:  # of render size, `Frame` has seen to it
+            hint = f"It is not of the display's size, {display_size[0]}x{display_size[1]}: render it so."
+            raise FrameError(str(place), got=array.shape, want=want, hint=hint)
+
+
+def names_of(frame: HasGBuffers) -> list[str]:
+    """Names of the tensors that a frame has G-buffers for."""
+    return [name for name, place in GBUFFERS.items() if place.find(frame) is not None]
+
+
+def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
+    """Return the frame with no other G-buffers than those that are among these tensors."""
+    there = names_of(frame)
+    if set(there) <= set(names):
+        return frame
+    found = {name: GBUFFERS[name].find(frame) for name in there if name in names}
+    kept = {name: array for name, array in found.items() if array is not None}
+    gbuffer, gbuffer_display = grouped(kept)
+    return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+
+
+def grouped(
+    buffers: Mapping[str, Array],
+) -> tuple[Mapping[str, Array] | None, Mapping[str, Array] | None]:
+    """Return `gbuffer` and `gbuffer_display` of a frame that has buffers by the names of tensors."""
+    groups: dict[str, dict[str, Array]] = {"gbuffer": {}, "gbuffer_display": {}}
+    for name, array in buffers.items():
+        groups[GBUFFERS[name].group][GBUFFERS[name].key] = array
+    return groups["gbuffer"] or None, groups["gbuffer_display"] or None
+
+
+def black(names: Iterable[str], render: Size, display: Size) -> dict[str, Float32]:
+    """Zeros for tensors of these names, as a frame has them."""
+    return {name: np.zeros(GBUFFERS[name].shape(render, display), np.float32) for name in names}
+
+
+def listed(names: Collection[str]) -> str:
+    """Say which tensors' buffers these are: "normal at render size; normal, depth at display size"."""
+    places = [GBUFFERS[name] for name in names]
+    texts = []
+    for of_display, size in ((False, "render"), (True, "display")):
+        keys = [place.key for place in places if place.of_display == of_display]
+        texts += [f"{', '.join(keys)} at {size} size"] if keys else []
+    return "; ".join(texts) or "none"

@@ -1,0 +1,49 @@
+"""Which display sizes a method draws for which render sizes."""
+
+from fractions import Fraction
+
+from supersampler.errors import FrameError
+from supersampler.frame import Size
+
+
+def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
+    """Raise FrameError unless a method of these ratios (least, largest) draws from one size to the other.
+
+    A range has some slack, as either size may be rounded to whole pixels. A method of one ratio puts whole
+    blocks of display pixels where a render pixel is: it takes that many times the render size, exactly.
+    """
+    low, high = ratios
+    if low == high:
+        _check_exact(low, render_size, display_size)
+        return
+    for axis, name in enumerate(("width", "height")):
+        ratio = display_size[axis] / render_size[axis]
+        slack = (1.0 + ratio) / render_size[axis]
+        if not low - slack <= ratio <= high + slack:
+            raise FrameError(
+                "size",
+                got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
+                want=f"a ratio from {low} to {high}",
+                hint="Sizes are (width, height).",
+            )
+
+
+def scaled(size: Size, ratio: float, *, times: int = 1) -> Size | None:
+    """Return a size `ratio` times as large, or with `times` of -1 as small; None where pixels are not whole."""
+    factor = Fraction(ratio).limit_denominator(1000) ** times
+    width, height = size[0] * factor, size[1] * factor
+    return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
+
+
+def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
+    if scaled(render_size, ratio) == display_size:
+        return
+    frames, display = scaled(display_size, ratio, times=-1), scaled(render_size, ratio)
+    would_do = [f"frames of {frames}"] * (frames is not None)
+    would_do += [f"a display of {display}"] * (display is not None)
+    raise FrameError(
+        "size",
+        got=f"{render_size}, for a display of {display_size}",
+        want=f"{' or '.join(would_do) or 'others'}: this method draws exactly {ratio:g} times as large",
+        hint="Sizes are (width, height).",
+    )

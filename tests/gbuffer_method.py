@@ -1,0 +1,95 @@
+"""The least method that reads G-buffers, at one ratio, and frames for it."""
+
+from pathlib import Path
+from unittest.mock import patch
+from typing import Any, ClassVar, NamedTuple
+
+import numpy as np
+import onnx
+from torch import Tensor
+from torch.nn import functional as F
+
+from noise import noise
+from supersampler import Frame
+from supersampler.frame import Size
+from supersampler.gbuffers import GBUFFERS, grouped
+from supersampler.model_info import find_model
+from supersampler_export.folder import write_model_folder
+from supersampler_export.graph import export_graph
+from supersampler_model.color import bounded, quarantine
+from supersampler_model.method import DISPLAY, Method, render_size_of
+from supersampler_model.method import Size as Extent
+from supersampler_model.methods.carry import Carry
+from supersampler_model.sampling import grid_of, linear, resample, taps
+
+RATIO = 2
+WANTED = ("gbuffer_base_color", "gbuffer_display_base_color", "gbuffer_display_normal")
+DARK = 0.04
+
+
+class Step(NamedTuple):
+    """The image, twice: to be shown, and to be remembered."""
+
+    image: Tensor
+    history_color: Tensor
+
+
+class Demodulated(Method):
+    """Light, which is colour over base colour, upsampled and lit again; a tenth of it is the past's."""
+
+    name, source = "demodulated", "a test"
+    history: ClassVar = {"color": (1, 3, *DISPLAY)}
+    ratios: ClassVar = (float(RATIO), float(RATIO))
+
+    def forward(
+        self,
+        color: Tensor,  # (1, 3, h, w)
+        jitter: Tensor,  # (1, 2)
+        gbuffer_base_color: Tensor,  # (1, 3, h, w)
+        gbuffer_display_base_color: Tensor,  # (1, 3, 2 h, 2 w)
+        gbuffer_display_normal: Tensor,  # (1, 3, 2 h, 2 w)
+        history_color: Tensor,  # (1, 3, 2 h, 2 w)
+    ) -> Step:
+        """Return the image, (1, 3, 2 h, 2 w)."""
+        render = render_size_of(color)
+        grid = grid_of(Extent(RATIO * render.width, RATIO * render.height), render, jitter)
+        x, y = taps(grid.x, render.width, linear, reach=1), taps(grid.y, render.height, linear, reach=1)
+        light = resample(quarantine(color, 0.0) / (gbuffer_base_color + DARK), x, y)
+        packed = F.pixel_unshuffle(gbuffer_display_base_color, RATIO)  # as a network at render size reads it
+        facing = 1.0 + 0.1 * gbuffer_display_normal[:, 2:]
+        lit = light * (F.pixel_shuffle(packed, RATIO) + DARK) * facing
+        return Step(bounded(0.9 * lit + 0.1 * history_color), bounded(lit) * 1.0)
+
+
+def exported(folder: Path) -> Path:
+    """Write the method as a model folder, with a copy of `carry.onnx`, which is the same in all folders."""
+    carry = onnx.load(find_model("bilinear") / "carry.onnx")
+
+    def export(method: Method) -> onnx.ModelProto:
+        return carry if isinstance(method, Carry) else export_graph(method)
+
+    with patch("supersampler_export.folder.export_graph", export):
+        write_model_folder(Demodulated(), folder)
+    return folder
+
+
+def gbuffers(seed: int, render: Size, display: Size) -> dict[str, Any]:
+    """All G-buffers of a frame, plausible, by the names of tensors; halves but for depth."""
+    random = np.random.default_rng(seed)
+    made: dict[str, Any] = {}
+    for name, place in GBUFFERS.items():
+        array = random.random(place.shape(render, display), np.float32)
+        if place.key == "normal":
+            array = array - 0.5
+            array /= np.linalg.norm(array, axis=-1, keepdims=True)
+        made[name] = array if place.key == "depth" else array.astype(np.float16)
+    return made
+
+
+def lit(seed: int, render: Size = (32, 18), *, drop: str = "", **overrides: Any) -> Frame:
+    """A frame of noise with all G-buffers; those of `overrides` in place, without the one to drop."""
+    display = RATIO * render[0], RATIO * render[1]
+    found = {**gbuffers(seed, render, display), **{k: overrides.pop(k) for k in WANTED if k in overrides}}
+    found.pop(drop, None)
+    gbuffer, gbuffer_display = grouped(found)
+    return noise(seed, render, gbuffer=gbuffer, gbuffer_display=gbuffer_display, **overrides)

@@ -1,0 +1,321 @@
+"""A method that asks for G-buffers gets those and no others, of the right sizes, through every way in."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from gbuffer_method import DARK, RATIO, WANTED, gbuffers, lit
+from noise import noise
+from supersampler import ArgumentError, Frame, FrameError, FrameWarning, Model, Upscaler
+from supersampler.checks import FrameChecker
+from supersampler.frame import Size
+from supersampler.gbuffers import GBUFFERS, grouped, listed, names_of
+from supersampler.graph_session import image_of, planes_of
+from supersampler.recording import StepCall, open_recording
+from supersampler.recording.replay import Replay
+from supersampler.recording.tensors import tensors_of_frame
+
+RENDER, DISPLAY = (32, 18), (64, 36)
+
+
+@pytest.fixture(scope="module")
+def model(gbuffer_model: Path) -> Model:
+    return Model.load(gbuffer_model, threads=1)
+
+
+@pytest.fixture(scope="module")
+def capturing(gbuffer_model: Path) -> Model:
+    return Model.load(gbuffer_model, providers="cpu", threads=1, capture=True)
+
+
+def upscaler(model: Model, **options: Any) -> Upscaler:
+    return Upscaler(model, **{"display_size": DISPLAY, "validate": "off", **options})
+
+
+def tensors_of(frame: Frame) -> dict[str, Any]:
+    return {name: torch.from_numpy(planes_of(image_of(frame, name))) for name in ("color", *WANTED)}
+
+
+def drawn(one: Upscaler, frame: Frame, **without: Any) -> NDArray[np.float32]:
+    tensors = {**tensors_of(frame), **without}
+    return np.array(np.from_dlpack(one.step_tensors(tensors, jitter=frame.jitter, reset=frame.reset)))
+
+
+def by_hand(frame: Frame, past: NDArray[np.float32]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    """What the method draws of a frame, and what it remembers, in numpy."""
+    low, high, normal = (image_of(frame, name).astype(np.float32) for name in WANTED)
+    light = np.asarray(frame.color) / (low + DARK)
+    for axis in (0, 1):
+        size, jitter = light.shape[axis], frame.jitter[1 - axis]
+        position = (np.arange(RATIO * size) + 0.5) / RATIO - 0.5 - jitter
+        first, share = np.floor(position).astype(int), (position - np.floor(position)).astype(np.float32)
+        below, above = (np.take(light, np.clip(first + k, 0, size - 1), axis) for k in (0, 1))
+        share = share[:, None, None] if axis == 0 else share[:, None]
+        light = below + share * (above - below)
+    image = light * (high + DARK) * (1.0 + 0.1 * normal[..., 2:])
+    return 0.9 * image + 0.1 * past, image
+
+
+def test_a_method_reads_the_buffers_that_it_asks_for(model: Model) -> None:
+    assert (model.executor, model.info.gbuffers, model.info.only_ratio) == ("graph", WANTED, RATIO)
+    one, past = upscaler(model), np.zeros((*DISPLAY[::-1], 3), np.float32)
+    for seed in (1, 2, 0, 3):
+        frame = lit(seed)
+        expected, past = by_hand(frame, np.zeros_like(past) if frame.reset else past)
+        np.testing.assert_allclose(one.step(frame), expected, rtol=1e-4, atol=1e-5)
+
+
+def test_halves_and_singles_of_the_same_values_draw_the_same(model: Model) -> None:
+    frame = lit(1)
+    singles = {name: image_of(frame, name).astype(np.float32) for name in WANTED}
+    gbuffer, gbuffer_display = grouped(singles)
+    single = replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+    np.testing.assert_array_equal(upscaler(model).step(frame), upscaler(model).step(single))
+
+
+def test_bytes_are_refused_with_the_way_to_make_them_shares() -> None:
+    with pytest.raises(FrameError, match=r"gbuffer\['roughness'\] is .* uint8; want .*/ 255"):
+        noise(1, gbuffer={"roughness": np.zeros(RENDER[::-1], np.uint8)})
+
+
+@pytest.mark.parametrize("name", WANTED)
+def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, name: str) -> None:
+    one, other = upscaler(model), upscaler(model)
+    for u in (one, other):
+        u.step(lit(1))
+    place = GBUFFERS[name]
+    with pytest.raises(FrameError) as caught:
+        other.step(lit(2, drop=name))
+    assert caught.value.name == str(place) == f"{place.group}['{place.key}']"
+    size = "display size" if place.of_display else "render size"
+    assert f"is None; want {place.shape(RENDER, DISPLAY)}. 'demodulated' reads it: render it at {size}" in str(
+        caught.value
+    )
+    np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
+
+
+@pytest.mark.parametrize("frame", [noise(2), lit(2, (16, 9))])
+def test_no_buffers_at_all_or_those_of_another_size_are_refused(model: Model, frame: Frame) -> None:
+    one, other = upscaler(model), upscaler(model)
+    for u in (one, other):
+        u.step(lit(1))
+    with pytest.raises(FrameError, match=r"frame\.(gbuffer\['base_color'\] is None|size is \(16, 9\))"):
+        other.step(frame)
+    np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
+
+
+def test_display_buffers_of_render_size_are_refused(model: Model) -> None:
+    small = {name: np.zeros((18, 32, 3), np.float16) for name in ("base_color", "normal")}
+    frame = replace(lit(1), gbuffer_display=small)
+    with pytest.raises(
+        FrameError,
+        match=r"gbuffer_display\['base_color'\] is \(18, 32, 3\); want \(36, 64, 3\)\. .*size, 64x36",
+    ):
+        upscaler(model).step(frame)
+
+
+def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(model: Model) -> None:
+    wanted = {name: image_of(lit(1), name) for name in WANTED}
+    spoilt = {**gbuffers(1, RENDER, DISPLAY), **wanted}
+    for name in spoilt.keys() - set(WANTED):
+        spoilt[name] = np.full_like(spoilt[name], np.nan)
+    frames = []
+    for found in (wanted, spoilt):
+        gbuffer, gbuffer_display = grouped(found)
+        frames.append(replace(lit(1), gbuffer=gbuffer, gbuffer_display=gbuffer_display))
+    few, many = (upscaler(model, validate="strict").step(frame) for frame in frames)
+    np.testing.assert_array_equal(few, many)
+    plain = Upscaler("bilinear", display_size=DISPLAY, executor="graph", threads=1)
+    np.testing.assert_array_equal(plain.step(frames[1]), plain.step(noise(1)))
+
+
+# --- tensors ---
+
+
+def test_tensors_draw_what_arrays_draw_captured_or_not(model: Model, capturing: Model) -> None:
+    one, other, fixed = upscaler(model), upscaler(model), upscaler(capturing)
+    fixed.warm_up(RENDER)
+    for seed in (1, 2, 0, 3):
+        frame = lit(seed)
+        expected = one.step(frame).transpose(2, 0, 1)[None]
+        np.testing.assert_array_equal(drawn(other, frame), expected)
+        np.testing.assert_array_equal(drawn(fixed, frame), expected)
+
+
+@pytest.mark.parametrize("capture", [False, True])
+@pytest.mark.parametrize("tensor", [None, torch.zeros(1, 3, 18, 32), torch.zeros(1, 3, 36, 64).double()])
+def test_a_tensor_that_is_missing_or_does_not_fit_is_named(
+    model: Model, capturing: Model, tensor: Any, capture: bool
+) -> None:
+    one, other = upscaler(model), upscaler(capturing if capture else model)
+    for u in (one, other):
+        drawn(u, lit(1))
+    tensors = {**tensors_of(lit(2)), "gbuffer_display_normal": tensor}
+    if tensor is None:
+        del tensors["gbuffer_display_normal"]
+    with pytest.raises(FrameError, match=r"frame\.gbuffer_display_normal is .*; want"):
+        other.step_tensors(tensors, jitter=(0.0, 0.0))
+    np.testing.assert_array_equal(drawn(one, lit(3)), drawn(other, lit(3)))
+
+
+# --- one ratio ---
+
+
+@pytest.mark.parametrize(
+    ("render", "display", "would_do"),
+    [
+        ((32, 18), (64, 37), "a display of (64, 36)"),
+        ((32, 18), (66, 36), "frames of (33, 18) or a display of (64, 36)"),
+        ((32, 18), (96, 54), "frames of (48, 27) or a display of (64, 36)"),
+        ((1, 1), (1, 1), "a display of (2, 2)"),
+    ],
+)
+def test_one_ratio_is_exact_and_the_sizes_that_would_do_are_said(
+    model: Model, render: Size, display: Size, would_do: str
+) -> None:
+    with pytest.raises(FrameError) as caught:
+        upscaler(model, display_size=display).step(lit(1, render))
+    said = f"frame.size is {render}, for a display of {display}; want {would_do}: this method draws exactly 2"
+    assert said in str(caught.value)
+    with pytest.raises(FrameError, match=r"frame\.size"):
+        model.plan(render, display)
+
+
+def test_a_range_of_ratios_keeps_its_slack_for_rounded_sizes() -> None:
+    assert Upscaler("bilinear", display_size=(33, 19)).step(noise(1, (33, 20))).shape == (19, 33, 3)
+
+
+@pytest.mark.parametrize("render", [(1, 1), (1, 9), (33, 17)])
+def test_odd_and_tiny_sizes_are_drawn(model: Model, render: Size) -> None:
+    frame, past = lit(1, render), np.zeros((2 * render[1], 2 * render[0], 3), np.float32)
+    image = upscaler(model, display_size=None, scale=2.0).step(frame)
+    np.testing.assert_allclose(image, by_hand(frame, past)[0], rtol=1e-4, atol=1e-5)
+
+
+def test_a_display_size_or_a_scale_is_asked_for_as_of_any_method(model: Model) -> None:
+    with pytest.raises(ArgumentError, match="display_size or scale is neither"):
+        Upscaler(model)
+
+
+# --- recordings ---
+
+
+def test_a_recording_holds_the_buffers_that_are_used_and_no_others(
+    model: Model, gbuffer_model: Path, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.recording"
+    with upscaler(model, record=file) as one:
+        images = [one.step(lit(seed)) for seed in (1, 2)]
+        with pytest.raises(FrameError):
+            one.step(lit(3, drop=WANTED[2]))
+        images.append(drawn(one, lit(4)))
+        with pytest.raises(FrameError, match=r"frame\.gbuffer_display_normal is None"):
+            one.step_tensors({"color": tensors_of(lit(4))["color"]}, jitter=(0.0, 0.0))
+    recording = open_recording(file)
+    frames = [call.frame for call in recording if isinstance(call, StepCall)]
+    assert [names_of(frame) for frame in frames] == [[*WANTED], [*WANTED], [*WANTED[:2]], [*WANTED]]
+    replay = Replay(recording, model=gbuffer_model)
+    steps = [step for step in map(replay.call, recording) if step is not None]
+    assert [step.exact for step in steps] == [True] * 4
+    assert "gbuffer_display['normal']" in steps[2].note
+
+
+def test_a_recording_of_a_method_without_buffers_has_none(tmp_path: Path) -> None:
+    file = tmp_path / "a.recording"
+    with Upscaler("bilinear", display_size=DISPLAY, threads=1, record=file) as one:
+        one.step(lit(1))
+    (step, _) = open_recording(file)
+    assert isinstance(step, StepCall)
+    assert (step.frame.gbuffer, step.frame.gbuffer_display) == (None, None)
+
+
+def test_tensors_of_a_frame_have_its_buffers() -> None:
+    assert set(tensors_of_frame(lit(1), "cpu")) == {"color", "depth", "motion", *GBUFFERS}
+
+
+# --- checks of pixels ---
+
+
+def sloping(seed: int = 1) -> Frame:
+    """A frame whose buffers of both sizes show the same surfaces."""
+    frame = lit(seed, (96, 54))
+    depth = np.where(np.arange(54)[:, None] < 9, 0.0, 0.05 + 1e-3 * np.arange(96)[None] + 0.1)
+    depth[30:, :40] = 0.4
+    depth = depth.astype(np.float32)
+    display = {**(frame.gbuffer_display or {}), "depth": np.kron(depth, np.ones((2, 2), np.float32))}
+    return replace(frame, depth=depth, jitter=(0.0, 0.0), gbuffer_display=display)
+
+
+def spoilt(name: str, how: Any) -> Frame:
+    frame, place = sloping(), GBUFFERS[name]
+    buffers = dict(getattr(frame, place.group))
+    with np.errstate(divide="ignore"):
+        buffers[place.key] = how(buffers[place.key].astype(np.float32)).astype(np.float32)
+    fields: dict[str, Any] = {place.group: buffers}
+    return replace(frame, **fields)
+
+
+def one_bad(value: float) -> Any:
+    def spoil(array: NDArray[np.float32]) -> NDArray[np.float32]:
+        array[3, 5] = value
+        return array
+
+    return spoil
+
+
+MISTAKES = [
+    ("gbuffer_base_color", one_bad(np.nan), r"NaN or Inf in 1 pixels, first at \(x=5, y=3\)"),
+    ("gbuffer_display_metallic", one_bad(np.inf), "NaN or Inf"),
+    ("gbuffer_display_base_color", lambda a: np.rint(255 * a), "bytes"),
+    ("gbuffer_specular", lambda a: 3.0 * a, r"outside \[0, 1\]"),
+    ("gbuffer_roughness", lambda a: a - 0.5, r"outside \[0, 1\]"),
+    ("gbuffer_normal", lambda a: 0.5 * a + 0.5, r"encoded: it fits n \* 0\.5 \+ 0\.5.*2 \* normal - 1"),
+    ("gbuffer_display_normal", lambda a: 0.7 * a, "neither 1 nor 0"),
+    ("gbuffer_display_depth", lambda a: 0.03 / a, "NaN or Inf.*is 0"),
+    ("gbuffer_display_depth", lambda a: np.minimum(0.03 / a, 1e10), "a distance: it grows"),
+    ("gbuffer_display_depth", lambda a: 4.0 * a, "4 times frame.depth"),
+    ("gbuffer_display_depth", lambda a: 1.0 - a, "times frame.depth"),
+    ("gbuffer_display_depth", lambda a: -a, "negative"),
+]
+
+
+@pytest.mark.parametrize(("name", "how", "said"), MISTAKES)
+def test_a_mistake_in_a_buffer_that_is_used_is_guessed(name: str, how: Any, said: str) -> None:
+    frame = spoilt(name, how)
+    with pytest.raises(FrameError, match=said) as caught:
+        FrameChecker("strict").check(frame, (192, 108), [name])
+    assert caught.value.name == str(GBUFFERS[name])
+    checker = FrameChecker("warn")
+    with pytest.warns(FrameWarning, match=said):
+        checker.check(frame, (192, 108), [name])
+    checker.check(frame, (192, 108), [name])  # once is enough
+    FrameChecker("strict").check(frame, (192, 108), set(GBUFFERS) - {name})
+
+
+def test_right_buffers_pass(model: Model) -> None:
+    for seed in range(3):
+        FrameChecker("strict").check(sloping(seed), (192, 108), GBUFFERS)
+    black = {name: np.zeros_like(array) for name, array in gbuffers(1, RENDER, DISPLAY).items()}
+    gbuffer, gbuffer_display = grouped(black)
+    frame = noise(1, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+    upscaler(model, validate="strict").step(frame)
+
+
+def test_an_upscaler_checks_what_its_method_reads(model: Model) -> None:
+    one, other = upscaler(model, validate="strict"), upscaler(model, validate="strict")
+    for u in (one, other):
+        u.step(lit(1))
+    wrong = lit(2, gbuffer_base_color=np.full((18, 32, 3), 7.5, np.float32))
+    with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is outside"):
+        other.step(wrong)
+    np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
+
+
+def test_buffers_are_listed_by_size() -> None:
+    assert listed(WANTED) == "base_color at render size; base_color, normal at display size"
+    assert listed([]) == "none"
