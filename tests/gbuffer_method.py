@@ -1,8 +1,8 @@
 """The least method that reads G-buffers, at one ratio, and frames for it."""
 
 from pathlib import Path
-from unittest.mock import patch
 from typing import Any, ClassVar, NamedTuple
+from unittest.mock import patch
 
 import numpy as np
 import onnx

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.errors import SupersamplerError
-from supersampler.ratios import scaled
+from supersampler.ratios import only_ratio, scaled
 from supersampler_model.method import (
     CHANNELS,
     DISPLAY,
@@ -86,15 +86,9 @@ def export_graph(method: Method) -> onnx.ModelProto:
     return model
 
 
-def only_ratio(method: Method) -> float | None:
-    """The ratio of display to render size that a method draws at; None where there is a range of them."""
-    low, high = method.ratios
-    return low if low == high else None
-
-
 def traced_sizes(method: Method) -> tuple[Size, Size]:
-    """(render, display) that a graph is traced at: odd and of no whole ratio, where the method may have it."""
-    render, ratio = Size(26, 18), only_ratio(method)
+    """(render, display) that a graph is traced at: of no whole ratio, where the method may have it."""
+    render, ratio = Size(26, 18), only_ratio(method.ratios)
     display = (52, 37) if ratio is None else scaled(render, ratio)
     if display is None:
         raise ExportError(f"{method.name}: {tuple(render)} has no size {ratio:g} times as large")
@@ -102,10 +96,10 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 
 def _dims(method: Method) -> dict[str, Any]:
-    """What stands for each name in shapes; display extents are multiples of the render's at one whole ratio."""
+    """What stands for each name in shapes; at one whole ratio the display's are multiples of the render's."""
     free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
-    ratio = only_ratio(method)
+    ratio = only_ratio(method.ratios)
     if ratio is not None and ratio.is_integer():
         for render, display, half in zip(RENDER, DISPLAY, HALF, strict=True):
             dims[display] = _times(dims[render], int(ratio))

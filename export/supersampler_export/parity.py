@@ -9,8 +9,8 @@ import torch
 from torch import Tensor
 
 from supersampler.gbuffers import GBUFFERS
-from supersampler.ratios import scaled
-from supersampler_export.graph import ExportError, example_inputs, history_name, only_ratio, traced_sizes
+from supersampler.ratios import only_ratio, scaled
+from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.color import tone
 from supersampler_model.method import Fused, Method, Size
 
@@ -84,7 +84,7 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
 
 def sizes_of(method: Method) -> Sizes:
     """Sizes of the gate that a method draws from and to; only the first was traced."""
-    ratio = only_ratio(method)
+    ratio = only_ratio(method.ratios)
     if ratio is None:
         return SIZES
     pairs = [(render, scaled(render, ratio)) for render in RENDERS]

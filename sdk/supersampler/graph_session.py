@@ -45,9 +45,9 @@ def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> di
 
 
 def image_of(frame: Frame, name: str) -> np.ndarray[Any, Any]:
-    """The image of a frame that a graph has this name for, as it is there."""
-    image: np.ndarray[Any, Any] = GBUFFERS[name].find(frame) if name in GBUFFERS else getattr(frame, name)
-    return image
+    """The image that a graph has this name for, as it is in a frame that has it."""
+    image: Any = GBUFFERS[name].find(frame) if name in GBUFFERS else getattr(frame, name)
+    return np.asarray(image)
 
 
 def vector_inputs(

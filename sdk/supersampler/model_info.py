@@ -11,6 +11,7 @@ from typing import Any
 from supersampler.errors import ModelError
 from supersampler.frame import Size
 from supersampler.gbuffers import GBUFFERS
+from supersampler.ratios import only_ratio
 
 CONTRACT = 1
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
@@ -89,8 +90,7 @@ class ModelInfo:
     @property
     def only_ratio(self) -> float | None:
         """The ratio of display to render size that it draws at; None where there is a range of them."""
-        low, high = self.ratios
-        return low if low == high else None
+        return only_ratio(self.ratios)
 
     @property
     def carry_path(self) -> Path:

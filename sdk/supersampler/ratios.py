@@ -12,10 +12,11 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
     A range has some slack, as either size may be rounded to whole pixels. A method of one ratio puts whole
     blocks of display pixels where a render pixel is: it takes that many times the render size, exactly.
     """
-    low, high = ratios
-    if low == high:
-        _check_exact(low, render_size, display_size)
+    ratio = only_ratio(ratios)
+    if ratio is not None:
+        _check_exact(ratio, render_size, display_size)
         return
+    low, high = ratios
     for axis, name in enumerate(("width", "height")):
         ratio = display_size[axis] / render_size[axis]
         slack = (1.0 + ratio) / render_size[axis]
@@ -28,17 +29,23 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
             )
 
 
-def scaled(size: Size, ratio: float, *, times: int = 1) -> Size | None:
-    """Return a size `ratio` times as large, or with `times` of -1 as small; None where pixels are not whole."""
-    factor = Fraction(ratio).limit_denominator(1000) ** times
-    width, height = size[0] * factor, size[1] * factor
+def only_ratio(ratios: tuple[float, float]) -> float | None:
+    """The one ratio that these, the least and the largest, are; None where they are a range."""
+    low, high = ratios
+    return low if low == high else None
+
+
+def scaled(size: Size, ratio: float) -> Size | None:
+    """Return a size `ratio` times as large; None where that is none in whole pixels."""
+    exact = Fraction(ratio).limit_denominator(1000)  # a third is a third
+    width, height = size[0] * exact, size[1] * exact
     return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
 
 
 def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
     if scaled(render_size, ratio) == display_size:
         return
-    frames, display = scaled(display_size, ratio, times=-1), scaled(render_size, ratio)
+    frames, display = scaled(display_size, 1.0 / ratio), scaled(render_size, ratio)
     would_do = [f"frames of {frames}"] * (frames is not None)
     would_do += [f"a display of {display}"] * (display is not None)
     raise FrameError(

@@ -93,8 +93,9 @@ def test_a_buffer_that_is_missing_is_named_and_the_history_stays(model: Model, n
         other.step(lit(2, drop=name))
     assert caught.value.name == str(place) == f"{place.group}['{place.key}']"
     size = "display size" if place.of_display else "render size"
-    assert f"is None; want {place.shape(RENDER, DISPLAY)}. 'demodulated' reads it: render it at {size}" in str(
-        caught.value
+    assert (
+        f"is None; want {place.shape(RENDER, DISPLAY)}. 'demodulated' reads it: render it at {size}"
+        in str(caught.value)
     )
     np.testing.assert_array_equal(one.step(lit(3)), other.step(lit(3)))
 

@@ -31,9 +31,7 @@ def mistakes_of_gbuffers(frame: Frame, names: Collection[str]) -> Iterator[Mista
             if place.key == "depth":
                 hint = "Is it a distance? The sky of near / distance is 0."
             got = f"NaN or Inf {where(bad)}"
-            yield Mistake(
-                kind=f"{place} not finite", field=str(place), got=got, want="finite", hint=hint
-            )
+            yield Mistake(kind=f"{place} not finite", field=str(place), got=got, want="finite", hint=hint)
         elif place.key == "normal":
             yield from _normal(place, array)
         elif place.key == "depth":

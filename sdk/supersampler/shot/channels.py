@@ -81,9 +81,7 @@ def import_channels(
 
     def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         jitter, reset = entries[index].jitter, entries[index].reset
-        return files.read_raw(
-            index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers
-        )
+        return files.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
 
     def reference(index: int) -> Float32:
         return files.read_reference(index, info.display_size)

@@ -133,9 +133,7 @@ class Shot:
     def __iter__(self) -> Iterator[ShotFrame]:
         return self.frames()
 
-    def frames(
-        self, start: int = 0, *, gbuffers: Collection[str] | None = None
-    ) -> Iterator[ShotFrame]:
+    def frames(self, start: int = 0, *, gbuffers: Collection[str] | None = None) -> Iterator[ShotFrame]:
         """Iterate over the frames from `start` on, in order; one thread reads two frames ahead.
 
         An error of the thread is raised where its frame is reached. The thread ends when the iterator does:
@@ -182,9 +180,7 @@ class Shot:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
         return None if self._entries[index].reference is None else self._classes(index)
 
-    def _load(
-        self, index: int, converter: Converter, gbuffers: Collection[str] | None = None
-    ) -> ShotFrame:
+    def _load(self, index: int, converter: Converter, gbuffers: Collection[str] | None = None) -> ShotFrame:
         raw, reference = self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
         try:
             frame = converter.to_frame(raw)
