@@ -16,10 +16,10 @@ from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
 from supersampler_bench import cli_pareto, cli_report, cli_run, cli_stress, color_video_vdp, public_shots
 from supersampler_bench.class_table import rich_class_table
-from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, listed, publish
+from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, listed, publish, warn
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
-from supersampler_bench.quality import measure_quality
+from supersampler_bench.quality import measure_quality, runnable
 from supersampler_bench.record import Measured, quality_record, write_json
 from supersampler_bench.report import Report, block_names
 from supersampler_bench.table import find_blocks, rich_table, update_blocks
@@ -96,7 +96,7 @@ def quality(
     something was hidden a frame ago, where the light changes, where one sample does not tell the colour, and
     where the picture moves; and what a classifier took pixels for. All on pictures as a screen shows them:
     exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean. docs/quality.md has
-    what each metric is.
+    what each metric is. Methods that cannot draw a shot, at its ratio or without its G-buffers, are left out.
 
     \b
     Examples:
@@ -145,12 +145,13 @@ def _found(cache: Path, ratios: Sequence[float]) -> list[PublicShot]:
 
 def _warn_of(shots: list[PublicShot]) -> None:
     for warning in filter(None, (shot.warning() for shot in shots)):
-        ERRORS.print(f"warning: {warning}", style="yellow", soft_wrap=True)
+        warn(warning)
 
 
 def _measured(
     shot: Shot, origin: dict[str, Any], methods: list[str], cvvdp: bool, gallery: "Gallery | None"
 ) -> Measured:
+    methods = runnable(shot, methods, warn)
     maps = ErrorMaps(methods)
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task(shot.name, total=len(shot))

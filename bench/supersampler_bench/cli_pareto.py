@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from supersampler.cli.arguments import open_shot, parse_size
-from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, publish
+from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, publish, warn
 from supersampler_bench.record import read_record
 
 
@@ -44,7 +44,7 @@ def pareto(
     check_page(update, tables)
     scored, size = [read_record(path) for path in quality], parse_size(display_size)
     with ERRORS.status("timing"):
-        points = measure_pareto(scored, size, threads=threads, steps=steps)
+        points = measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
     publish(pareto_record(points, shots_of(scored[0]), size, threads), tables, json, update)
     if output is not None:
         from supersampler_bench.pareto_figures import draw_pareto  # needs matplotlib
@@ -73,7 +73,7 @@ def suggest(
         points = points_of(read_record(path))
     opened, size = open_shot(shot), parse_size(display_size)
     with ERRORS.status("timing"):
-        candidates = measure_candidates(opened, size, budget_ms, points, threads=threads)
+        candidates = measure_candidates(opened, size, budget_ms, points, threads=threads, on_left_out=warn)
     lines = [
         "| setting | ms | p95 | PSNR dB of the test shots | |",
         "| --- | ---: | ---: | ---: | --- |",

@@ -18,6 +18,7 @@ from supersampler_bench.cli_shared import (
     listed,
     parse_executors,
     publish,
+    warn,
 )
 from supersampler_bench.record import read_record
 
@@ -86,6 +87,7 @@ def speed(
             skips=[parse_skip(text) for text in listed(skip)],
             ratio=ratio,
             steps=steps,
+            on_left_out=warn,
         )
         limits = measure_limits()
     publish(speed_record(results, limits, ratio), tables, json, update)
@@ -130,6 +132,7 @@ def device(
             ratio=ratio,
             steps=steps,
             captures=(False, True) if capture else (False,),
+            on_left_out=warn,
         )
         copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
     publish(device_record(results, copied, ratio), tables, json, update)

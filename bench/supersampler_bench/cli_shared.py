@@ -22,6 +22,11 @@ Tables = Mapping[str, Callable[[Record], str]]
 """What makes each table of a record, by the name of its block."""
 
 
+def warn(text: str) -> None:
+    """Say what is to be known before figures are read."""
+    ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True, markup=False)
+
+
 def listed(text: str) -> list[str]:
     """Return the parts of a text with commas between."""
     return [part.strip() for part in text.split(",")]

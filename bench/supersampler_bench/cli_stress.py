@@ -15,6 +15,7 @@ from supersampler_bench.cli_shared import (
     listed,
     parse_executors,
     publish,
+    warn,
 )
 
 
@@ -41,7 +42,7 @@ def stress(
       supersampler bench stress -o stress --json stress.json --update docs/stability.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.stress.report import draw_sheets, markdown_table, scenario_list, stress_record
-    from supersampler_bench.stress.runner import chosen, measure, runs
+    from supersampler_bench.stress.runner import chosen, left_out, measure, runs
     from supersampler_bench.stress.subjects import subjects
 
     scenario_block = "stress scenarios"
@@ -49,6 +50,8 @@ def stress(
     check_page(update, tables)
     scenarios = chosen(listed(only) if only else [], quick=quick)
     stressed = subjects(listed(methods), parse_executors(executors))
+    for text in left_out(scenarios, stressed):
+        warn(text)
     outcomes = []
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         task = progress.add_task("scenarios", total=len(runs(scenarios, stressed)))

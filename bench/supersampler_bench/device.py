@@ -15,6 +15,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.graph_session import frame_inputs
 from supersampler.model import Precision
+from supersampler_bench.fitting import dressed, why_not
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.speed import COPIED, WARM_UP, frames_of, measure_limits
 
@@ -61,6 +62,7 @@ class _Runner:
             method, providers=provider, executor="graph", precision=precision, capture=capture
         )
         device = self._model.device
+        frames = [dressed(frame, self._model.info.gbuffers, display) for frame in frames]
         self._display = display
         self._upscaler = Upscaler(self._model, display_size=display, validate="off")
         images = [tensor.name for tensor in self._model.info.inputs if len(tensor.shape) == 4]
@@ -116,6 +118,7 @@ def measure_device(
     steps: int = 100,
     captures: Sequence[bool] = (False,),
     on_step: Callable[[], None] = lambda: None,
+    on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[OnDevice]:
     """Time all; those of one size take turns, step by step.
 
@@ -128,12 +131,17 @@ def measure_device(
         steps: that count, of each.
         captures: each `capture` to time; see `Model.load`.
         on_step: called after each.
+        on_left_out: called with the name of a method that cannot draw so, and why.
     """
     results = []
     for display in displays:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
+        reasons = {method: why_not(method, frames[0].size, display) for method in methods}
+        for reason in filter(None, reasons.values()):
+            on_left_out(reason)
+        kept = [method for method in methods if not reasons[method]]
         runners = []
-        for method, precision, capture in itertools.product(methods, precisions, captures):
+        for method, precision, capture in itertools.product(kept, precisions, captures):
             try:
                 runners.append(_Runner(method, display, precision, provider, frames, capture=capture))
             except ArgumentError:  # the method has no such precision

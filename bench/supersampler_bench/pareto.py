@@ -76,6 +76,7 @@ def measure_pareto(
     threads: int,
     steps: int = 20,
     on_ratio: Callable[[float], None] = lambda _: None,
+    on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Point]:
     """Time all settings that quality records have scores of, on this machine.
 
@@ -85,6 +86,7 @@ def measure_pareto(
         threads: of the processor.
         steps: that count, of each setting.
         on_ratio: called before the settings of a ratio.
+        on_left_out: called with the name of a method that cannot draw that size at a ratio, and why.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
@@ -95,8 +97,12 @@ def measure_pareto(
         wanted = {
             spec: Setting(spec.model, display, "auto", threads, spec.precision, spec.skip) for spec in scores
         }
-        timed = {t.setting: t for t in measure_settings(list(wanted.values()), ratio=ratio, steps=steps)}
+        settings = list(wanted.values())
+        found = measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
+        timed = {t.setting: t for t in found}
         for spec, setting in wanted.items():
+            if setting not in timed:
+                continue
             t = timed[setting]
             points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
     return points

@@ -14,14 +14,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.display import auto_exposure, display_transform
-from supersampler.errors import ShotError
+from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.gbuffers import names_of
 from supersampler.history import Result
 from supersampler.shot import ClassMaps, Shot, ShotFrame
 from supersampler.upscaler import Upscaler
 from supersampler_bench import confusion, masks, metrics, strred
 from supersampler_bench.color_video_vdp import Clips
 from supersampler_bench.confusion import Counts
+from supersampler_bench.fitting import gbuffers_of, why_not
 from supersampler_bench.scores import BORDER, MASKED, WARM_UP_FRAMES, FrameScores, MethodScores, Scores
 from supersampler_bench.specs import parse_spec
 
@@ -83,10 +85,11 @@ def measure_quality(
     display_size = reference_size(shot)
     clips = Clips(len(methods), shot.info.frame_rate) if cvvdp else None
     steppers = [_stepper(method, display_size) for method in methods]
+    gbuffers = gbuffers_of(parse_spec(str(m)).model for m in methods if m != ORACLE)
     frames: list[list[FrameScores]] = [[] for _ in methods]
     truths = _Truths(display_size)
     before: list[Float32 | None] = [None] * len(methods)
-    for item in shot:
+    for item in shot.frames(gbuffers=gbuffers):
         truth = truths.next(item, shot.read_classes(item.index))
         shown = []
         for i, step in enumerate(steppers):
@@ -103,6 +106,30 @@ def measure_quality(
         if on_frame is not None:
             on_frame(item.index + 1)
     return [MethodScores(str(m), frames[i], _judged(clips, i)) for i, m in enumerate(methods)]
+
+
+def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
+    """Return those of some methods that can draw a shot, as `measure_quality` takes them.
+
+    Args:
+        shot: at least one frame with a reference.
+        methods: see `measure_quality`.
+        on_left_out: called with the name of each other method, and why.
+
+    Raises:
+        ArgumentError: no method is left.
+    """
+    display, there = reference_size(shot), names_of(shot.read_raw(0))
+    reasons = {ORACLE: ""}
+    for method in methods:
+        if method != ORACLE:
+            reasons[method] = why_not(parse_spec(method).model, shot.render_size, display, there)
+    for reason in filter(None, reasons.values()):
+        on_left_out(f"{shot.name}: {reason}")
+    kept = [method for method in methods if not reasons[method]]
+    if not kept:
+        raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can draw {shot.name}")
+    return kept
 
 
 def _judged(clips: Clips | None, method: int) -> dict[tuple[bool, bool], float]:

@@ -54,8 +54,8 @@ def quality_record(measured: Sequence[Measured]) -> dict[str, Any]:
     """Return everything about a quality measurement, ready for JSON; only `date` differs from run to run.
 
     Args:
-        measured: the shots. Of several each knows its ratio (`Measured.origin`), all have the same methods,
-            and there is a mean at each ratio.
+        measured: the shots. Of several each knows its ratio (`Measured.origin`), those of a ratio have the
+            same methods, and there is a mean at each ratio.
     """
     ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
     return {

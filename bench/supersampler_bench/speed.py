@@ -15,7 +15,9 @@ import numpy as np
 from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
+from supersampler.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision, Skip
+from supersampler_bench.fitting import dressed, why_not
 from supersampler_bench.record import Record, machine_name
 
 WARM_UP = 4  # steps of each setting before any counts
@@ -88,13 +90,16 @@ class _Runner:
             executor=setting.executor,
             precision=setting.precision,
         )
+        frames = [dressed(frame, model.info.gbuffers, setting.display) for frame in frames]
         self.setting, self._model = setting, model
         self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
         self._frames = itertools.cycle(frames)
         self._plan = model.plan(frames[0].size, setting.display)
         first = frames[0]
-        self._moved = sum(a.nbytes for a in (first.color, first.depth, first.motion) if a is not None)
+        gbuffers = [GBUFFERS[name].find(first) for name in model.info.gbuffers]
+        images = (first.color, first.depth, first.motion, *gbuffers)
+        self._moved = sum(image.nbytes for image in images if image is not None)
         self.wall: list[float] = []
         self.processor = 0.0
         for _ in range(WARM_UP):
@@ -144,6 +149,7 @@ def measure_speed(
     ratio: float = 2.0,
     steps: int = 30,
     on_step: Callable[[], None] = lambda: None,
+    on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
     """Time all settings; those of one size and number of threads take turns, step by step.
 
@@ -157,12 +163,15 @@ def measure_speed(
         ratio: display over render size.
         steps: that count, of each setting.
         on_step: called after each.
+        on_left_out: called with the name of a method that cannot draw so, and why.
     """
     results = []
     for display, count in itertools.product(displays, threads):
         kinds = itertools.product(methods, executors, precisions, skips)
         wanted = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
-        results += measure_settings(wanted, ratio=ratio, steps=steps, on_step=on_step)
+        results += measure_settings(
+            wanted, ratio=ratio, steps=steps, on_step=on_step, on_left_out=on_left_out
+        )
     return results
 
 
@@ -173,15 +182,18 @@ def measure_settings(
     steps: int,
     frames: Sequence[Frame] | None = None,
     on_step: Callable[[], None] = lambda: None,
+    on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
     """Time settings of one size and number of threads, and `REFERENCE`, in turns.
 
     Args:
-        settings: those that a method does not have are left out.
+        settings: those that a method does not have are left out. G-buffers that it reads and `frames` lack
+            are made up.
         ratio: display over render size.
         steps: that count, of each.
         frames: that are stepped, again and again; the shipped shot, repeated to the size, where None.
         on_step: called after each.
+        on_left_out: called with the name of a method that cannot draw so, and why.
 
     Returns:
         The reference first.
@@ -190,7 +202,11 @@ def measure_settings(
     if frames is None:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
     first = Setting(REFERENCE, display, "host", threads)
-    runners = [_Runner(first, frames), *_runners([s for s in settings if s != first], frames)]
+    reasons = {s.method: why_not(s.method, frames[0].size, display) for s in settings}
+    for reason in filter(None, reasons.values()):
+        on_left_out(reason)
+    others = [s for s in settings if s != first and not reasons[s.method]]
+    runners = [_Runner(first, frames), *_runners(others, frames)]
     for _ in range(steps):
         for runner in runners:
             runner.step()

@@ -1,13 +1,15 @@
 """Which setting to use for a shot, a size and a budget of time, by what this machine measures."""
 
 import itertools
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler.gbuffers import names_of
 from supersampler.model_info import model_names
 from supersampler.shot import Shot
+from supersampler_bench.fitting import gbuffers_of, why_not
 from supersampler_bench.pareto import Point, at_ratio
 from supersampler_bench.specs import Spec
 from supersampler_bench.speed import Setting, measure_settings
@@ -41,6 +43,7 @@ def measure_candidates(
     *,
     threads: int = 0,
     steps: int = STEPS,
+    on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Candidate]:
     """Time all known settings on the first frames of a shot, in turns; the best first.
 
@@ -53,13 +56,22 @@ def measure_candidates(
         points: of `bench pareto`, whose scores are taken.
         threads: of the processor; 0 takes every core.
         steps: that count, of each setting.
+        on_left_out: called with the name of a method that cannot draw the shot so, and why.
 
     Raises:
         ArgumentError: no method draws at this ratio.
     """
-    frames = [item.frame for item in itertools.islice(shot, FRAMES)]
     ratio = max(display[axis] / shot.render_size[axis] for axis in (0, 1))
     known = {p.spec: p.scores["psnr"] for p in at_ratio(points, ratio)}
+    there, models = names_of(shot.read_raw(0)), dict.fromkeys(spec.model for spec in known)
+    reasons = {model: why_not(model, shot.render_size, display, there) for model in models}
+    for reason in filter(None, reasons.values()):
+        on_left_out(reason)
+    known = {spec: psnr for spec, psnr in known.items() if not reasons[spec.model]}
+    if not known:
+        raise ArgumentError("--display-size", got=f"a ratio of {ratio:.2f}", want="one that a method draws")
+    read = shot.frames(gbuffers=gbuffers_of({spec.model for spec in known}))
+    frames = [item.frame for item in itertools.islice(read, FRAMES)]
     settings = {Setting(s.model, display, "auto", threads, s.precision, s.skip): s for s in known}
     timed = measure_settings(list(settings), ratio=ratio, steps=steps, frames=frames)
     found = [
@@ -67,8 +79,6 @@ def measure_candidates(
         for t in timed
         if t.setting in settings
     ]
-    if not found:
-        raise ArgumentError("--display-size", got=f"a ratio of {ratio:.2f}", want="one that a method draws")
     return sorted(found, key=lambda c: (not c.fits, -c.psnr if c.fits else c.p95))
 
 

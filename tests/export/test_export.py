@@ -15,6 +15,7 @@ from onnx import helper
 from torch import Tensor
 from typer.testing import CliRunner
 
+from gbuffer_method import Demodulated
 from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.model_info import find_model
@@ -22,7 +23,15 @@ from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
-from supersampler_export.parity import SIZES, TOLERANCE, TOLERANCE_HALF, check_fused, check_parity, compare
+from supersampler_export.parity import (
+    SIZES,
+    TOLERANCE,
+    TOLERANCE_HALF,
+    check_fused,
+    check_parity,
+    compare,
+    sizes_of,
+)
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.spatial import Bilinear
@@ -194,3 +203,42 @@ def test_the_gate_measures_in_both_directions() -> None:
     same = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
     assert all(p.largest == 0 for p in check_parity(Same(), same.SerializeToString()))
     assert Size(26, 18) in [p.render for p in check_parity(Same(), same.SerializeToString())]
+
+
+class Darker(Demodulated):
+    """Reads another base colour than was exported."""
+
+    def forward(self, *inputs: Tensor) -> Any:
+        color, jitter, low, high, *others = inputs
+        return super().forward(color, jitter, low, 0.9 * high, *others)
+
+    @classmethod
+    def inputs(cls) -> list[str]:
+        return Demodulated.inputs()
+
+
+def test_a_method_of_one_ratio_is_held_against_torch_at_sizes_of_it(gbuffer_model: Path) -> None:
+    described = json.loads((gbuffer_model / "model.json").read_text())
+    gate = [(tuple(s["render"]), tuple(s["display"])) for s in described["parity"]["sizes"]]
+    assert {(1, 1), (1, 9), (33, 17)} <= {render for render, _ in gate}
+    assert all(display == (2 * render[0], 2 * render[1]) for render, display in gate)
+    session = ort.InferenceSession(gbuffer_model / "step.onnx", providers=["CPUExecutionProvider"])
+    sizes = Size(5, 3), Size(10, 6)
+    assert compare(Demodulated(), session, *sizes).difference <= TOLERANCE
+    assert compare(Darker(), session, *sizes).median > TOLERANCE
+    card = (gbuffer_model / "MODEL_CARD.md").read_text()
+    assert "exactly 2, on both axes" in card
+    assert "| gbuffer_display_normal | float32 | 1, 3, display_height, display_width |" in card
+
+
+@pytest.mark.parametrize(("ratio", "renders"), [(4.0, 8), (1.5, 3), (1.0, 8)])
+def test_sizes_of_the_gate_are_whole_at_any_one_ratio(ratio: float, renders: int) -> None:
+    class Other(Demodulated):
+        """At another ratio."""
+
+        ratios = (ratio, ratio)
+
+    sizes = sizes_of(Other())
+    assert len(sizes) == renders
+    assert all((w * ratio, h * ratio) == display for (w, h), display in sizes)
+    assert sizes_of(Bilinear()) == SIZES

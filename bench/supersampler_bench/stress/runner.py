@@ -80,6 +80,21 @@ def runs(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[tup
     return [(scenario, subject) for scenario in scenarios for subject in subjects if scenario.suits(subject)]
 
 
+def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[str]:
+    """Say of each subject which scenarios ask for ratios that it does not draw at, if any do."""
+    texts = []
+    for subject in subjects:
+        names = [scenario.name for scenario in scenarios if not scenario.is_drawn_by(subject)]
+        low, high = subject.ratios
+        drawn = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
+        if names:
+            texts.append(
+                f"{subject.method} {subject.executor}, which draws at ratios of {drawn}, is left out of "
+                f"{', '.join(names)}"
+            )
+    return texts
+
+
 def measure(
     scenarios: Sequence[Scenario],
     subjects: Sequence[Subject],

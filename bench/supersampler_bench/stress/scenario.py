@@ -53,6 +53,7 @@ class Subject:
         begin: makes a session for a display size, on so many threads.
         exact: the same method in the graph, in single precision; None where this is it.
         recovery: frames in which what was bad is forgotten.
+        ratios: of display to render size, the least and the largest.
     """
 
     method: str
@@ -63,6 +64,7 @@ class Subject:
     begin: Callable[[Size, int], Session]
     exact: Callable[[Size, int], Session] | None = None
     recovery: int = RECOVERY
+    ratios: tuple[float, float] = (1.0, 4.0)
 
     @property
     def tolerance(self) -> float:
@@ -165,6 +167,7 @@ class Scenario:
         pairs: only of subjects that are held against single precision.
         same_size: graphs draw as large pictures as the host does.
         logarithmic: whether its curve is drawn so.
+        ratios: of display to render size, the least and the largest that it asks for.
     """
 
     name: str
@@ -177,6 +180,7 @@ class Scenario:
     pairs: bool = False
     same_size: bool = False
     logarithmic: bool = True
+    ratios: tuple[float, float] = (2.0, 2.0)
 
     @property
     def done(self) -> str:
@@ -184,10 +188,16 @@ class Scenario:
         return " ".join((inspect.getdoc(self.run) or "").split())
 
     def suits(self, subject: Subject) -> bool:
-        """Whether it makes sense for this one."""
+        """Whether it makes sense for this one, which draws at its ratios."""
+        if not self.is_drawn_by(subject):
+            return False
         if self.pairs:
             return subject.exact is not None
         return subject.remembers or not self.remembers
+
+    def is_drawn_by(self, subject: Subject) -> bool:
+        """Whether the subject draws at all ratios that it asks for."""
+        return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
         """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""

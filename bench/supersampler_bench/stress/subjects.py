@@ -3,11 +3,12 @@
 from collections.abc import Iterator, Mapping, Sequence
 from functools import cache
 
-from supersampler import Model, Upscaler
+from supersampler import Frame, Model, Upscaler
 from supersampler.errors import ArgumentError
-from supersampler.frame import Size
+from supersampler.frame import Float32, Size
 from supersampler.model import ExecutorName
 from supersampler.model_info import ModelInfo
+from supersampler_bench.fitting import dressed
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 
@@ -36,6 +37,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             begin=_Begin(method, executor),
             exact=None if executor == "graph" else _Begin(method, "graph"),
             recovery=SLOW.get(method, RECOVERY),
+            ratios=model.info.ratios,
         )
 
 
@@ -45,7 +47,20 @@ class _Begin:
 
     def __call__(self, display: Size, threads: int) -> Session:
         model = _model(self._method, self._executor, threads)
-        return Upscaler(model, display_size=display, skip="exact", validate="off")
+        upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
+        return _Dressed(upscaler, display) if model.info.gbuffers else upscaler
+
+
+class _Dressed:
+    """An Upscaler of a method that reads G-buffers, which frames to stress with lack."""
+
+    def __init__(self, upscaler: Upscaler, display: Size) -> None:
+        self._upscaler, self._display = upscaler, display
+        self.save_state, self.load_state = upscaler.save_state, upscaler.load_state
+
+    def step(self, frame: Frame) -> Float32:
+        """See `Upscaler.step`."""
+        return self._upscaler.step(dressed(frame, self._upscaler.model.info.gbuffers, self._display))
 
 
 @cache

@@ -1,0 +1,83 @@
+"""Which methods a bench can run, on which frames, and G-buffers for frames that have none."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from supersampler.errors import FrameError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.gbuffers import GBUFFERS, Place, grouped, listed
+from supersampler.model_info import find_model, read_model_info
+from supersampler.ratios import check_ratio
+
+MATTE = {
+    "base_color": (0.5, 0.5, 0.5),
+    "normal": (0.0, 0.0, 1.0),
+    "roughness": (0.5,),
+    "metallic": (0.0,),
+    "specular": (0.5,),
+}
+"""What made-up G-buffers show everywhere: what is the same in each pixel of each frame fits any frames."""
+
+
+def why_not(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
+    """Say why a method is to be left out; "" where it can be run.
+
+    Args:
+        model: name of a shipped one, or a folder.
+        render: (width, height) of the frames.
+        display: of the pictures.
+        gbuffers: names of those that the frames have; None where they may be made up.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    info = read_model_info(find_model(model))
+    try:
+        check_ratio(info.ratios, render, display)
+    except FrameError as error:
+        return f"{model} is left out: {error}"
+    lacking = [] if gbuffers is None else [name for name in info.gbuffers if name not in gbuffers]
+    return f"{model} is left out: the frames have no {listed(lacking)}." if lacking else ""
+
+
+def gbuffers_of(models: Iterable[str]) -> set[str]:
+    """Names of the G-buffers that any of these methods reads."""
+    return {name for model in models for name in read_model_info(find_model(model)).gbuffers}
+
+
+def dressed(frame: Frame, names: Iterable[str], display: Size) -> Frame:
+    """Return a frame with the G-buffers of these tensors: its own, and for those it lacks a matte surface's.
+
+    Depth of display size is the nearest sample of the frame's, 0 where that is no depth.
+    """
+    found = {name: GBUFFERS[name].find(frame) for name in names}
+    if all(array is not None for array in found.values()):
+        return frame
+    made = {
+        name: _made(GBUFFERS[name], frame, display) if array is None else array
+        for name, array in found.items()
+    }
+    gbuffer, gbuffer_display = grouped(made)
+    return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+
+
+def _made(place: Place, frame: Frame, display: Size) -> Float32:
+    if place.key == "depth":
+        return _nearest_depth(frame, display)
+    return _matte(place.key, place.shape(frame.size, display))
+
+
+@lru_cache(maxsize=32)
+def _matte(key: str, shape: tuple[int, ...]) -> Float32:
+    return np.broadcast_to(np.array(MATTE[key], np.float32), (*shape[:2], len(MATTE[key]))).reshape(shape)
+
+
+def _nearest_depth(frame: Frame, display: Size) -> Float32:
+    (width, height), (x, y) = frame.size, frame.jitter
+    columns = np.floor((np.arange(display[0]) + 0.5) * width / display[0] - x).astype(np.intp)
+    rows = np.floor((np.arange(display[1]) + 0.5) * height / display[1] - y).astype(np.intp)
+    depth = frame.depth[rows.clip(0, height - 1)[:, None], columns.clip(0, width - 1)]
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
