@@ -1,11 +1,13 @@
 """The least method that reads G-buffers, at one ratio, and frames for it."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
 import onnx
+import pytest
 from torch import Tensor
 from torch.nn import functional as F
 
@@ -61,8 +63,10 @@ class Demodulated(Method):
         return Step(bounded(0.9 * lit + 0.1 * history_color), bounded(lit) * 1.0)
 
 
-def exported(folder: Path) -> Path:
-    """Write the method as a model folder, with a copy of `carry.onnx`, which is the same in all folders."""
+@cache
+def exported(folders: pytest.TempPathFactory) -> Path:
+    """Folder of the method, once a session, with a copy of `carry.onnx`, which is the same in all folders."""
+    folder = folders.mktemp("model") / Demodulated.name
     carry = onnx.load(find_model("bilinear") / "carry.onnx")
 
     def export(method: Method) -> onnx.ModelProto:

@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from gbuffer_method import WANTED, lit
+from gbuffer_method import WANTED, exported, lit
 from noise import noise
 from supersampler import ArgumentError, Shot, ShotWriter, Upscaler, shipped_shot
 from supersampler.checks import FrameChecker
@@ -23,6 +23,11 @@ from supersampler_bench.stress.subjects import subjects
 from supersampler_bench.suggest import measure_candidates
 
 RENDER, DISPLAY = (32, 18), (64, 36)
+
+
+@pytest.fixture(scope="module")
+def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory)
 
 
 def test_made_up_buffers_are_right_ones_whatever_the_frame_holds() -> None:

@@ -15,7 +15,7 @@ from onnx import helper
 from torch import Tensor
 from typer.testing import CliRunner
 
-from gbuffer_method import Demodulated
+from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.model_info import find_model
@@ -203,6 +203,11 @@ def test_the_gate_measures_in_both_directions() -> None:
     same = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=10)
     assert all(p.largest == 0 for p in check_parity(Same(), same.SerializeToString()))
     assert Size(26, 18) in [p.render for p in check_parity(Same(), same.SerializeToString())]
+
+
+@pytest.fixture(scope="module")
+def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory)
 
 
 class Darker(Demodulated):

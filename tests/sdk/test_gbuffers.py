@@ -9,7 +9,7 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
-from gbuffer_method import DARK, RATIO, WANTED, gbuffers, lit
+from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, FrameWarning, Model, Upscaler
 from supersampler.checks import FrameChecker
@@ -21,6 +21,11 @@ from supersampler.recording.replay import Replay
 from supersampler.recording.tensors import tensors_of_frame
 
 RENDER, DISPLAY = (32, 18), (64, 36)
+
+
+@pytest.fixture(scope="module")
+def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")

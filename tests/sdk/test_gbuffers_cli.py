@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
-from gbuffer_method import RATIO, WANTED, lit
+from gbuffer_method import RATIO, WANTED, exported, lit
 from noise import noise
 from supersampler import Conventions, Shot, ShotError, ShotWriter, Upscaler
 from supersampler.cli import app
@@ -16,6 +16,11 @@ from supersampler.image_io import read_exr, write_exr
 from supersampler.shot import import_channels
 
 RENDER, DISPLAY, FRAMES = (32, 18), (64, 36), 3
+
+
+@pytest.fixture(scope="module")
+def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory)
 
 
 @pytest.fixture(scope="module")
