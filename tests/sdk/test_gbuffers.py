@@ -11,7 +11,16 @@ from numpy.typing import NDArray
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, FrameWarning, Model, Upscaler
+from supersampler import (
+    ArgumentError,
+    Conventions,
+    Frame,
+    FrameError,
+    FrameWarning,
+    Model,
+    RawFrame,
+    Upscaler,
+)
 from supersampler.checks import FrameChecker
 from supersampler.frame import Size
 from supersampler.gbuffers import GBUFFERS, grouped, listed, names_of
@@ -86,6 +95,13 @@ def test_halves_and_singles_of_the_same_values_draw_the_same(model: Model) -> No
 def test_bytes_are_refused_with_the_way_to_make_them_shares() -> None:
     with pytest.raises(FrameError, match=r"gbuffer\['roughness'\] is .* uint8; want .*/ 255"):
         noise(1, gbuffer={"roughness": np.zeros(RENDER[::-1], np.uint8)})
+
+
+def test_a_converter_names_a_buffer_as_a_user_does() -> None:
+    frame, bad = noise(1), {"normal": np.zeros((2, 2, 3), np.uint8)}
+    raw = RawFrame(depth=frame.depth, motion=frame.motion, gbuffer_display=bad)  # type: ignore[arg-type]
+    with pytest.raises(FrameError, match=r"frame\.gbuffer_display\['normal'\] is uint8"):
+        Conventions().converter().to_frame(raw)
 
 
 @pytest.mark.parametrize("name", WANTED)

@@ -50,8 +50,8 @@ class Converter:
             jitter=jitter,
             reset=raw.reset,
             exposure=raw.exposure,
-            gbuffer=self._gbuffer(raw.gbuffer),
-            gbuffer_display=self._gbuffer(raw.gbuffer_display),
+            gbuffer=self._gbuffer("gbuffer", raw.gbuffer),
+            gbuffer_display=self._gbuffer("gbuffer_display", raw.gbuffer_display),
             carry=None if raw.carry is None else self._rows(_floating("carry", raw.carry)),
         )
         self._previous_in = _in_uv(jitter, size)
@@ -72,8 +72,8 @@ class Converter:
             jitter=self._jitter_out(frame),
             reset=frame.reset,
             exposure=frame.exposure,
-            gbuffer=self._gbuffer(frame.gbuffer, encode=True),
-            gbuffer_display=self._gbuffer(frame.gbuffer_display, encode=True),
+            gbuffer=self._gbuffer("gbuffer", frame.gbuffer, encode=True),
+            gbuffer_display=self._gbuffer("gbuffer_display", frame.gbuffer_display, encode=True),
             carry=None if frame.carry is None else self._rows(frame.carry),
         )
         self._previous_out = _in_uv(frame.jitter, frame.size)
@@ -94,11 +94,13 @@ class Converter:
         return convert(depth, kind.depth, kind.near, kind.far)
 
     def _gbuffer(
-        self, buffers: Mapping[str, Array] | None, *, encode: bool = False
+        self, group: str, buffers: Mapping[str, Array] | None, *, encode: bool = False
     ) -> Mapping[str, Array] | None:
         if buffers is None:
             return None
-        converted = {name: self._rows(_floating(name, array)) for name, array in buffers.items()}
+        converted = {
+            name: self._rows(_floating(f"{group}[{name!r}]", array)) for name, array in buffers.items()
+        }
         if "depth" in converted:
             converted["depth"] = self._depth(converted["depth"], encode=encode)
         return converted
