@@ -14,10 +14,10 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def test_rows_are_added_and_those_of_later_steps_dropped(tmp_path: Path) -> None:
-    with RunLog(tmp_path) as log:
+    with RunLog(tmp_path, ["loss"]) as log:
         log.write(10, {"loss": 0.5, "psnr": 30.0})
         log.write(20, {"loss": 0.4, "psnr": 31.0, "visibility": 0.2}, np.zeros((4, 6, 3), np.float32))
-    with RunLog(tmp_path) as log:
+    with RunLog(tmp_path, ["loss"]) as log:
         log.write(20, {"loss": 0.3, "psnr": 32.0})
     assert [(row["step"], row["loss"]) for row in rows(tmp_path)] == [("10.0", "0.5"), ("20.0", "0.3")]
     assert (tmp_path / "curves.png").stat().st_size > 1000
