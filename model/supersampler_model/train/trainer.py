@@ -86,7 +86,7 @@ class Trainer:
     def __init__(self, task: Task, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = _device()
-        self.average: Method = deepcopy(task.method).cpu()  # to be validated
+        self.average: Method = deepcopy(task.method).cpu()  # where it is validated
         self.method = task.method.to(self.device)
         self.datasets = [task.data(dataset) for dataset in datasets]
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)

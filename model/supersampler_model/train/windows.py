@@ -190,7 +190,7 @@ class Stream:
         ratios: least and largest ratio that is trained on.
         size: of the crops, display pixels.
         seed: of the draws; two streams of the same seed and place are the same.
-        draw: of the crops.
+        draw: draws crops, CHOICES for each window.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than a display.

@@ -22,6 +22,7 @@ from supersampler_model.train.gbuffer_windows import (
 from supersampler_model.train.windows import Place, Sample
 
 RATIO = 2
+ACROSS = torch.tensor([-1.0, 1.0])
 NAMES = ("base_color", "normal", "roughness", "metallic", "specular")
 
 
@@ -81,9 +82,6 @@ def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
         assert off(now, now, mistaken, still) > 0.04
     for mistaken in (motion * ACROSS[:, None, None], -motion * ACROSS[:, None, None], motion.flip(0)):
         assert off(now, before, jitter, mistaken) > 0.1
-
-
-ACROSS = torch.tensor([-1.0, 1.0])
 
 
 def off(now: Sample, then: Sample, jitter: Tensor, motion: Tensor) -> float:
