@@ -16,6 +16,7 @@ from supersampler_model.methods.classifier import Classifier, ClassifierConfig
 from supersampler_model.methods.classifier_inputs import INPUTS
 from supersampler_model.methods.classifier_paper import PaperClassifier, PaperConfig
 from supersampler_model.methods.classifier_small import SmallClassifier, SmallConfig
+from supersampler_model.train.classifier_task import ClassifierTask
 from supersampler_model.train.trainer import Plan, Trainer
 from supersampler_model.train.validate import validate, validation_entries
 
@@ -142,7 +143,7 @@ def run_variant(ablation: Ablation, name: str) -> Row:
     datasets = [open_dataset(path) for path in ablation.data]
     method = VARIANTS[name]()
     plan = Plan(steps=ablation.steps, batch=BATCH, average=AVERAGE, seed=seed)
-    trainer = Trainer(method, datasets, plan, folder)
+    trainer = Trainer(ClassifierTask(method), datasets, plan, folder)
     while trainer.done < ablation.steps:
         trainer.run(trainer.done + 200)
         trainer.save()

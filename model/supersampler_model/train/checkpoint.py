@@ -13,7 +13,7 @@ from supersampler.errors import ArgumentError
 from supersampler.files import replacing
 from supersampler_model.data.dataset import Dataset
 
-VERSION = 1
+VERSION = 2
 
 
 def save_checkpoint(path: Path, content: dict[str, Any]) -> None:

@@ -14,10 +14,10 @@ from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
-from supersampler_model.methods import LEARNED
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
+from supersampler_model.train.tasks import TASKS
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
 from supersampler_model.trained import load_trained, save_trained, shipped_weights
@@ -27,7 +27,7 @@ app = typer.Typer(help="Train a method that learns.")
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{', '.join(LEARNED)}.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{', '.join(TASKS)}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
@@ -56,8 +56,8 @@ def train(
       supersampler train classifier --data data -o run
       supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
     """
-    if name not in LEARNED:
-        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}")
+    if name not in TASKS:
+        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(TASKS)}")
     if "RANK" in os.environ:
         dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
         torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
@@ -70,12 +70,13 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
-    method = LEARNED[name]() if init is None else LEARNED[name].of(load_trained(_weights(name, init)))
-    begun = {key: method.learned[key] for key in ("steps", "commit", "data") if key in method.learned}
+    task = TASKS[name](None if init is None else load_trained(_weights(name, init)))
+    learned = task.method.learned
+    begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
-    trainer = Trainer(method, datasets, plan, output)
-    entries = validation_entries(datasets, method.ratios)
+    trainer = Trainer(task, datasets, plan, output)
+    entries = validation_entries(trainer.datasets, task.method.ratios)
     taau = validate(Taau().eval(), entries) if entries and trainer.rank == 0 else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
@@ -104,9 +105,9 @@ def _report(
     """Write the weights and the log, and say how it goes."""
     scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
     bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
-    means = {name: mean(getattr(u, name) for u in updates) for name in ("picture", "classes")}
+    means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
-    with RunLog(output) as log:
+    with RunLog(output, list(means)) as log:
         log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
     said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
     seconds = mean(update.seconds for update in updates)

@@ -1,7 +1,7 @@
 """What a run says of itself: a CSV file, its curves, pictures, and the same for TensorBoard."""
 
 import csv
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 
@@ -15,8 +15,7 @@ from supersampler.files import replacing
 from supersampler.frame import Float32
 from supersampler.image_io import write_png
 
-_PANELS = (("loss", ("picture", "classes")), ("dB", ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")))
-"""Title and columns of the curves; all other columns are shares of classes."""
+_SCORES = ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")
 
 
 class RunLog:
@@ -24,10 +23,11 @@ class RunLog:
 
     Args:
         folder: of the run; a log that is there is gone on with.
+        losses: columns that are terms of the loss; those that are no scores either are shares of classes.
     """
 
-    def __init__(self, folder: Path) -> None:
-        self._folder = folder
+    def __init__(self, folder: Path, losses: Sequence[str]) -> None:
+        self._folder, self._losses = folder, tuple(losses)
         self._path = folder / "log.csv"
         self._writer = SummaryWriter(str(folder / "tensorboard"))
         self._rows = _read(self._path)
@@ -64,10 +64,12 @@ class RunLog:
         self._draw(columns)
 
     def _draw(self, columns: list[str]) -> None:
-        """Draw a panel of losses, one of scores and one of classes."""
-        listed = {name for _, names in _PANELS for name in names} | {"step"}
-        panels = (*_PANELS, ("intersection over union", tuple(c for c in columns if c not in listed)))
-        figure = Figure(figsize=(15.0, 4.5), layout="constrained")
+        """Draw a panel of losses, one of scores and, where there are some, one of classes."""
+        listed = {*self._losses, *_SCORES, "step"}
+        panels = [("loss", self._losses), ("dB", _SCORES)]
+        if classes := tuple(column for column in columns if column not in listed):
+            panels.append(("intersection over union", classes))
+        figure = Figure(figsize=(5.0 * len(panels), 4.5), layout="constrained")
         steps = [row["step"] for row in self._rows]
         for axes, (title, names) in zip(figure.subplots(1, len(panels)), panels, strict=True):
             for name in (n for n in names if n in columns):

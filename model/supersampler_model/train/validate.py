@@ -12,6 +12,7 @@ from supersampler.frame import Float32
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.method import Method, Size
+from supersampler_model.train.frame_inputs import frame_inputs
 
 WARM_UP = 8
 BORDER = 8
@@ -73,7 +74,7 @@ def _sequence(
         if frame.reset or not history:
             history = method.first_history(display, Size(*frame.depth.shape[::-1]))
         with torch.no_grad():
-            image, history, _ = method.step(*frame_tensors(frame), torch.tensor(display), *history)
+            image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
         shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
         truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
         off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
@@ -89,21 +90,6 @@ def _sequence(
             _count(history[list(method.history).index("classes")], frame, counts)
     psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))
     return (psnr, tpsnr), picture
-
-
-def frame_tensors(frame: TrainingFrame) -> list[Tensor]:
-    """Color, depth, motion, jitter and exposure, as a method takes them."""
-
-    def planes(image: Float32) -> Tensor:
-        return torch.from_numpy(np.array(image.transpose(2, 0, 1), np.float32, order="C"))[None]
-
-    return [
-        planes(frame.color.astype(np.float32)),
-        planes(frame.depth[..., None]),
-        planes(frame.motion.astype(np.float32)),
-        torch.tensor([frame.jitter], dtype=torch.float32),
-        torch.tensor([frame.exposure], dtype=torch.float32),
-    ]
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:

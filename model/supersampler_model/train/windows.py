@@ -5,8 +5,9 @@ where the two lie, so that any crop of any ratio, flipped or turned, is as exact
 is the screen: what comes from outside it has no past, and is labelled so by the method's own reprojection.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,6 +22,7 @@ from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Alias
 from supersampler_model.method import Size
 from supersampler_model.sampling import Extent, View
+from supersampler_model.train.frame_inputs import planes
 
 MARGIN = 3  # render pixels around those that a crop's display pixels look at
 CHOICES = 3  # crops to choose the one with most to learn from
@@ -40,13 +42,16 @@ class Sample(NamedTuple):
     reference: Tensor  # (1, 3, H, W) linear RGB
     ghost: Tensor  # (1, H, W) int64
     alias: Tensor  # (1, H, W) int64
+    gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
 
 
 def on(device: torch.device, sample: Sample) -> Sample:
     """Return the sample with its tensors on `device`."""
     moved = sample._asdict()
     moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
-    return Sample(**moved | {"view": sample.view._replace(jitter=sample.view.jitter.to(device))})
+    moved["view"] = sample.view._replace(jitter=sample.view.jitter.to(device))
+    moved["gbuffer"] = {name: value.to(device) for name, value in sample.gbuffer.items()}
+    return Sample(**moved)
 
 
 @dataclass(frozen=True)
@@ -74,17 +79,77 @@ class Cut:
     gain: float = 1.0
     exposure: float = 1.0
 
+    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
+        """Cut the crop out of one frame."""
+        width, height = frame.depth.shape[::-1]
+        across = _seen(self.left, self.size, self.ratio[0], width)
+        return self._part(frame, across, _seen(self.top, self.size, self.ratio[1], height), reset=reset)
+
+    @property
+    def display(self) -> tuple[slice, slice]:
+        """Where the crop is in an image of display size."""
+        return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
+
+    def turn(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Flip and turn (height, width, ...)."""
+        image = image[:, ::-1] if self.flip[0] else image
+        image = image[::-1] if self.flip[1] else image
+        return image.swapaxes(0, 1) if self.turned else image
+
+    def _part(self, frame: TrainingFrame, across: slice, down: slice, *, reset: bool) -> Sample:
+        """Cut the crop out, with these columns and rows of what is of render size."""
+        here = down, across
+        corners = zip(frame.jitter, (across, down), (self.left, self.top), self.ratio, strict=True)
+        jitter = [j + part.start - corner / ratio for j, part, corner, ratio in corners]
+        motion = frame.motion[here].astype(np.float32)
+        ratio, inner = list(self.ratio), [part.stop - part.start for part in (across, down)]
+        for axis, flipped in enumerate(self.flip):
+            if flipped:
+                jitter[axis] = self.size / ratio[axis] - inner[axis] - jitter[axis]
+                motion[..., axis] *= -1.0
+        if self.turned:
+            jitter, ratio, motion = jitter[::-1], ratio[::-1], motion[..., ::-1]
+
+        def classes(image: NDArray[np.uint8]) -> Tensor:
+            return torch.from_numpy(self.turn(image[self.display]).astype(np.int64))[None]
+
+        colors = list(self.colors)
+        return Sample(
+            color=planes(self.turn(frame.color[here]))[:, colors] * self.gain,
+            depth=planes(self.turn(frame.depth[here])),
+            motion=planes(self.turn(motion)),
+            exposure=torch.tensor([frame.exposure * self.exposure / self.gain], dtype=torch.float32),
+            view=View(
+                Size(self.size, self.size),
+                Extent(self.size / ratio[0], self.size / ratio[1]),
+                torch.tensor([jitter], dtype=torch.float32),
+            ),
+            reset=reset,
+            reference=planes(self.turn(frame.reference[self.display]))[:, colors] * self.gain,
+            ghost=classes(frame.ghost),
+            alias=classes(frame.alias),
+        )
+
+
+Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], Cut]
+"""Draws a crop of a sequence: random numbers, the sequence, its display size, the crop's size."""
+
 
 def draw_cut(
-    random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
+    random: np.random.Generator,
+    entry: SequenceEntry,
+    display_size: tuple[int, int],
+    size: int,
+    *,
+    step: int = 1,
 ) -> Cut:
-    """Draw a crop of a sequence, turned and coloured at random."""
+    """Draw a crop of a sequence, turned and coloured at random, its corner at a multiple of `step`."""
     width, height = display_size
     render = entry.render_size(display_size)
     r, g, b = (int(i) for i in random.permutation(3))
     return Cut(
-        left=int(random.integers(width - size + 1)),
-        top=int(random.integers(height - size + 1)),
+        left=step * int(random.integers((width - size) // step + 1)),
+        top=step * int(random.integers((height - size) // step + 1)),
         size=size,
         ratio=(width / render[0], height / render[1]),
         flip=(bool(random.integers(2)), bool(random.integers(2))),
@@ -92,51 +157,6 @@ def draw_cut(
         colors=(r, g, b),
         gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # history is scene-linear: no unit may matter
         exposure=float(2.0 ** random.uniform(-BRIGHTER, BRIGHTER)),
-    )
-
-
-def cut_out(frame: TrainingFrame, cut: Cut, *, reset: bool) -> Sample:
-    """Cut a crop out of one frame."""
-    (x, w), (y, h) = (
-        _span(corner, cut.size, ratio, extent)
-        for corner, ratio, extent in zip((cut.left, cut.top), cut.ratio, frame.depth.shape[::-1], strict=True)
-    )
-    here = np.s_[y : y + h, x : x + w]
-    there = np.s_[cut.top : cut.top + cut.size, cut.left : cut.left + cut.size]
-    jitter = [
-        j + first - corner / ratio
-        for j, first, corner, ratio in zip(frame.jitter, (x, y), (cut.left, cut.top), cut.ratio, strict=True)
-    ]
-    motion = frame.motion[here].astype(np.float32)
-    ratio, inner = list(cut.ratio), [w, h]
-    for axis, flipped in enumerate(cut.flip):
-        if flipped:
-            jitter[axis] = cut.size / ratio[axis] - inner[axis] - jitter[axis]
-            motion[..., axis] *= -1.0
-    if cut.turned:
-        jitter, ratio, motion = jitter[::-1], ratio[::-1], motion[..., ::-1]
-
-    def planes(image: NDArray[Any]) -> Tensor:
-        return torch.from_numpy(_turned(image.astype(np.float32), cut).transpose(2, 0, 1).copy())[None]
-
-    def classes(image: NDArray[np.uint8]) -> Tensor:
-        return torch.from_numpy(_turned(image, cut).astype(np.int64))[None]
-
-    colors = list(cut.colors)
-    return Sample(
-        color=planes(frame.color[here])[:, colors] * cut.gain,
-        depth=planes(frame.depth[here][..., None]),
-        motion=planes(motion),
-        exposure=torch.tensor([frame.exposure * cut.exposure / cut.gain], dtype=torch.float32),
-        view=View(
-            Size(cut.size, cut.size),
-            Extent(cut.size / ratio[0], cut.size / ratio[1]),
-            torch.tensor([jitter], dtype=torch.float32),
-        ),
-        reset=reset,
-        reference=planes(frame.reference[there])[:, colors] * cut.gain,
-        ghost=classes(frame.ghost[there]),
-        alias=classes(frame.alias[there]),
     )
 
 
@@ -170,13 +190,20 @@ class Stream:
         ratios: least and largest ratio that is trained on.
         size: of the crops, display pixels.
         seed: of the draws; two streams of the same seed and place are the same.
+        draw: draws crops, CHOICES for each window.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than a display.
     """
 
     def __init__(
-        self, datasets: Sequence[Dataset], *, ratios: tuple[float, float], size: int, seed: Sequence[int]
+        self,
+        datasets: Sequence[Dataset],
+        *,
+        ratios: tuple[float, float],
+        size: int,
+        seed: Sequence[int],
+        draw: Draw = draw_cut,
     ) -> None:
         slack = 0.02  # sizes are whole pixels
         self._sequences = [
@@ -192,7 +219,7 @@ class Stream:
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
         if size > smallest:
             raise ArgumentError("size", got=size, want=f"at most {smallest}, the smaller side of a display")
-        self._size, self._seed = size, list(seed)
+        self._size, self._seed, self._draw = size, list(seed), draw
         self.place = Place()
 
     def __iter__(self) -> Iterator[Sample]:
@@ -201,32 +228,25 @@ class Stream:
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             first = int(random.integers(max(count // 3, 1)))
             display_size = dataset.description.display_size
-            cuts = [draw_cut(random, entry, display_size, self._size) for _ in range(CHOICES)]
+            cuts = [self._draw(random, entry, display_size, self._size) for _ in range(CHOICES)]
             alias = dataset.read(entry, first).alias
             cut = max(cuts, key=lambda cut: _aliased(alias, cut))
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
-                sample = cut_out(frame, cut, reset=frame.reset or index == first)
+                sample = cut.sample(frame, reset=frame.reset or index == first)
                 yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
             self.place = Place(self.place.window + 1, 0)
 
 
 def _aliased(alias: NDArray[np.uint8], cut: Cut) -> int:
     """How many pixels of a crop one sample does not do justice to."""
-    crop = alias[cut.top : cut.top + cut.size, cut.left : cut.left + cut.size]
+    crop = alias[cut.display]
     return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 
 
-def _span(corner: int, size: int, ratio: float, extent: int) -> tuple[int, int]:
-    """First sample, and how many, that display pixels from `corner` on look at with a margin."""
+def _seen(corner: int, size: int, ratio: float, extent: int) -> slice:
+    """Samples that display pixels from `corner` on look at, with a margin."""
     first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
     last = int(np.ceil((corner + size - 0.5) / ratio)) + MARGIN
-    first, last = max(first, 0), min(last, extent - 1)
-    return first, last - first + 1
-
-
-def _turned(image: NDArray[Any], cut: Cut) -> NDArray[Any]:
-    image = image[:, ::-1] if cut.flip[0] else image
-    image = image[::-1] if cut.flip[1] else image
-    return image.swapaxes(0, 1) if cut.turned else image
+    return slice(max(first, 0), min(last, extent - 1) + 1)

@@ -11,6 +11,7 @@ from supersampler.errors import ShotError
 from supersampler.shot import Shot, ShotWriter
 from supersampler_model.data.analytic import DiscOverPlane
 from supersampler_model.methods.classifier import Classifier
+from supersampler_model.train.classifier_task import ClassifierTask
 from supersampler_model.train.shots import UNKNOWN, dataset_of_shots
 from supersampler_model.train.trainer import Plan, Trainer
 from supersampler_model.train.validate import validate
@@ -43,9 +44,9 @@ def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path
     losses: list[float] = []
     torch.manual_seed(0)
     plan = Plan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
-    trainer = Trainer(Classifier(), [dataset], plan, tmp_path)
+    trainer = Trainer(ClassifierTask(Classifier()), [dataset], plan, tmp_path)
     before = validate(trainer.average.eval(), sequence).psnr
-    trainer.run(on_update=lambda update: losses.append(update.picture))
+    trainer.run(on_update=lambda update: losses.append(update.losses["picture"]))
     assert np.isfinite(losses).all()
     assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())
     assert validate(trainer.average.eval(), sequence).psnr > before + 0.1

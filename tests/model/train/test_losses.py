@@ -3,14 +3,15 @@
 import pytest
 import torch
 
-from supersampler_model.train.losses import LossWeights, class_loss, picture_loss, shares_of
+from supersampler_model.train.class_loss import ClassifierWeights, class_loss, shares_of
+from supersampler_model.train.losses import picture_loss
 
-WEIGHTS = LossWeights()
-NOWHERE = torch.zeros(1, 1, 8, 8)
+WEIGHTS = ClassifierWeights()
+EVEN = torch.ones(1, 1, 8, 8)
 
 
-def loss(off: torch.Tensor, before: torch.Tensor | None = None, ghost: torch.Tensor = NOWHERE) -> float:
-    return picture_loss(off, before, ghost, WEIGHTS).item()
+def loss(off: torch.Tensor, before: torch.Tensor | None = None, weight: torch.Tensor = EVEN) -> float:
+    return picture_loss(off, before, weight, WEIGHTS).item()
 
 
 def test_an_error_that_comes_and_goes_costs_more_than_one_that_stays() -> None:
@@ -18,9 +19,14 @@ def test_an_error_that_comes_and_goes_costs_more_than_one_that_stays() -> None:
     assert loss(off, -off) > 1.5 * loss(off, off)
 
 
-def test_an_error_where_the_past_is_of_no_use_costs_more() -> None:
-    off = torch.full((1, 3, 8, 8), 0.1)
-    assert loss(off, ghost=torch.ones_like(NOWHERE)) > loss(off)
+def test_an_error_costs_as_much_as_its_pixel_weighs() -> None:
+    off = torch.zeros(1, 3, 8, 8)
+    off[:, :, 2:5] = 0.1
+    heavy, elsewhere = EVEN.clone(), EVEN.clone()
+    heavy[:, :, 2:5] = 1.5
+    elsewhere[:, :, 6:] = 1.5
+    assert loss(off, weight=heavy) > loss(off)
+    assert loss(off, weight=elsewhere) == loss(off)
 
 
 def test_what_has_no_truth_costs_nothing_and_pulls_nowhere() -> None:
@@ -28,7 +34,7 @@ def test_what_has_no_truth_costs_nothing_and_pulls_nowhere() -> None:
     holes = torch.zeros(1, 1, 8, 8, dtype=torch.bool)
     holes[:, :, 2:5] = True
     known = torch.where(holes, torch.nan, off)
-    picture_loss(known, known.detach(), NOWHERE, WEIGHTS).backward()  # type: ignore[no-untyped-call]
+    picture_loss(known, known.detach(), EVEN, WEIGHTS).backward()  # type: ignore[no-untyped-call]
     assert off.grad is not None
     assert off.grad.isfinite().all()
     assert not off.grad[:, :, 2:5].any()

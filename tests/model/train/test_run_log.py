@@ -14,12 +14,24 @@ def rows(folder: Path) -> list[dict[str, str]]:
 
 
 def test_rows_are_added_and_those_of_later_steps_dropped(tmp_path: Path) -> None:
-    with RunLog(tmp_path) as log:
+    with RunLog(tmp_path, ["loss"]) as log:
         log.write(10, {"loss": 0.5, "psnr": 30.0})
         log.write(20, {"loss": 0.4, "psnr": 31.0, "visibility": 0.2}, np.zeros((4, 6, 3), np.float32))
-    with RunLog(tmp_path) as log:
+    with RunLog(tmp_path, ["loss"]) as log:
         log.write(20, {"loss": 0.3, "psnr": 32.0})
     assert [(row["step"], row["loss"]) for row in rows(tmp_path)] == [("10.0", "0.5"), ("20.0", "0.3")]
     assert (tmp_path / "curves.png").stat().st_size > 1000
     assert (tmp_path / "picture.png").exists()
     assert list((tmp_path / "tensorboard").iterdir())
+
+
+def test_curves_have_a_panel_of_classes_only_where_there_are_classes(tmp_path: Path) -> None:
+    with RunLog(tmp_path, ["picture", "rough"]) as log:
+        log.write(10, {"picture": 0.5, "rough": 0.1, "psnr": 30.0})
+        without = width(tmp_path / "curves.png")
+        log.write(20, {"picture": 0.4, "rough": 0.1, "psnr": 31.0, "visibility": 0.2})
+    assert 3 * without == 2 * width(tmp_path / "curves.png")
+
+
+def width(picture: Path) -> int:
+    return int.from_bytes(picture.read_bytes()[16:20], "big")

@@ -16,6 +16,8 @@ from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.train.checkpoint import load_checkpoint
+from supersampler_model.train.class_loss import ClassifierWeights
+from supersampler_model.train.classifier_task import ClassifierTask
 from supersampler_model.train.trainer import Plan, Trainer
 
 DISPLAY, RENDER = (64, 48), (32, 24)
@@ -47,7 +49,7 @@ def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
 def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
     folder.mkdir(exist_ok=True)
     torch.manual_seed(0)
-    return Trainer(Classifier(), [dataset], plan, folder)
+    return Trainer(ClassifierTask(Classifier()), [dataset], plan, folder)
 
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
@@ -68,7 +70,7 @@ def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
     plan = Plan(steps=30, batch=2, frames=2, size=48, rate=2e-2)
-    trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(u.picture + u.classes))
+    trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
 
 
@@ -78,6 +80,12 @@ def test_a_run_is_not_gone_on_with_by_another_plan(dataset: Dataset, tmp_path: P
     first.save()
     with pytest.raises(ArgumentError, match="plan"):
         trainer(dataset, tmp_path, dataclasses.replace(PLAN, batch=4))
+
+
+def test_a_run_is_not_gone_on_with_by_another_loss(dataset: Dataset, tmp_path: Path) -> None:
+    trainer(dataset, tmp_path).save()
+    with pytest.raises(ArgumentError, match="losses"):
+        Trainer(ClassifierTask(Classifier(), ClassifierWeights(ghost=1.0)), [dataset], PLAN, tmp_path)
 
 
 @pytest.mark.parametrize(

@@ -11,9 +11,9 @@ from supersampler_model.data.analytic import DiscOverPlane
 from supersampler_model.data.dataset import TrainingFrame
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier
-from supersampler_model.train.rollout import first_state, step
-from supersampler_model.train.validate import frame_tensors
-from supersampler_model.train.windows import FIREFLIES, Cut, cut_out, with_fireflies
+from supersampler_model.train.classifier_task import ClassifierTask
+from supersampler_model.train.frame_inputs import frame_inputs
+from supersampler_model.train.windows import FIREFLIES, Cut, with_fireflies
 
 DISPLAY = (96, 64)
 FRAMES = 3
@@ -48,20 +48,19 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     history = method.first_history(Size(*DISPLAY), Size(*sequence[0].depth.shape[::-1]))
     for frame in sequence:
         with torch.no_grad():
-            image, history, _ = method.step(*frame_tensors(frame), torch.tensor(DISPLAY), *history)
+            image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
     picture: torch.Tensor = image
     return picture
 
 
 def cropped(sequence: list[TrainingFrame], cut: Cut) -> torch.Tensor:
-    method = Classifier().eval()
-    state = None
+    task = ClassifierTask(Classifier().eval())
+    states = [task.first_state(cut.sample(sequence[0], reset=True))]
     for frame in sequence:
-        sample = cut_out(frame, cut, reset=frame.reset)
         with torch.no_grad():
-            drawn, (state,) = step(method, [sample], [state or first_state(method, sample)])
-    images: torch.Tensor = drawn.images
-    return images
+            stepped = task.step([cut.sample(frame, reset=frame.reset)], states)
+        states = stepped.states
+    return stepped.images
 
 
 @pytest.mark.parametrize(
@@ -97,7 +96,7 @@ def test_a_gain_of_the_colours_alone_scales_the_picture() -> None:
 
 def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> None:
     frame = frames((48, 32))[0]
-    sample = cut_out(frame, Cut(left=31, top=9, size=40, ratio=(2.0, 2.0)), reset=True)
+    sample = Cut(left=31, top=9, size=40, ratio=(2.0, 2.0)).sample(frame, reset=True)
     made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
     struck = [other for other in made if not torch.equal(other.color, sample.color)]
     assert 0.5 * FIREFLIES < len(struck) / len(made) < 2.0 * FIREFLIES

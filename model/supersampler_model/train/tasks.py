@@ -1,0 +1,20 @@
+"""`TASKS` finds how a method is trained by the method's name."""
+
+from collections.abc import Callable, Mapping
+
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.train.classifier_task import ClassifierTask
+from supersampler_model.train.task import Task
+from supersampler_model.trained import Trained
+
+
+def _classifier(method: type[Classifier]) -> Callable[[Trained | None], Task]:
+    return lambda weights: ClassifierTask(method() if weights is None else method.of(weights))
+
+
+TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
+    method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)
+}
+"""`TASKS[name](weights)` begins with these weights, untrained if None."""

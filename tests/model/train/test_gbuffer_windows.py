@@ -1,0 +1,171 @@
+"""A crop with G-buffers is a small frame: all its buffers, however turned, are still of one scene."""
+
+import itertools
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from gbuffer_sets import DISPLAY, gbuffer_data
+from supersampler.errors import ArgumentError
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.train.gbuffer_windows import (
+    GBufferCut,
+    draw_gbuffer_cut,
+    gbuffer_set,
+    gbuffer_stream,
+)
+from supersampler_model.train.windows import Place, Sample
+
+RATIO = 2
+ACROSS = torch.tensor([-1.0, 1.0])
+NAMES = ("base_color", "normal", "roughness", "metallic", "specular")
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return gbuffer_set(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO), RATIO)
+
+
+def frames(dataset: Dataset) -> list[TrainingFrame]:
+    return list(dataset.frames(dataset.entries("train")[0]))
+
+
+def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(dataset: Dataset) -> None:
+    frame = frames(dataset)[3]
+    assert frame.gbuffer is not None
+    assert frame.gbuffer_display is not None
+    cut = GBufferCut(left=8, top=4, size=24, ratio=(RATIO, RATIO))
+    sample = cut.sample(frame, reset=False)
+    inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]
+    for got, whole in (
+        (sample.color, frame.color[inner]),
+        (sample.depth, frame.depth[inner][..., None]),
+        (sample.motion, frame.motion[inner]),
+        (sample.reference, frame.reference[outer]),
+        (sample.gbuffer["gbuffer_normal"], frame.gbuffer["normal"][inner]),
+        (sample.gbuffer["gbuffer_base_color"], frame.gbuffer["base_color"][inner].astype(np.float32) / 255.0),
+        (sample.gbuffer["gbuffer_display_depth"], frame.gbuffer_display["depth"][outer][..., None]),
+        (
+            sample.gbuffer["gbuffer_display_metallic"],
+            frame.gbuffer_display["metallic"][outer][..., None].astype(np.float32) / 255.0,
+        ),
+    ):
+        np.testing.assert_array_equal(got[0].permute(1, 2, 0).numpy(), whole.astype(np.float32))
+    assert sample.gbuffer.keys() == {
+        *(f"gbuffer_{name}" for name in NAMES),
+        *(f"gbuffer_display_{name}" for name in (*NAMES, "depth")),
+    }
+    assert torch.equal(sample.view.jitter, torch.tensor([frame.jitter], dtype=torch.float32))
+    assert sample.view.extent == (12.0, 12.0)
+
+
+@pytest.mark.parametrize(
+    ("across", "down", "turned"), list(itertools.product([False, True], [False, True], [False, True]))
+)
+def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
+    dataset: Dataset, across: bool, down: bool, turned: bool
+) -> None:
+    cut = GBufferCut(
+        left=8, top=6, size=30, ratio=(RATIO, RATIO), flip=(across, down), turned=turned, colors=(2, 0, 1)
+    )
+    before, now = (cut.sample(frames(dataset)[index], reset=False) for index in (1, 2))
+    jitter, motion = now.view.jitter[0], now.motion[0]
+    still = torch.zeros_like(motion)
+    assert off(now, now, jitter, still) < 0.02
+    assert off(now, before, jitter, motion) < 0.02
+    for mistaken in (jitter * ACROSS, -jitter * ACROSS, jitter.flip(0)):
+        assert off(now, now, mistaken, still) > 0.04
+    for mistaken in (motion * ACROSS[:, None, None], -motion * ACROSS[:, None, None], motion.flip(0)):
+        assert off(now, before, jitter, mistaken) > 0.1
+
+
+def off(now: Sample, then: Sample, jitter: Tensor, motion: Tensor) -> float:
+    """Largest difference of what samples of render size see to what is of display size where they lie."""
+    size = now.color.shape[2]
+    row, column = torch.meshgrid(torch.arange(size), torch.arange(size), indexing="ij")
+    at = torch.stack([column, row]) + 0.5 + jitter[:, None, None] + motion
+    grid = (2.0 * at / size - 1.0).permute(1, 2, 0)[None]
+
+    def differ(seen: Tensor, buffer: str) -> float:
+        there = F.grid_sample(then.gbuffer[f"gbuffer_display_{buffer}"], grid, align_corners=False)
+        return (seen - there)[:, :, 3:-3, 3:-3].abs().max().item()
+
+    names = ("base_color", "roughness", "metallic", "specular")
+    return max(
+        differ(now.color, "base_color"),
+        differ(now.depth, "depth"),
+        *(differ(now.gbuffer[f"gbuffer_{name}"], name) for name in names),
+    )
+
+
+def test_the_world_of_normals_is_turned_as_one_and_the_sky_stays_nothing(dataset: Dataset) -> None:
+    frame, entry = frames(dataset)[3], dataset.entries("train")[0]
+    drawn = draw_gbuffer_cut(np.random.default_rng(0), entry, DISPLAY, 28)
+    np.testing.assert_allclose(drawn.world @ drawn.world.T, np.eye(3), atol=1e-6)
+    plain = GBufferCut(left=8, top=0, size=28, ratio=(RATIO, RATIO))
+    turned = GBufferCut(**{**vars(plain), "world": drawn.world})
+    found = []
+    for cut in (plain, turned):
+        sample = cut.sample(frame, reset=False)
+        normals = [sample.gbuffer[f"gbuffer_{size}normal"].flatten(2)[0] for size in ("", "display_")]
+        found.append((normals, torch.cat(normals, dim=1)))
+    (parts, a), (_, b) = found
+    assert not torch.allclose(a, b, atol=0.1)
+    torch.testing.assert_close(a.T @ a, b.T @ b, rtol=0.0, atol=1e-5)
+    for part in parts:
+        assert (part == 0.0).all(dim=0).any()
+    assert torch.equal((a == 0.0).all(dim=0), (b == 0.0).all(dim=0))
+
+
+def test_worlds_are_mirrored_as_often_as_not_and_differ(dataset: Dataset) -> None:
+    random, entry = np.random.default_rng(0), dataset.entries("train")[0]
+    cuts = [draw_gbuffer_cut(random, entry, DISPLAY, 28) for _ in range(100)]
+    assert all(cut.left % RATIO == cut.top % RATIO == 0 for cut in cuts)
+    assert {cut.left for cut in cuts} == set(range(0, DISPLAY[0] - 28 + 1, RATIO))
+    mirrored = [np.linalg.det(cut.world) < 0.0 for cut in cuts]
+    assert 30 < sum(mirrored) < 70
+    assert np.abs(np.mean([cut.world for cut in cuts], axis=0)).max() < 0.2
+
+
+def test_base_colours_have_the_order_of_the_colours(dataset: Dataset) -> None:
+    random, entry = np.random.default_rng(0), dataset.entries("train")[0]
+    for frame in frames(dataset):
+        cut = draw_gbuffer_cut(random, entry, DISPLAY, 28)
+        sample = cut.sample(frame, reset=False)
+        shining = cut.gain * sample.gbuffer["gbuffer_base_color"]  # everything shines by itself
+        torch.testing.assert_close(sample.color, shining, rtol=0.0, atol=0.005 * cut.gain)
+
+
+def test_a_stream_goes_on_exactly_from_its_place(dataset: Dataset) -> None:
+    whole = gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3])
+    walk = iter(whole)
+    for _ in range(8):
+        next(walk)
+    again = gbuffer_stream([dataset], ratio=RATIO, size=28, seed=[3])
+    again.place = Place(**asdict(whole.place))
+    for one, other in zip(itertools.islice(walk, 9), again, strict=False):
+        assert torch.equal(one.color, other.color)
+        assert torch.equal(one.view.jitter, other.view.jitter)
+        assert one.reset == other.reset
+        for name, buffer in one.gbuffer.items():
+            assert torch.equal(buffer, other.gbuffer[name]), name
+
+
+def test_what_a_set_lacks_is_named(tmp_path: Path) -> None:
+    bare = gbuffer_data(tmp_path / "bare", gbuffers=False)
+    with pytest.raises(ArgumentError, match=r"without G-buffers of display size.*--gbuffers --also 2"):
+        gbuffer_set(bare, 2)
+    with pytest.raises(ArgumentError, match=r"without anything at ratio 4.*--also 4"):
+        gbuffer_set(gbuffer_data(tmp_path / "full"), 4)
+    with pytest.raises(ArgumentError, match=r"64x36.*multiple of 8"):
+        gbuffer_set(bare, 8)
+
+
+def test_crops_of_parts_of_render_pixels_are_refused(dataset: Dataset) -> None:
+    with pytest.raises(ArgumentError, match="multiple of 2"):
+        gbuffer_stream([dataset], ratio=RATIO, size=27, seed=[0])

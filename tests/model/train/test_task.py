@@ -1,0 +1,129 @@
+"""Training serves any recurrent method: one that reads G-buffers, without classes, with its own loss."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, ClassVar
+
+import pytest
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from gbuffer_sets import gbuffer_data
+from supersampler.errors import ArgumentError
+from supersampler_model.data.dataset import Dataset
+from supersampler_model.method import DISPLAY, Method
+from supersampler_model.train.frame_inputs import frame_inputs
+from supersampler_model.train.gbuffer_windows import gbuffer_set, gbuffer_stream
+from supersampler_model.train.losses import PictureWeights
+from supersampler_model.train.task import State, Stepped, Task
+from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.train.validate import validate, validation_entries
+from supersampler_model.train.windows import Sample, Stream
+
+PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
+
+
+class Mixture(Method):
+    """A learned mean of base colour, this frame's nearest samples and the last picture."""
+
+    name, source = "mixture", "a test"
+    history: ClassVar = {"color": (1, 3, *DISPLAY)}
+    ratios: ClassVar = (2.0, 2.0)
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.net = nn.Conv2d(9, 3, 1)
+
+    def forward(
+        self, color: Tensor, exposure: Tensor, gbuffer_display_base_color: Tensor, history_color: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        image = self.mixed(self.seen(color * exposure, gbuffer_display_base_color, history_color))
+        return image / exposure, image
+
+    def seen(self, color: Tensor, base_color: Tensor, past: Tensor) -> Tensor:
+        return torch.cat([F.interpolate(color, scale_factor=2.0), base_color, past], dim=1)
+
+    def mixed(self, seen: Tensor) -> Tensor:
+        return F.softplus(self.net(seen))
+
+
+class MixtureTask(Task):
+    """Crops as they are in `gbuffer_windows`; the images' total variation is a term of the loss."""
+
+    def __init__(self) -> None:
+        self.method: Mixture = Mixture()
+        self.losses = PictureWeights(change=0.25)
+
+    @property
+    def config(self) -> dict[str, Any]:
+        return {}
+
+    def data(self, dataset: Dataset) -> Dataset:
+        return gbuffer_set(dataset, 2)
+
+    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
+        return gbuffer_stream(datasets, ratio=2, size=size, seed=seed)
+
+    def first_state(self, sample: Sample) -> State:
+        return [torch.zeros_like(sample.reference)]
+
+    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+        seen = [
+            self.method.seen(s.color * s.exposure, s.gbuffer["gbuffer_display_base_color"], past)
+            for s, (past,) in zip(samples, states, strict=True)
+        ]
+        images = self.method.mixed(torch.cat(seen))
+        exposed = torch.cat([s.exposure for s in samples]).reshape(-1, 1, 1, 1)
+        rough = 0.001 * images.diff(dim=3).abs().mean()
+        return Stepped(
+            images / exposed, [[images[i : i + 1]] for i in range(len(samples))], terms={"rough": rough}
+        )
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return gbuffer_data(tmp_path_factory.mktemp("set"))
+
+
+def trainer(dataset: Dataset, folder: Path) -> Trainer:
+    folder.mkdir(exist_ok=True)
+    torch.manual_seed(0)
+    return Trainer(MixtureTask(), [dataset], PLAN, folder)
+
+
+def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset, tmp_path: Path) -> None:
+    run = trainer(dataset, tmp_path)
+    entries = validation_entries(run.datasets, run.method.ratios)
+    before = validate(run.average.eval(), entries)
+    terms: list[list[str]] = []
+    run.run(on_update=lambda update: terms.append(list(update.losses)))
+    after = validate(run.average.eval(), entries)
+    assert after.psnr > before.psnr + 1.0
+    assert after.overlap == {}
+    assert terms == [["picture", "rough"]] * PLAN.steps
+
+
+def test_it_stops_and_goes_on_exactly(dataset: Dataset, tmp_path: Path) -> None:
+    whole = trainer(dataset, tmp_path / "whole")
+    whole.run(until=6)
+    first = trainer(dataset, tmp_path / "parts")
+    first.run(until=3)
+    first.save()
+    second = trainer(dataset, tmp_path / "parts")
+    second.run(until=6)
+    assert second.done == 6
+    for name, value in whole.method.state_dict().items():
+        assert torch.equal(value, second.method.state_dict()[name]), name
+
+
+def test_a_frame_without_what_a_step_names_is_refused(dataset: Dataset) -> None:
+    frame = dataset.read(dataset.entries("validation")[0], 0)
+    with pytest.raises(ArgumentError, match="without gbuffer_normal"):
+        frame_inputs(frame, ["color", "gbuffer_normal"])
+
+
+def test_weights_say_what_they_were_made_from(dataset: Dataset, tmp_path: Path) -> None:
+    trained = trainer(dataset, tmp_path).trained({"validation": {}})
+    assert (trained.method, trained.config) == ("mixture", {})
+    assert trained.tensors.keys() == {"net.weight", "net.bias"}
