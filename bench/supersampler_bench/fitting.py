@@ -70,9 +70,9 @@ def _made(place: Place, frame: Frame, display: Size) -> Float32:
     return _matte(place.key, place.shape(frame.size, display))
 
 
-@lru_cache(maxsize=32)
+@lru_cache(maxsize=len(GBUFFERS))  # of one size: those of large pictures are large
 def _matte(key: str, shape: tuple[int, ...]) -> Float32:
-    return np.broadcast_to(np.array(MATTE[key], np.float32), (*shape[:2], len(MATTE[key]))).reshape(shape)
+    return np.full((*shape[:2], len(MATTE[key])), MATTE[key], np.float32).reshape(shape)
 
 
 def _nearest_depth(frame: Frame, display: Size) -> Float32:

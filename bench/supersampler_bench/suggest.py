@@ -68,8 +68,9 @@ def measure_candidates(
     for reason in filter(None, reasons.values()):
         on_left_out(reason)
     known = {spec: psnr for spec, psnr in known.items() if not reasons[spec.model]}
+    nothing = ArgumentError("--display-size", got=f"a ratio of {ratio:.2f}", want="one that a method draws")
     if not known:
-        raise ArgumentError("--display-size", got=f"a ratio of {ratio:.2f}", want="one that a method draws")
+        raise nothing
     read = shot.frames(gbuffers=gbuffers_of({spec.model for spec in known}))
     frames = [item.frame for item in itertools.islice(read, FRAMES)]
     settings = {Setting(s.model, display, "auto", threads, s.precision, s.skip): s for s in known}
@@ -79,6 +80,8 @@ def measure_candidates(
         for t in timed
         if t.setting in settings
     ]
+    if not found:
+        raise nothing
     return sorted(found, key=lambda c: (not c.fits, -c.psnr if c.fits else c.p95))
 
 

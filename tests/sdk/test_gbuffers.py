@@ -301,6 +301,7 @@ MISTAKES = [
     ("gbuffer_specular", lambda a: 3.0 * a, r"outside \[0, 1\]"),
     ("gbuffer_roughness", lambda a: a - 0.5, r"outside \[0, 1\]"),
     ("gbuffer_normal", lambda a: 0.5 * a + 0.5, r"encoded: it fits n \* 0\.5 \+ 0\.5.*2 \* normal - 1"),
+    ("gbuffer_normal", lambda a: np.full_like(a, 0.5), "neither 1 nor 0 in 100%"),
     ("gbuffer_display_normal", lambda a: 0.7 * a, "neither 1 nor 0"),
     ("gbuffer_display_depth", lambda a: 0.03 / a, "NaN or Inf.*is 0"),
     ("gbuffer_display_depth", lambda a: np.minimum(0.03 / a, 1e10), "a distance: it grows"),

@@ -73,7 +73,8 @@ def _normal(place: Place, array: Array) -> Iterator[Mistake]:
         return
     decoded = np.linalg.norm(2.0 * values - 1.0, axis=-1)[wrong]
     decoded = decoded[decoded > _LENGTH]  # the sky, encoded, becomes 0
-    encoded = values.min() >= -_OUTSIDE and np.mean(np.abs(decoded - 1.0) <= _LENGTH) > 0.5
+    fitting = np.abs(decoded - 1.0) <= _LENGTH
+    encoded = values.min() >= -_OUTSIDE and 2 * fitting.sum() > len(decoded)
     lengths = f"from {length[wrong].min():.2g} to {length[wrong].max():.2g}"
     got = f"of a length that is neither 1 nor 0 in {wrong.mean():.0%} of its pixels, {lengths}"
     hint = "Normalise after the normal map is read, and do not average or resize."

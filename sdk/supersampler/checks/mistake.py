@@ -1,7 +1,6 @@
 """One finding of the checks."""
 
 from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,5 +33,5 @@ class Mistake:
 
 def where(bad: NDArray[np.bool_]) -> str:
     """Say how many pixels of a mask, some of which are True, there are, and which is the first."""
-    first: NDArray[Any] = np.argwhere(bad)[0]
-    return f"in {int(bad.sum())} pixels, first at (x={first[1]}, y={first[0]})"
+    row, column = np.argwhere(bad)[0]
+    return f"in {int(bad.sum())} pixels, first at (x={column}, y={row})"
