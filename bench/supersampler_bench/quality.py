@@ -5,10 +5,11 @@ scores are kept for the whole picture ("full") and without a border ("cropped"),
 ("all") and without the first ones ("warm").
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass
 from itertools import product
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +24,7 @@ from supersampler.upscaler import Upscaler
 from supersampler_bench import confusion, masks, metrics, strred
 from supersampler_bench.color_video_vdp import Clips
 from supersampler_bench.confusion import Counts
-from supersampler_bench.fitting import gbuffers_of, why_not
+from supersampler_bench.fitting import why_not
 from supersampler_bench.scores import BORDER, MASKED, WARM_UP_FRAMES, FrameScores, MethodScores, Scores
 from supersampler_bench.specs import parse_spec
 
@@ -85,15 +86,15 @@ def measure_quality(
     display_size = reference_size(shot)
     clips = Clips(len(methods), shot.info.frame_rate) if cvvdp else None
     steppers = [_stepper(method, display_size) for method in methods]
-    gbuffers = gbuffers_of(parse_spec(str(m)).model for m in methods if m != ORACLE)
+    gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in methods]
     truths = _Truths(display_size)
     before: list[Float32 | None] = [None] * len(methods)
     for item in shot.frames(gbuffers=gbuffers):
         truth = truths.next(item, shot.read_classes(item.index))
         shown = []
-        for i, step in enumerate(steppers):
-            stepped = step(item)
+        for i, stepper in enumerate(steppers):
+            stepped = stepper.step(item)
             if truth is not None:
                 picture = display_transform(stepped.image, truth.exposure)
                 flip = metrics.flip_map(picture, truth.shown)
@@ -141,12 +142,17 @@ def _judged(clips: Clips | None, method: int) -> dict[tuple[bool, bool], float]:
     }
 
 
-def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], _Stepped]:
+class _Stepper(NamedTuple):
+    step: Callable[[ShotFrame], _Stepped]
+    gbuffers: Collection[str] = ()  # names of those that it reads
+
+
+def _stepper(method: str | Path, display_size: Size) -> _Stepper:
     if method == ORACLE:
         from supersampler_bench.oracle import Oracle  # needs torch
 
         oracle = Oracle(display_size)
-        return lambda item: _Stepped(oracle.step(item))
+        return _Stepper(lambda item: _Stepped(oracle.step(item)))
     spec = parse_spec(str(method))
     upscaler = Upscaler(
         spec.model, display_size=display_size, precision=spec.precision, skip=spec.skip, validate="off"
@@ -157,7 +163,7 @@ def _stepper(method: str | Path, display_size: Size) -> Callable[[ShotFrame], _S
         result = upscaler.step(item.frame, want=want)
         return _Stepped(result.image, result.class_map) if isinstance(result, Result) else _Stepped(result)
 
-    return step
+    return _Stepper(step, upscaler.model.info.gbuffers)
 
 
 def reference_size(shot: Shot) -> Size:

@@ -44,7 +44,7 @@ class Painter:
 
     def __init__(self, paint: Callable[[int], Float32]) -> None:
         self.paint, self.number = paint, -1
-        self.model = SimpleNamespace(info=SimpleNamespace(maps={}))
+        self.model = SimpleNamespace(info=SimpleNamespace(maps={}, gbuffers=()))
 
     def __call__(self, *_: Any, **__: Any) -> "Painter":
         return self

@@ -176,7 +176,7 @@ def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
     want: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Frame] = []
-    monkeypatch.setattr(FrameChecker, "check", lambda _, frame, __: seen.append(frame))
+    monkeypatch.setattr(FrameChecker, "check", lambda _, frame, *__: seen.append(frame))
     upscaler = make("taau")
     with pytest.raises((FrameError, ArgumentError)):
         upscaler.step(noise(0), want=want)
