@@ -22,19 +22,15 @@ from supersampler_model.methods.gbuffer_buffers import (
     Finished,
     Gathered,
     History,
+    Present,
     Remembered,
-    Samples,
     Surfaces,
 )
+from supersampler_model.methods.gbuffer_seen import seen_of
 from supersampler_model.methods.gbuffer_surfaces import (
     LEAST,
-    closest_around,
-    gradients,
     motion_of_surface,
-    nearest_past,
-    occluded,
     reflectance,
-    relative_depth,
     samples_of,
     usable_surfaces,
     weighed_mean,
@@ -48,7 +44,7 @@ from supersampler_model.motion import (
     read_cubic,
     usable_motion,
 )
-from supersampler_model.networks.gbuffer import GBufferNetwork, GBufferNetworkConfig, Seen
+from supersampler_model.networks.gbuffer import GBufferNetwork, GBufferNetworkConfig
 from supersampler_model.sampling import (
     WINDOW,
     View,
@@ -62,8 +58,6 @@ from supersampler_model.sampling import (
 from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-PAST_NORMAL = slice(13, 16)  # of what the refiner sees
-LONG = 8.0  # render pixels: motion is seen in these
 AROUND = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)  # weights of neighbours, at first
 
 
@@ -198,9 +192,9 @@ class GBuffer(Method):
     @staticmethod
     def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
         """Surfaces of render size and of display size, of inputs by name."""
-        render = [gbuffer[f"gbuffer_{name}"] for name in Surfaces._fields[:5]]
-        display = [gbuffer[f"gbuffer_display_{name}"] for name in Surfaces._fields]
-        return Surfaces(*render, depth), Surfaces(*display)
+        of_display = {name: gbuffer[f"gbuffer_display_{name}"] for name in Surfaces._fields}
+        of_render = {name: gbuffer[f"gbuffer_{name}"] for name in Surfaces._fields if name != "depth"}
+        return Surfaces(**of_render, depth=depth), Surfaces(**of_display)
 
     def gather(
         self,
@@ -216,65 +210,63 @@ class GBuffer(Method):
         usable, color = valid(color), quarantine(color, 0.0)
         exposure = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
-        grid = view.grid(render_size_of(color))
+        present = self.gather_present(color, usable, motion, render, display, view, exposure)
+        past = self.gather_past(present, history)
+        frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
+        return Gathered(seen_of(present, past, history), present, past, frame)
+
+    def gather_present(
+        self,
+        color: Tensor,
+        usable: Tensor,
+        motion: Tensor,
+        render: Surfaces,
+        display: Surfaces,
+        view: View,
+        exposure: Tensor,
+    ) -> Present:
+        """Bring the samples of this frame to the surfaces of the display."""
+        c, grid = self.config, view.grid(render_size_of(color))
         toned, reflected = tone(color * exposure) * usable, reflectance(display)
         light = tone(color * exposure / reflectance(render))
         samples = samples_of(light, usable, render, display, grid)
-        guided = self._relit(weighed_mean(samples), reflected)
-        past = self.gather_past(history, render.depth, motion, display.depth, reflected, view, exposure)
-        frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
         marked = torch.cat([toned, usable], dim=1)
-        near = upsample(marked, grid, gaussian(self.config.sample_sigma), (float(self.config.ratio),) * 2)
-        smooth = normalised(upsample(marked, grid, gaussian(self.config.smooth_sigma)))
-        seen = self.seen(
-            toned, usable, motion, guided, past, samples, render, display, history, view, exposure
-        )
-        return Gathered(
-            seen=seen,
-            surfaces=display,
-            past_normal=seen.past[0][1][:, PAST_NORMAL],
+        near = upsample(marked, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
+        smooth = normalised(upsample(marked, grid, gaussian(c.smooth_sigma)))
+        return Present(
+            toned=toned,
+            usable=usable,
+            motion=motion,
+            render=render,
+            display=display,
+            reflectance=reflected,
             samples=samples,
-            guided=guided,
+            guided=_lit(weighed_mean(samples), reflected),
             smooth=smooth.clamp(0.0, TONED),
             confidence=near[:, 3:].clamp(max=1.0),
-            past=past,
-            reflectance=reflected,
-            frame=frame,
-            motion=motion,
+            view=view,
             exposure=exposure,
         )
 
-    def _relit(self, light: Tensor, reflected: Tensor) -> Tensor:
-        """Toned light on a surface, toned."""
-        return tone(inverse_tone(light) * reflected).clamp(0.0, TONED)
-
-    def gather_past(
-        self,
-        history: History,
-        depth: Tensor,
-        motion: Tensor,
-        display_depth: Tensor,
-        reflected: Tensor,
-        view: View,
-        exposure: Tensor,
-    ) -> Remembered:
+    def gather_past(self, present: Present, history: History) -> Remembered:
         """Warp the picture of the frame before."""
-        c, render = self.config, render_size_of(depth)
+        c, view, depth, motion = self.config, present.view, present.render.depth, present.motion
+        render = render_size_of(depth)
         grid = view.grid(render)
-        own = past_of(motion_of_surface(depth, motion, display_depth, grid), view.display, render)
+        moved = motion_of_surface(depth, motion, present.display.depth, grid)
+        own = past_of(moved, view.display, render)
         front = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
         there = past_of(front[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
-        hidden = covered(display_depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp)
+        hidden = covered(present.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp)
         before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
-        sharp = self._warped(history.color, own)
+        plain = quarantine(read(history.color, own.x, own.y), 0.0)
+        relit = self._warped(history.color, own) / before * present.reflectance
         return Remembered(
-            color=(tone(self._warped(history.color, there) * exposure) * there.on_screen).clamp(0.0, TONED),
-            own=(tone(quarantine(read(history.color, own.x, own.y), 0.0) * exposure) * own.on_screen).clamp(
-                0.0, TONED
-            ),
-            relit=(tone(sharp * exposure / before * reflected) * own.on_screen).clamp(0.0, TONED),
-            count=read(history.count, there.x, there.y) * there.on_screen,
+            color=_shown(self._warped(history.color, there) * present.exposure, there),
+            own=_shown(plain * present.exposure, own),
+            relit=_shown(relit * present.exposure, own),
+            counted=read(history.counted, there.x, there.y) * there.on_screen,
             surface=own.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
         )
 
@@ -282,92 +274,22 @@ class GBuffer(Method):
         sharp = read_cubic(image, past.x, past.y, self.config.history_sharpness)
         return quarantine(sharp, 0.0)
 
-    def seen(
-        self,
-        toned: Tensor,
-        usable: Tensor,
-        motion: Tensor,
-        guided: Tensor,
-        past: Remembered,
-        samples: Samples,
-        render: Surfaces,
-        display: Surfaces,
-        history: History,
-        view: View,
-        exposure: Tensor,
-    ) -> Seen:
-        """What the network sees."""
-        closest = closest_around(render.depth)
-        depth = relative_depth(render.depth, closest)
-        jitter = view.jitter[:, :, None, None].expand_as(motion)
-        display_depth = relative_depth(display.depth, closest_around(display.depth))
-        twice = motion + _bilinear_past(history.motion, motion, view.jitter - history.jitter)
-        turns = [
-            (history.frame, motion, history.jitter),
-            (history.frame_before, twice, history.jitter_before),
-        ]
-        return Seen(
-            surfaces=torch.cat([*display[:5], display_depth], dim=1),
-            gradients=gradients(display),
-            current=torch.cat([toned, depth, jitter], dim=1),
-            past=[
-                self._blended(frame, moved, before, toned, depth, closest, render, view, exposure)
-                for frame, moved, before in turns
-            ],
-            samples=torch.cat([_short(motion), jitter, usable, depth], dim=1),
-            colors=torch.cat(
-                [
-                    guided,
-                    past.color - guided,
-                    past.relit - guided,
-                    past.count / (past.count + 4.0),
-                    past.surface,
-                    samples.likeness.clamp(max=1.0),
-                ],
-                dim=1,
-            ),
-        )
-
-    def _blended(
-        self,
-        frame: Tensor,
-        motion: Tensor,
-        jitter_before: Tensor,
-        toned: Tensor,
-        depth: Tensor,
-        closest: Tensor,
-        render: Surfaces,
-        view: View,
-        exposure: Tensor,
-    ) -> tuple[Tensor, Tensor]:
-        """A frame of the past, warped and masked (III.C), and what the refiner sees beside it."""
-        found, off, on_screen = nearest_past(frame, motion, view.jitter - jitter_before)
-        color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
-        past_toned = tone(quarantine(color, 0.0) * exposure)
-        mask = occluded((toned, render.base_color, render.depth), (past_toned, base, past_depth))
-        kept = (1.0 - mask) * on_screen * usable
-        past_depth = relative_depth(past_depth, closest) * kept
-        place = off + view.jitter[:, :, None, None]  # of the sample, in the pixel that it is read for
-        beside = [_short(motion), render.base_color, render.normal, depth, render.roughness]
-        beside += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, past_depth]
-        return torch.cat([past_toned * kept, past_depth, place * kept], 1), torch.cat(beside, 1)
-
     def finish(self, gathered: Gathered, said: Tensor, history: History, jitter: Tensor) -> Finished:
         """Weigh, count, and go back to linear RGB."""
-        past, c = gathered.past, self.config
+        past, present, c = gathered.past, gathered.present, self.config
         weights, around, kernel = said.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
-        known = (past.count > 0.0).float()
-        kept = past.count * past.surface
-        relit = self._relit(weighed_mean(gathered.samples, kernel), gathered.reflectance)
-        confidence = gathered.confidence
+        known = (past.counted > 0.0).float()
+        kept = past.counted * past.surface
+        relit = _lit(weighed_mean(present.samples, kernel), present.reflectance)
+        confidence = present.confidence
         pasts = [
             (past.color, known * (kept + 1e-3)),
             (past.relit, known * (0.3 * kept + 1e-3)),
             (past.own, known * (0.1 * kept + 1e-3)),
         ]
         presents = [
-            (_smoothed(gathered.guided, around), confidence + 0.3),
-            (gathered.smooth, 0.1 * confidence + 0.01),
+            (_smoothed(present.guided, around), confidence + 0.3),
+            (present.smooth, 0.1 * confidence + 0.01),
             (relit, 0.2 * confidence + 0.05),
         ]
         begun = [weight for _, weight in (*pasts, *presents)]
@@ -375,21 +297,31 @@ class GBuffer(Method):
         old, new = sum_of(shares[: len(pasts)]), sum_of(shares[len(pasts) :])
         total = old + new
         color = sum_of([s / total * v for s, (v, _) in zip(shares, (*pasts, *presents), strict=True)])
-        image = bounded(inverse_tone(color) / gathered.exposure)
+        image = bounded(inverse_tone(color) / present.exposure)
         odds = old / new * sum_of(begun[len(pasts) :])  # samples that the past was taken for
-        count = torch.minimum(odds, past.count).clamp(max=c.samples) + confidence
+        count = torch.minimum(odds, past.counted).clamp(max=c.samples) + confidence
         left = History(
             image,
-            gathered.reflectance,
+            present.reflectance,
             count,
             gathered.frame,
             history.frame * 1.0,
-            gathered.motion,
+            present.motion,
             jitter * 1.0,
             history.jitter * 1.0,
-            gathered.exposure,
+            present.exposure,
         )
         return Finished(image, left, old / total)
+
+
+def _lit(light: Tensor, reflected: Tensor) -> Tensor:
+    """Toned light on a surface, toned."""
+    return tone(inverse_tone(light) * reflected).clamp(0.0, TONED)
+
+
+def _shown(color: Tensor, past: Past) -> Tensor:
+    """Toned; 0 off screen."""
+    return (tone(color) * past.on_screen).clamp(0.0, TONED)
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
@@ -397,15 +329,3 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     weights = [w * kernel[:, i : i + 1].exp() for i, w in enumerate(AROUND)]
     total = sum_of(weights)
     return sum_of([w * pixel for w, pixel in zip(weights, neighbours(image), strict=True)]) / total
-
-
-def _short(motion: Tensor) -> Tensor:
-    return (motion / LONG).clamp(-4.0, 4.0)
-
-
-def _bilinear_past(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
-    """Read an image of render size where `motion` leads; `offset` is (1, 2), as in `nearest_past`."""
-    h, w = image.shape[2], image.shape[3]
-    x = torch.arange(w, device=image.device) + motion[:, :1] + offset[0, 0]
-    y = torch.arange(h, device=image.device)[:, None] + motion[:, 1:2] + offset[0, 1]
-    return read(image, x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0))

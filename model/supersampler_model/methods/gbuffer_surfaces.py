@@ -23,8 +23,15 @@ def usable_surfaces(surfaces: Surfaces) -> Surfaces:
     """NaN and what is out of range become black, rough dielectric without a normal, at an unknown depth."""
     *shares, depth = surfaces
     known = [torch.where((s >= -1.0) & (s <= 1.0), s, torch.zeros_like(s)) for s in shares]
-    base, normal, *rest = known
-    return Surfaces(base.clamp(min=0.0), normal, *(r.clamp(min=0.0) for r in rest), usable_depth(depth))
+    base, normal, roughness, metallic, specular = known
+    return Surfaces(
+        base.clamp(min=0.0),
+        normal,
+        roughness.clamp(min=0.0),
+        metallic.clamp(min=0.0),
+        specular.clamp(min=0.0),
+        usable_depth(depth),
+    )
 
 
 def reflectance(surfaces: Surfaces) -> Tensor:
@@ -178,10 +185,22 @@ def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> tuple[Tensor,
         What was read, how far off the samples lie (1, 2, h, w), and whether it is on screen (1, 1, h, w).
     """
     h, w = image.shape[2], image.shape[3]
-    x = torch.arange(w, device=image.device) + motion[:, :1] + offset[0, 0]
-    y = torch.arange(h, device=image.device)[:, None] + motion[:, 1:2] + offset[0, 1]
+    x, y = _led(motion, offset)
     on_screen = (x > -0.5) & (x < w - 0.5) & (y > -0.5) & (y < h - 0.5)
     x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
     column, row = (x + 0.5).floor(), (y + 0.5).floor()
     found = read(image, column, row, mode="nearest")
     return found, torch.cat([column - x, row - y], dim=1), on_screen.float()
+
+
+def bilinear_past(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
+    """Read an image of the past, of render size, where `motion` leads; arguments as of `nearest_past`."""
+    x, y = _led(motion, offset)
+    return read(image, x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0))
+
+
+def _led(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:
+    h, w = motion.shape[2], motion.shape[3]
+    x = torch.arange(w, device=motion.device) + motion[:, :1] + offset[0, 0]
+    y = torch.arange(h, device=motion.device)[:, None] + motion[:, 1:2] + offset[0, 1]
+    return x, y

@@ -75,8 +75,9 @@ class GatedEncoder(nn.Module):
         features: Tensor = self.all(F.pixel_unshuffle(surfaces, self.ratio))
         if self.gate is None:
             return features
-        detailed = torch.cat([surfaces[:, :3], surfaces[:, -1:]], dim=1)
-        return features + self.gate * self.detailed(F.pixel_unshuffle(detailed, self.ratio))
+        few = torch.cat([surfaces[:, :3], surfaces[:, -1:]], dim=1)
+        detailed: Tensor = self.detailed(F.pixel_unshuffle(few, self.ratio))
+        return features + self.gate * detailed
 
 
 class FrameEncoder(nn.Module):
@@ -147,7 +148,8 @@ class FusionNetwork(nn.Module):
 
     def forward(self, features: Tensor) -> Tensor:
         """(n, channels, h, w) to (n, levels[0], h, w)."""
-        x, kept = padded(features), []
+        x = padded(features)
+        kept: list[Tensor] = []
         for block in self.down:
             x = block(F.max_pool2d(x, 2) if kept else x)
             kept.append(x)
@@ -191,9 +193,9 @@ class GBufferNetwork(nn.Module):
 
     def _past(self, frame: Tensor, beside: Tensor) -> Tensor:
         features, _ = self.frame(frame)
-        if self.config.refined:
-            return self.refiner(features, beside)
-        return self.refiner(torch.cat([features, beside], dim=1))
+        parts = (features, beside) if self.config.refined else (torch.cat([features, beside], dim=1),)
+        refined: Tensor = self.refiner(*parts)
+        return refined
 
 
 def _separable(width: int) -> tuple[nn.Module, nn.Module]:

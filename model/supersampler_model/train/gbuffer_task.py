@@ -74,7 +74,7 @@ class GBufferTask(Task):
         for i, (g, sample, state) in enumerate(zip(gathered, samples, states, strict=True)):
             done = method.finish(g, said[i : i + 1], History(*state), sample.view.jitter)
             images.append(done.image)
-            after.append(list(done.history._replace(count=done.history.count.detach())))
+            after.append(list(done.history._replace(counted=done.history.counted.detach())))
         pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
         weights = self.losses
         exposure = torch.cat([s.exposure for s in samples])
@@ -97,7 +97,7 @@ class GBufferTask(Task):
 
 def reflective_of(gathered: Gathered) -> Tensor:
     """(1, 1, H, W) M_L: 1 where the normal has turned by more than 45 degrees, or on metal or a mirror."""
-    surfaces = gathered.surfaces
+    surfaces = gathered.present.display
     ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
     before = F.interpolate(gathered.past_normal, scale_factor=float(ratio), mode="nearest")
     known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()

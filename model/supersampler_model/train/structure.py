@@ -14,7 +14,7 @@ def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
     """(n, 1, H, W) 1 - SSIM of shown pictures (n, 3, H, W), NaN where a window sees unknown truth."""
     a, b = luminance(image), luminance(truth)
     maps = torch.cat([a, b, a * a, b * b, a * b], dim=1)
-    mean_a, mean_b, aa, bb, ab = _blurred(maps).split(1, dim=1)
+    mean_a, mean_b, aa, bb, ab = _blurred(maps).split_with_sizes([1] * 5, dim=1)
     one, two = STEADY
     means = (2.0 * mean_a * mean_b + one) / (mean_a * mean_a + mean_b * mean_b + one)
     spread_a, spread_b = aa - mean_a * mean_a, bb - mean_b * mean_b
@@ -35,4 +35,5 @@ def _blurred(maps: Tensor) -> Tensor:
         turned = kernel[:channels].transpose(2, 3)
         return F.conv2d(rows, turned, padding=(SIZE // 2, 0), groups=channels)
 
-    return both(maps, across) / both(ones, across)
+    means: Tensor = both(maps, across) / both(ones, across)
+    return means
