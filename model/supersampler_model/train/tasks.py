@@ -5,7 +5,10 @@ from collections.abc import Callable, Mapping
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.methods.gbuffer import GBuffer
+from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.train.classifier_task import ClassifierTask
+from supersampler_model.train.gbuffer_task import GBufferTask
 from supersampler_model.train.task import Task
 from supersampler_model.trained import Trained
 
@@ -14,7 +17,12 @@ def _classifier(method: type[Classifier]) -> Callable[[Trained | None], Task]:
     return lambda weights: ClassifierTask(method() if weights is None else method.of(weights))
 
 
+def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task]:
+    return lambda weights: GBufferTask(method() if weights is None else method.of(weights))
+
+
 TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
-    method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)
+    **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
+    **{method.name: _gbuffer(method) for method in (SmallGBuffer, SmallGBuffer4)},
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""

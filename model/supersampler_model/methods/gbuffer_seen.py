@@ -1,0 +1,68 @@
+"""What the network of `gbuffer` sees: surfaces, this frame, and two of the past, masked (III.C)."""
+
+import torch
+from torch import Tensor
+
+from supersampler_model.color import quarantine, tone
+from supersampler_model.methods.gbuffer_buffers import History, Present, Remembered
+from supersampler_model.methods.gbuffer_surfaces import (
+    bilinear_past,
+    closest_around,
+    gradients,
+    nearest_past,
+    occluded,
+    relative_depth,
+)
+from supersampler_model.networks.gbuffer import Seen
+
+LONG = 8.0  # render pixels: motion is seen in these
+
+
+def seen_of(present: Present, past: Remembered, history: History) -> Seen:
+    """Put together what is seen."""
+    motion, view, display = present.motion, present.view, present.display
+    depth = relative_depth(present.render.depth, closest_around(present.render.depth))
+    jitter = view.jitter[:, :, None, None].expand_as(motion)
+    display_depth = relative_depth(display.depth, closest_around(display.depth))
+    twice = motion + bilinear_past(history.motion, motion, view.jitter - history.jitter)
+    return Seen(
+        surfaces=torch.cat([*display[:5], display_depth], dim=1),
+        gradients=gradients(display),
+        current=torch.cat([present.toned, depth, jitter], dim=1),
+        past=[
+            _masked(present, history.frame, motion, history.jitter),
+            _masked(present, history.frame_before, twice, history.jitter_before),
+        ],
+        samples=torch.cat([_short(motion), jitter, present.usable, depth], dim=1),
+        colors=torch.cat(
+            [
+                present.guided,
+                past.color - present.guided,
+                past.relit - present.guided,
+                past.counted / (past.counted + 4.0),
+                past.surface,
+                present.samples.likeness.clamp(max=1.0),
+            ],
+            dim=1,
+        ),
+    )
+
+
+def _masked(present: Present, frame: Tensor, motion: Tensor, jitter_before: Tensor) -> tuple[Tensor, Tensor]:
+    """A frame of the past, warped and masked (equations 3 and 4), and what the refiner sees beside it."""
+    render, jitter = present.render, present.view.jitter
+    found, off, on_screen = nearest_past(frame, motion, jitter - jitter_before)
+    color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
+    toned = tone(quarantine(color, 0.0) * present.exposure)
+    mask = occluded((present.toned, render.base_color, render.depth), (toned, base, past_depth))
+    kept = (1.0 - mask) * on_screen * usable
+    closest = closest_around(render.depth)
+    depth, past_depth = relative_depth(render.depth, closest), relative_depth(past_depth, closest) * kept
+    place = off + jitter[:, :, None, None]  # of the sample, in the pixel that it is read for
+    beside = [_short(motion), render.base_color, render.normal, depth, render.roughness]
+    beside += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, past_depth]
+    return torch.cat([toned * kept, past_depth, place * kept], dim=1), torch.cat(beside, dim=1)
+
+
+def _short(motion: Tensor) -> Tensor:
+    return (motion / LONG).clamp(-4.0, 4.0)

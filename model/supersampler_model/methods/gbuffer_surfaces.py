@@ -1,0 +1,206 @@
+"""G-buffers in `gbuffer`: what surfaces reflect, which samples are of the same one, what has changed."""
+
+from collections.abc import Sequence
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from supersampler_model.methods.gbuffer_buffers import Samples, Surfaces
+from supersampler_model.motion import read, usable_depth
+from supersampler_model.sampling import Grid, gaussian, sum_of
+
+LEAST = 0.04  # reflectance that is added everywhere: of a dielectric, about
+SIGMA = 0.5  # of the samples' weights, render pixels
+DEPTH_MARGIN = 0.03  # relative difference of depth that one standard deviation is
+ALIKE = (4.0, 8.0, 8.0)  # falloff with squared differences of normal, base colour, roughness and metallic
+FARTHER, COLOR_APART = 0.1, 0.5  # alpha and eta_B (Wang et al. 2025, section IV.B)
+AROUND_BASE, AROUND_COLOR = 3, 5  # k_b and k_i
+NEIGHBOURHOOD = 9  # pixels within which depth is relative
+
+
+def usable_surfaces(surfaces: Surfaces) -> Surfaces:
+    """NaN and what is out of range become black, rough dielectric without a normal, at an unknown depth."""
+    *shares, depth = surfaces
+    known = [torch.where((s >= -1.0) & (s <= 1.0), s, torch.zeros_like(s)) for s in shares]
+    base, normal, roughness, metallic, specular = known
+    return Surfaces(
+        base.clamp(min=0.0),
+        normal,
+        roughness.clamp(min=0.0),
+        metallic.clamp(min=0.0),
+        specular.clamp(min=0.0),
+        usable_depth(depth),
+    )
+
+
+def reflectance(surfaces: Surfaces) -> Tensor:
+    """(1, 3, h, w) share of light that a surface reflects towards the eye: diffuse, and head on specular.
+
+    Colours over this are light, which is smooth where textures are not (FuseSR, Zhong et al. 2023). The sky,
+    which has no surface, counts as white.
+    """
+    base, metal = surfaces.base_color, surfaces.metallic
+    dielectric = 1.0 - metal
+    reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + LEAST
+    sky = (sum_of([surfaces.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1).float()
+    return reflected + sky * (1.0 - reflected)
+
+
+def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: Grid) -> Samples:
+    """The samples around each display pixel, weighed by a Gaussian and by how like their surface is.
+
+    Args:
+        light: (1, 3, h, w) what samples show over what they reflect, toned.
+        usable: (1, 1, h, w).
+        render: surfaces of the samples.
+        display: surfaces of the pixels.
+        grid: where these look.
+    """
+    of_samples = torch.cat([light, usable, *render], dim=1)
+    h, w = light.shape[2], light.shape[3]
+    colors, weights, likely = [], [], []
+    for down in (-1, 0, 1):
+        row = grid.row + down
+        rows = of_samples.index_select(2, row.clamp(0, h - 1))
+        vertical = gaussian(SIGMA)(row - grid.y)[:, None]
+        for across in (-1, 0, 1):
+            column = grid.column + across
+            sample = rows.index_select(3, column.clamp(0, w - 1))
+            near = (vertical * gaussian(SIGMA)(column - grid.x) + 1e-4) * sample[:, 3:4]
+            alike = _likeness(Surfaces(*sample[:, 4:].split_with_sizes([3, 3, 1, 1, 1, 1], dim=1)), display)
+            colors.append(sample[:, :3])
+            weights.append(near * (alike + 1e-4))
+            likely.append(near * alike)
+    return Samples(colors, weights, sum_of(likely))
+
+
+def _likeness(a: Surfaces, b: Surfaces) -> Tensor:
+    apart = depth_difference(a.depth, b.depth) / DEPTH_MARGIN
+    normal, base = squared_distance(a.normal, b.normal), squared_distance(a.base_color, b.base_color)
+    finish = (a.roughness - b.roughness) ** 2 + (a.metallic - b.metallic) ** 2
+    by_normal, by_base, by_finish = ALIKE
+    off = 0.5 * (apart * apart).clamp(max=20.0) + by_normal * normal + by_base * base + by_finish * finish
+    return (-off).exp()
+
+
+def weighed_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
+    """(1, 3, H, W) mean of the samples; `kernel` is (1, 9, H, W), logarithms of factors to their weights."""
+    weights = samples.weights
+    if kernel is not None:
+        weights = [weight * kernel[:, i : i + 1].exp() for i, weight in enumerate(weights)]
+    total = sum_of(weights).clamp(min=1e-12)
+    return sum_of([c * w for c, w in zip(samples.colors, weights, strict=True)]) / total
+
+
+def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
+    """Depth over the closest around, in [0, 1]: without the unit that depth has."""
+    return (depth.clamp(min=0.0) / closest.clamp(min=1e-12)).clamp(max=1.0)
+
+
+def closest_around(depth: Tensor) -> Tensor:
+    """Closest depth within NEIGHBOURHOOD pixels each way."""
+    return F.max_pool2d(depth.clamp(min=0.0), NEIGHBOURHOOD, 1, NEIGHBOURHOOD // 2)
+
+
+def gradients(surfaces: Surfaces) -> Tensor:
+    """(1, 2, h, w) differences of base colour and of normal to the right and lower neighbours (III.B)."""
+    both = torch.cat([surfaces.base_color, surfaces.normal], dim=1)
+    across = (both[..., 1:] - both[..., :-1]).abs()
+    down = (both[:, :, 1:] - both[:, :, :-1]).abs()
+    across = torch.cat([across, torch.zeros_like(both[..., :1])], dim=3)
+    down = torch.cat([down, torch.zeros_like(both[:, :, :1])], dim=2)
+    steps = across + down
+    return torch.cat([sum_of([steps[:, i : i + 1] for i in group]) for group in ((0, 1, 2), (3, 4, 5))], 1)
+
+
+def occluded(now: Sequence[Tensor], past: Sequence[Tensor]) -> Tensor:
+    """(1, 1, h, w) 1 where a warped frame of the past is of no use: equations 1 and 2.
+
+    Args:
+        now: toned colour, base colour and depth of this frame.
+        past: the same of the warped one.
+    """
+    (color, base, depth), (past_color, past_base, past_depth) = now, past
+    view, past_view = (1.0 / d.clamp(min=1e-9) for d in (depth, past_depth))  # distances
+    behind = ((view - past_view).abs() > FARTHER * view).float()
+    other = _unlike(past_base, base, AROUND_BASE)
+    return torch.maximum(behind, torch.maximum(other, _unlike(past_color, color, AROUND_COLOR)))
+
+
+def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
+    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
+    reach = size // 2
+    h, w = image.shape[2], image.shape[3]
+    rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
+    columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
+    wide = image.index_select(2, rows).index_select(3, columns)
+    far = []
+    for dy in range(size):
+        for dx in range(size):
+            apart = (wide[:, :, dy : dy + h, dx : dx + w] - warped).abs()
+            most = torch.maximum(torch.maximum(apart[:, :1], apart[:, 1:2]), apart[:, 2:3])
+            far.append((most > COLOR_APART).float())
+    return (sum_of(far) > 0.5 * size * size).float()
+
+
+def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
+    """(1, 2, H, W) motion of the sample, of the nine around, whose depth is most like the pixel's."""
+    h, w = depth.shape[2], depth.shape[3]
+    known = torch.cat([depth, motion], dim=1)
+    least = chosen = None
+    for down in (-1, 0, 1):
+        rows = known.index_select(2, (grid.row + down).clamp(0, h - 1))
+        for across in (-1, 0, 1):
+            sample = rows.index_select(3, (grid.column + across).clamp(0, w - 1))
+            off = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
+            if least is None or chosen is None:
+                least, chosen = off, sample
+            else:
+                closer = off < least
+                least, chosen = torch.where(closer, off, least), torch.where(closer, sample, chosen)
+    assert chosen is not None  # noqa: S101 - nine turns
+    return chosen[:, 1:]
+
+
+def depth_difference(a: Tensor, b: Tensor) -> Tensor:
+    """Relative to the closer of both."""
+    return (a - b).abs() / torch.maximum(a, b).clamp(min=1e-12)
+
+
+def squared_distance(a: Tensor, b: Tensor) -> Tensor:
+    """(1, 3, h, w) each to (1, 1, h, w)."""
+    return sum_of([(a[:, i : i + 1] - b[:, i : i + 1]) ** 2 for i in range(3)])
+
+
+def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Read a frame of the past, of render size, where `motion` leads: its nearest samples as they are.
+
+    Args:
+        image: (1, c, h, w).
+        motion: (1, 2, h, w) render pixels.
+        offset: (1, 2) this frame's jitter less that of the past one.
+
+    Returns:
+        What was read, how far off the samples lie (1, 2, h, w), and whether it is on screen (1, 1, h, w).
+    """
+    h, w = image.shape[2], image.shape[3]
+    x, y = _led(motion, offset)
+    on_screen = (x > -0.5) & (x < w - 0.5) & (y > -0.5) & (y < h - 0.5)
+    x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
+    column, row = (x + 0.5).floor(), (y + 0.5).floor()
+    found = read(image, column, row, mode="nearest")
+    return found, torch.cat([column - x, row - y], dim=1), on_screen.float()
+
+
+def bilinear_past(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
+    """Read an image of the past, of render size, where `motion` leads; arguments as of `nearest_past`."""
+    x, y = _led(motion, offset)
+    return read(image, x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0))
+
+
+def _led(motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor]:
+    h, w = motion.shape[2], motion.shape[3]
+    x = torch.arange(w, device=motion.device) + motion[:, :1] + offset[0, 0]
+    y = torch.arange(h, device=motion.device)[:, None] + motion[:, 1:2] + offset[0, 1]
+    return x, y
