@@ -7,7 +7,7 @@ from typing import NamedTuple, Protocol
 import numpy as np
 
 from supersampler.errors import FrameError
-from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Float32, Frame, Size
+from supersampler.frame import GBUFFER_CHANNELS, GBUFFER_DISPLAY_CHANNELS, Array, Frame, Size
 
 
 class HasGBuffers(Protocol):
@@ -102,9 +102,19 @@ def grouped(
     return groups["gbuffer"] or None, groups["gbuffer_display"] or None
 
 
-def black(names: Iterable[str], render: Size, display: Size) -> dict[str, Float32]:
-    """Zeros for tensors of these names, as a frame has them."""
-    return {name: np.zeros(GBUFFERS[name].shape(render, display), np.float32) for name in names}
+def black(names: Iterable[str], render: Size, display: Size) -> Frame:
+    """Return a frame of zeros with the G-buffers of these tensors."""
+    zeros = np.zeros((*render[::-1], 3), np.float32)
+    buffers = {name: np.zeros(GBUFFERS[name].shape(render, display), np.float32) for name in names}
+    gbuffer, gbuffer_display = grouped(buffers)
+    return Frame(
+        color=zeros,
+        depth=zeros[..., 0],
+        motion=zeros[..., :2],
+        jitter=(0.0, 0.0),
+        gbuffer=gbuffer,
+        gbuffer_display=gbuffer_display,
+    )
 
 
 def listed(names: Collection[str]) -> str:

@@ -7,12 +7,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal, overload
 
-import numpy as np
-
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.gbuffers import black, grouped
+from supersampler.gbuffers import black
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.plan import Plan
@@ -244,18 +242,9 @@ class Upscaler:
         size = render_size or self._render_size
         if size is None:
             raise ArgumentError("render_size", got=None, want="(width, height)")
-        width, height = _checked_size("render_size", size)
-        zeros = np.zeros((height, width, 3), np.float32)
+        size = _checked_size("render_size", size)
         display_size = self._display_size or self._scaled(size)
-        gbuffer, gbuffer_display = grouped(black(self.model.info.gbuffers, size, display_size))
-        frame = Frame(
-            color=zeros,
-            depth=zeros[..., 0],
-            motion=zeros[..., :2],
-            jitter=(0.0, 0.0),
-            gbuffer=gbuffer,
-            gbuffer_display=gbuffer_display,
-        )
+        frame = black(self.model.info.gbuffers, size, display_size)
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
         if self.model.capture:
