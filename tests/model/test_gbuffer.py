@@ -1,6 +1,7 @@
 """What `gbuffer` promises before it has learned anything, and what its parts compute."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,7 +13,7 @@ from supersampler_model.color import tone
 from supersampler_model.method import Method, Size
 from supersampler_model.methods.gbuffer import GBuffer
 from supersampler_model.methods.gbuffer_buffers import Surfaces
-from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_surfaces import (
     LEAST,
     gradients,
@@ -189,8 +190,8 @@ def test_the_past_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> No
     "config",
     [
         GBufferNetworkConfig(),
-        GBufferNetworkConfig(gated=False, attention="none", refined=False),
-        GBufferNetworkConfig(attention="one"),
+        replace(NETWORK, gated=False, attention="none", refined=False),
+        replace(NETWORK, attention="one"),
     ],
 )
 def test_a_network_without_some_of_its_parts_still_begins_as_the_mean(config: GBufferNetworkConfig) -> None:
