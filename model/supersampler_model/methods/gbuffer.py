@@ -126,7 +126,7 @@ class GBuffer(Method):
             raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
         settings = dict(trained.config)
         network = dict(settings.pop("network"))
-        network["levels"] = tuple(network["levels"])
+        network |= {name: tuple(network[name]) for name in ("surfaces", "detailed", "levels")}
         method = cls(cls.settings(network=GBufferNetworkConfig(**network), **settings))
         method.load_state_dict(trained.tensors)
         method.learned = trained.facts
@@ -329,3 +329,22 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     weights = [w * kernel[:, i : i + 1].exp() for i, w in enumerate(AROUND)]
     total = sum_of(weights)
     return sum_of([w * pixel for w, pixel in zip(weights, neighbours(image), strict=True)]) / total
+
+
+@dataclass(frozen=True)
+class GBuffer4Config(GBufferConfig):
+    """Constants at a ratio of 4.
+
+    Attributes:
+        ratio: display over render size.
+    """
+
+    ratio: int = 4
+
+
+class GBuffer4(GBuffer):
+    """At a ratio of 4."""
+
+    name = "gbuffer-4x"
+    ratios: ClassVar = (4.0, 4.0)
+    settings: ClassVar[type[GBufferConfig]] = GBuffer4Config

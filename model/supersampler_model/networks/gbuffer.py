@@ -1,13 +1,14 @@
 """The network of Wang et al. 2025 (section III), on tensors at render size.
 
 Everything of display size comes by pixel unshuffling: r x r pixels of a channel as r^2 channels of the render
-pixel that they lie in. Where the paper has 3x3 convolutions, blocks of 1x1, depthwise 3x3 and 1x1 do the same
-for a fraction of the work.
+pixel that they lie in. The paper's 3x3 convolutions may each be a depthwise one between 1x1 ones, for a
+fraction of the work.
 """
 
 import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal, NamedTuple
 
 import torch
@@ -31,17 +32,21 @@ class GBufferNetworkConfig:
     """Widths, and the parts that the paper takes away one by one (its table IX).
 
     Attributes:
-        surfaces: channels of the G-buffers encoder.
+        surfaces: channels of the G-buffers encoder, layer by layer.
+        detailed: of its gated branch, which ends as wide.
         frame: of the frame encoder.
         levels: of the fusion network, from render size down.
+        separable: whether 3x3 convolutions are depthwise, between 1x1 ones.
         gated: whether base colour and depth have a branch of their own.
         attention: between the frame and the gradients of the G-buffers: "both" ways, "one", or "none".
         refined: whether features of the past are refined by the present.
     """
 
-    surfaces: int = 32
-    frame: int = 24
-    levels: tuple[int, ...] = (48, 64, 96, 128)
+    surfaces: tuple[int, ...] = (128, 128, 64)
+    detailed: tuple[int, ...] = (64, 64, 64)
+    frame: int = 32
+    levels: tuple[int, ...] = (64, 128, 192, 256)
+    separable: bool = False
     gated: bool = True
     attention: Attention = "both"
     refined: bool = True
@@ -61,13 +66,13 @@ class Seen(NamedTuple):
 class GatedEncoder(nn.Module):
     """Features of the G-buffers: of all, and of base colour and depth times a learned gate (III.A)."""
 
-    def __init__(self, ratio: int, width: int, *, gated: bool) -> None:
+    def __init__(self, config: GBufferNetworkConfig, ratio: int) -> None:
         super().__init__()
         self.ratio = ratio
-        self.all = nn.Sequential(Pointwise(SURFACES * ratio**2, width), Block(width, width))
+        self.all = _encoder(SURFACES * ratio**2, config.surfaces, separable=config.separable)
         self.gate: nn.Parameter | None = None
-        if gated:
-            self.detailed = nn.Sequential(Pointwise(4 * ratio**2, width), Block(width, width))
+        if config.gated:
+            self.detailed = _encoder(4 * ratio**2, config.detailed, separable=config.separable)
             self.gate = nn.Parameter(torch.tensor(0.5))
 
     def forward(self, surfaces: Tensor) -> Tensor:
@@ -83,11 +88,11 @@ class GatedEncoder(nn.Module):
 class FrameEncoder(nn.Module):
     """Four convolutions; the first's output is kept for the end of the network (III.B)."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
-        first = nn.Conv2d(CURRENT, width, 3, padding=1, bias=False)
-        self.shallow = nn.Sequential(first, nn.BatchNorm2d(width), nn.ReLU())
-        self.deep = nn.Sequential(*itertools.chain.from_iterable(_separable(width) for _ in range(3)))
+        layer = _separable if separable else Convolved
+        self.shallow = Convolved(CURRENT, width)
+        self.deep = nn.Sequential(*(layer(width, width) for _ in range(3)))
 
     def forward(self, frame: Tensor) -> tuple[Tensor, Tensor]:
         """(n, CURRENT, h, w) to features and shallow features, (n, width, h, w) each."""
@@ -120,13 +125,11 @@ class Enhancer(nn.Module):
 class Refiner(nn.Module):
     """A UNet of two levels that repairs features of the past where they were masked (III.C)."""
 
-    def __init__(self, width: int) -> None:
+    def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
-        self.down, self.below, self.up = (
-            Block(width + BESIDE, width),
-            Block(width, width),
-            Block(2 * width, width),
-        )
+        self.down = _block(width + BESIDE, width, separable=separable)
+        self.below = _block(width, width, separable=separable)
+        self.up = _block(2 * width, width, separable=separable)
 
     def forward(self, features: Tensor, beside: Tensor) -> Tensor:
         """(n, width, h, w) and (n, BESIDE, h, w) to (n, width, h, w)."""
@@ -138,13 +141,13 @@ class Refiner(nn.Module):
 class FusionNetwork(nn.Module):
     """A UNet of as many blocks down as up, of which the first and last alone are at render size (III.D)."""
 
-    def __init__(self, channels: int, levels: Sequence[int]) -> None:
+    def __init__(self, channels: int, levels: Sequence[int], *, separable: bool) -> None:
         super().__init__()
-        self.down = nn.ModuleList(Block(a, b) for a, b in itertools.pairwise([channels, *levels]))
-        self.deepest = Block(levels[-1], levels[-1])
-        below = reversed(levels[1:])
-        beside = reversed(levels[:-1])
-        self.up = nn.ModuleList(Block(a + b, b) for a, b in zip(below, beside, strict=True))
+        block = partial(_block, separable=separable)
+        self.down = nn.ModuleList(block(a, b) for a, b in itertools.pairwise([channels, *levels]))
+        self.deepest = block(levels[-1], levels[-1])
+        climbs = zip(reversed(levels[1:]), reversed(levels[:-1]), strict=True)
+        self.up = nn.ModuleList(block(below + here, here) for below, here in climbs)
 
     def forward(self, features: Tensor) -> Tensor:
         """(n, channels, h, w) to (n, levels[0], h, w)."""
@@ -171,13 +174,16 @@ class GBufferNetwork(nn.Module):
     def __init__(self, config: GBufferNetworkConfig, *, ratio: int, mixing: int) -> None:
         super().__init__()
         self.config, self.ratio = config, ratio
-        surfaces, frame, fused = config.surfaces, config.frame, config.levels[0]
-        self.surfaces = GatedEncoder(ratio, surfaces, gated=config.gated)
-        self.frame = FrameEncoder(frame)
+        surfaces, frame, fused = config.surfaces[-1], config.frame, config.levels[0]
+        self.surfaces = GatedEncoder(config, ratio)
+        self.frame = FrameEncoder(frame, separable=config.separable)
         self.enhancer = Enhancer(ratio, frame, config.attention)
-        self.refiner = Refiner(frame) if config.refined else Pointwise(frame + BESIDE, frame)
+        self.refiner: nn.Module = Pointwise(frame + BESIDE, frame)
+        if config.refined:
+            self.refiner = Refiner(frame, separable=config.separable)
         self.colors = Pointwise(COLORS * ratio**2 + SAMPLES, surfaces)
-        self.fusion = FusionNetwork(2 * surfaces + 3 * frame, config.levels)
+        channels = 2 * surfaces + 3 * frame
+        self.fusion = FusionNetwork(channels, config.levels, separable=config.separable)
         self.mixing = nn.Conv2d(fused + frame + surfaces, mixing * ratio**2, 1)
         for parameter in self.mixing.parameters():
             nn.init.zeros_(parameter)  # begins as the means that the method takes it for
@@ -198,9 +204,30 @@ class GBufferNetwork(nn.Module):
         return refined
 
 
-def _separable(width: int) -> tuple[nn.Module, nn.Module]:
-    depthwise = nn.Conv2d(width, width, 3, padding=1, groups=width, bias=False)
-    return depthwise, Pointwise(width, width)
+class Convolved(nn.Sequential):
+    """3x3 convolution, batch normalisation and ReLU."""
+
+    def __init__(self, channels: int, out: int) -> None:
+        convolution = nn.Conv2d(channels, out, 3, padding=1, bias=False)
+        super().__init__(convolution, nn.BatchNorm2d(out), nn.ReLU())
+
+
+def _separable(channels: int, out: int) -> nn.Sequential:
+    depthwise = nn.Conv2d(channels, channels, 3, padding=1, groups=channels, bias=False)
+    return nn.Sequential(depthwise, Pointwise(channels, out))
+
+
+def _block(channels: int, out: int, *, separable: bool) -> nn.Sequential:
+    if separable:
+        return Block(channels, out)
+    return nn.Sequential(Convolved(channels, out), Convolved(out, out))
+
+
+def _encoder(channels: int, widths: Sequence[int], *, separable: bool) -> nn.Sequential:
+    pairs = list(itertools.pairwise([channels, *widths]))
+    if not separable:
+        return nn.Sequential(*(Convolved(a, b) for a, b in pairs))
+    return nn.Sequential(Pointwise(*pairs[0]), *(Block(a, b) for a, b in pairs[1:]))
 
 
 def _threes(modules: nn.ModuleList) -> list[tuple[nn.Module, ...]]:
