@@ -6,11 +6,19 @@ from supersampler_model.method import Method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
+from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial import Bicubic, Bilinear
 from supersampler_model.methods.taa import Taa
 from supersampler_model.methods.taau import Taau
 
 METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Taa, Taau)}
 """Methods without anything learned."""
-LEARNED: Mapping[str, type[Classifier]] = {m.name: m for m in (Classifier, SmallClassifier, PaperClassifier)}
+LEARNED: Mapping[str, type[LearnedMethod]] = {
+    m.name: m
+    for m in (
+        Classifier, SmallClassifier, PaperClassifier, GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4
+    )
+}  # fmt: skip
 """Methods that are trained: `LEARNED[name].of(load_trained(path))`."""

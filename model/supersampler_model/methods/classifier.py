@@ -7,13 +7,13 @@ weighs what there is: the past warped by the motion of what is in front, the sam
 upsampled. With a network that says nothing the result is the running mean of all samples.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor, nn
 
-from supersampler.errors import ArgumentError
 from supersampler_model.color import (
     TONES,
     ToneSpace,
@@ -31,12 +31,12 @@ from supersampler_model.method import (
     PREVIOUS,
     Fused,
     MapOf,
-    Method,
     display_size_of,
     render_size_of,
 )
 from supersampler_model.methods.classifier_buffers import Finished, Gathered, History, Present, Remembered
 from supersampler_model.methods.classifier_inputs import AROUND, SEEN, CountCode, around_of, inputs_of
+from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -74,7 +74,6 @@ from supersampler_model.sampling import (
     weighed,
     window_of,
 )
-from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
 SHARPEST = 2.0  # most that is added of what the cubic has sharpened
@@ -150,7 +149,7 @@ class ClassifierConfig:
         return self.candidates + sum(self.filters)
 
 
-class Classifier(Method):
+class Classifier(LearnedMethod):
     """Classify, then compose."""
 
     name, source = "classifier", "Guo, Chen, Dong and Tong 2022 (docs/methods.md)"
@@ -188,22 +187,13 @@ class Classifier(Method):
         return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
 
     @classmethod
-    def of(cls, trained: Trained) -> Self:
-        """Return the method with weights that were trained.
-
-        Raises:
-            ArgumentError: they are of another method.
-        """
-        if trained.method != cls.name:
-            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
-        settings = dict(trained.config)
+    def configured(cls, config: Mapping[str, Any]) -> Self:
+        """See `LearnedMethod`."""
+        settings = dict(config)
         network = dict(settings.pop("network"))
         network["levels"] = tuple(network["levels"])
         settings |= {name: tuple(settings[name]) for name in ("inputs", "around")}
-        method = cls(cls.settings(network=NetworkConfig(**network), **settings))
-        method.load_state_dict(trained.tensors)
-        method.learned = trained.facts
-        return method.eval()
+        return cls(cls.settings(network=NetworkConfig(**network), **settings))
 
     def forward(
         self,

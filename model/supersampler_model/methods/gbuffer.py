@@ -9,14 +9,13 @@ neighbours and against the picture of the frame before, which smooths what one s
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
-from supersampler.errors import ArgumentError
 from supersampler_model.color import bounded, exposure_for, inverse_tone, quarantine, tone, valid
-from supersampler_model.method import DISPLAY, PREVIOUS, Method, display_size_of, render_size_of
+from supersampler_model.method import DISPLAY, PREVIOUS, display_size_of, render_size_of
 from supersampler_model.methods.gbuffer_buffers import (
     FRAME,
     Finished,
@@ -35,6 +34,7 @@ from supersampler_model.methods.gbuffer_surfaces import (
     usable_surfaces,
     weighed_mean,
 )
+from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.motion import (
     Past,
     closest_of_four,
@@ -55,7 +55,6 @@ from supersampler_model.sampling import (
     sum_of,
     upsample,
 )
-from supersampler_model.trained import Trained
 
 TONED = 1.0 - 1e-4  # most of a toned colour
 AROUND = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)  # weights of neighbours, at first
@@ -90,7 +89,7 @@ class GBufferConfig:
         return 6, WINDOW, WINDOW
 
 
-class GBuffer(Method):
+class GBuffer(LearnedMethod):
     """Bring samples to where their surfaces are, then weigh."""
 
     name, source = "gbuffer", "Wang et al. 2025 (docs/methods.md)"
@@ -116,21 +115,12 @@ class GBuffer(Method):
         self.net = GBufferNetwork(c.network, ratio=c.ratio, mixing=sum(c.parts))
 
     @classmethod
-    def of(cls, trained: Trained) -> Self:
-        """Return the method with weights that were trained.
-
-        Raises:
-            ArgumentError: they are of another method.
-        """
-        if trained.method != cls.name:
-            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
-        settings = dict(trained.config)
+    def configured(cls, config: Mapping[str, Any]) -> Self:
+        """See `LearnedMethod`."""
+        settings = dict(config)
         network = dict(settings.pop("network"))
         network |= {name: tuple(network[name]) for name in ("surfaces", "detailed", "levels")}
-        method = cls(cls.settings(network=GBufferNetworkConfig(**network), **settings))
-        method.load_state_dict(trained.tensors)
-        method.learned = trained.facts
-        return method.eval()
+        return cls(cls.settings(network=GBufferNetworkConfig(**network), **settings))
 
     def forward(
         self,

@@ -1,0 +1,32 @@
+"""Methods that are trained: made of a config, and of the weights that were trained with it."""
+
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, Self
+
+from supersampler.errors import ArgumentError
+from supersampler_model.method import Method
+from supersampler_model.trained import Trained
+
+
+class LearnedMethod(Method):
+    """Base of methods with weights."""
+
+    @classmethod
+    @abstractmethod
+    def configured(cls, config: Mapping[str, Any]) -> Self:
+        """Return the method, untrained, with the settings of a weights file: plain data."""
+
+    @classmethod
+    def of(cls, trained: Trained) -> Self:
+        """Return the method with weights that were trained.
+
+        Raises:
+            ArgumentError: they are of another method.
+        """
+        if trained.method != cls.name:
+            raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
+        method = cls.configured(trained.config)
+        method.load_state_dict(trained.tensors)
+        method.learned = trained.facts
+        return method.eval()
