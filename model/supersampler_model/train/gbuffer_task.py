@@ -66,7 +66,7 @@ class GBufferTask(Task):
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """Step every crop; from frame to frame gradients flow through the picture, not through its count."""
         method = self.method
-        gathered = [self._gather(sample, state) for sample, state in zip(samples, states, strict=True)]
+        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
             said = method.net(_batch([g.seen for g in gathered]))
         said = said.float()
@@ -88,7 +88,8 @@ class GBufferTask(Task):
             terms={"structure": weights.structure * structure},
         )
 
-    def _gather(self, sample: Sample, state: State) -> Gathered:
+    def gather(self, sample: Sample, state: State) -> Gathered:
+        """What one crop's frame and its past tell before the network speaks."""
         render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
         return self.method.gather(
             sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view

@@ -1,0 +1,87 @@
+"""`gbuffer` learns from crops with G-buffers, more where surfaces shine."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import torch
+
+from gbuffer_sets import gbuffer_data
+from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBufferConfig
+from supersampler_model.train.gbuffer_task import GBufferTask, reflective_of
+from supersampler_model.train.tasks import TASKS
+from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.train.windows import Sample
+
+RATIO, SIZE = 2, 24
+
+
+@pytest.fixture(scope="module")
+def task() -> GBufferTask:
+    torch.manual_seed(0)
+    network = replace(NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
+    return GBufferTask(SmallGBuffer(SmallGBufferConfig(network=network)))
+
+
+@pytest.fixture(scope="module")
+def samples(task: GBufferTask, tmp_path_factory: pytest.TempPathFactory) -> list[Sample]:
+    dataset = task.data(gbuffer_data(tmp_path_factory.mktemp("set"), RATIO))
+    walk = iter(task.stream([dataset], size=SIZE, seed=[1]))
+    return [next(walk) for _ in range(3)]
+
+
+def test_errors_weigh_more_on_metal_and_mirrors_alone(task: GBufferTask, samples: list[Sample]) -> None:
+    sample = samples[0]
+    rough = {name: value.clone() for name, value in sample.gbuffer.items()}
+    rough["gbuffer_display_metallic"][:] = 0.0
+    rough["gbuffer_display_roughness"][:] = 0.5
+    rough["gbuffer_display_metallic"][..., 2, 3] = 1.0
+    rough["gbuffer_display_roughness"][..., 4, 5] = 0.01
+    changed = sample._replace(gbuffer=rough)
+    stepped = task.step([changed], [task.first_state(changed)])
+    assert isinstance(stepped.weight, torch.Tensor)
+    normal = rough["gbuffer_display_normal"].square().sum(dim=1, keepdim=True) > 0.5
+    expected = torch.ones_like(stepped.weight)
+    expected[..., 2, 3] = expected[..., 4, 5] = 1.5
+    torch.testing.assert_close(stepped.weight, torch.where(normal, expected, torch.ones_like(expected)))
+
+
+def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples: list[Sample]) -> None:
+    states = [task.first_state(samples[0])]
+    states = task.step([samples[0]], states).states
+    gathered = task.gather(samples[1], states[0])
+    still = float(reflective_of(gathered).mean())
+    turned = {name: value.clone() for name, value in samples[1].gbuffer.items()}
+    turned["gbuffer_display_normal"] = -turned["gbuffer_display_normal"]
+    after = task.gather(samples[1]._replace(gbuffer=turned), states[0])
+    assert float(reflective_of(after).mean()) > still + 0.3
+
+
+def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
+    task: GBufferTask, samples: list[Sample]
+) -> None:
+    for parameter in task.method.net.mixing.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    states = [task.first_state(samples[0])]
+    loss = torch.zeros(())
+    for sample in samples:
+        stepped = task.step([sample], states)
+        assert [state.shape for state in stepped.states[0]] == [state.shape for state in states[0]]
+        states = stepped.states
+        loss = loss + stepped.images.mean() + stepped.terms["structure"]
+    assert loss.isfinite()
+    loss.backward()  # type: ignore[no-untyped-call]
+    missing = [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()]
+    assert missing == []
+
+
+def test_a_run_of_each_kind_begins(tmp_path: Path) -> None:
+    dataset = gbuffer_data(tmp_path / "set", RATIO)
+    task = TASKS["gbuffer-small"](None)
+    trainer = Trainer(task, [dataset], Plan(steps=1, batch=1, frames=2, size=SIZE), tmp_path / "run")
+    trainer.run()
+    trained = trainer.trained({})
+    assert trained.method == "gbuffer-small"
+    again = TASKS["gbuffer-small"](trained).method
+    assert again.learned["steps"] == 1
+    assert TASKS["gbuffer-small-4x"](None).config["ratio"] == 4
