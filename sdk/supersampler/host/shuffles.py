@@ -39,6 +39,7 @@ shifted_in = _shuffler(
     lambda n: list(range(n - 1, 2 * n - 1))
 )  # the last lane of one, then all but the other's last
 shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
+_fours = _shuffler(lambda n: [0] * n + [1] * n + [2] * (2 * n))  # the first lanes of one, several times each
 
 
 def _thirds(part: int) -> Callable[..., Any]:
@@ -75,6 +76,13 @@ def transposed(rows: Any) -> Any:
             low_zip(g, o), high_zip(g, o), low_zip(h, p), high_zip(h, p),
         )  # fmt: skip
     return rows
+
+
+@njit
+def load_thrice(pointer: Any, index: int) -> Any:
+    """Three values in sixteen lanes: in four, in four, and in the rest."""
+    values = load4(pointer, index)
+    return _fours(values, values)
 
 
 @njit

@@ -5,6 +5,7 @@ from numba import njit
 
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
+from supersampler.host.shuffles import load_thrice
 from supersampler.host.vector import floor, load4, load8, load16, maximum, minimum, select, store, to_int
 
 
@@ -12,22 +13,23 @@ from supersampler.host.vector import floor, load4, load8, load16, maximum, minim
 def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
     """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
 
-    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 16) and across (W, 4, 16) with what weight
-    for each channel; line (stride, 16) is scratch; out (W, 16).
+    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 4) and across (W, 4, 4) with what weights:
+    of channels 0 to 3, 4 to 7, and those after; line (stride, 16) is scratch; out (W, 16).
     """
     a, b, c, d = rows[4 * y], rows[4 * y + 1], rows[4 * y + 2], rows[4 * y + 3]
     pitch = stride * 16
-    wa, wb = load16(down, y * 64), load16(down, y * 64 + 16)
-    wc, wd = load16(down, y * 64 + 32), load16(down, y * 64 + 48)
+    wa, wb = load_thrice(down, y * 16), load_thrice(down, y * 16 + 4)
+    wc, wd = load_thrice(down, y * 16 + 8), load_thrice(down, y * 16 + 12)
     for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
         upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
         lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
         store(line, x, upper + lower)
     for x in range(x0, x1):
         i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
-        w = 64 * x
-        near = load16(line, 16 * i) * load16(across, w) + load16(line, 16 * j) * load16(across, w + 16)
-        far = load16(line, 16 * k) * load16(across, w + 32) + load16(line, 16 * m) * load16(across, w + 48)
+        w = 16 * x
+        near = load16(line, 16 * i) * load_thrice(across, w) + load16(line, 16 * j) * load_thrice(across, w + 4)
+        far = load16(line, 16 * k) * load_thrice(across, w + 8)
+        far = far + load16(line, 16 * m) * load_thrice(across, w + 12)
         store(out, 16 * x, near + far)
 
 
