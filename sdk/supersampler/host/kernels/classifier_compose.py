@@ -146,7 +146,9 @@ def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
         store(near, 16 * k, inside * np.int32(16))
     a = max(row - 1, 0) * stride * 16
     b, c = row * stride * 16, min(row + 1, h - 1) * stride * 16
+    after = c + near[47]
     for i in range(16):
+        prefetch(samples, after + 16 * i)
         store(out, 4 * i, kernel_at(samples, a, b, c, near, factors, i))
     return load_columns4(out, 0)
 

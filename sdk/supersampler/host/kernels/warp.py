@@ -6,7 +6,21 @@ from numba import njit
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
 from supersampler.host.shuffles import load_thrice
-from supersampler.host.vector import floor, load4, load8, load16, maximum, minimum, select, store, to_int
+from supersampler.host.vector import (
+    floor,
+    load4,
+    load8,
+    load16,
+    maximum,
+    minimum,
+    prefetch,
+    select,
+    store,
+    to_int,
+)
+
+
+SOON = 8  # pixels from what is read to what is called for: rows that were not read before come from afar
 
 
 @njit
@@ -21,6 +35,7 @@ def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, ou
     wa, wb = load_thrice(down, y * 16), load_thrice(down, y * 16 + 4)
     wc, wd = load_thrice(down, y * 16 + 8), load_thrice(down, y * 16 + 12)
     for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
+        prefetch(samples, d * pitch + pitch + x)
         upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
         lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
         store(line, x, upper + lower)
@@ -125,7 +140,9 @@ def warp(history, at, weights, alone, out):
     """
     h = history
     one = np.float32(1.0)
+    after = at[63] + at[127] + 128  # the last pixel's lower right
     for i in range(16):
+        prefetch(h, after + 8 * i)
         store(out, 16 * i, cubic4(h, at, weights, i))
         b, c, k, m = at[16 + i], at[32 + i], at[80 + i], at[96 + i]
         t, u = weights[128 + i], weights[144 + i]
