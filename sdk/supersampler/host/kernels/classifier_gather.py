@@ -191,15 +191,15 @@ def make_gather_rows(*parts: str):
                         aim_own(ox, oy, big_w, big_h, 8, slots, weights)
                 warp(history, slots, weights, alone, warped)
                 q = load_columns(warped, 0)
-                past = only(on, toned_at(numbers, q[0], q[1], q[2]))
+                past = only(on, toned_at(numbers, q[8], q[9], q[10]))
                 past_root = roots(past)
                 luma = luma_of(past_root)
                 store(ring, (y % 3) * wide + PAD + x, luma)
                 if not inside:
                     continue
-                soft = only(on, toned_at(numbers, q[4], q[5], q[6]))
+                soft = only(on, toned_at(numbers, q[0], q[1], q[2]))
                 detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
-                count, least, most = only(on, (q[7], q[8], q[9]))
+                count, least, most = only(on, (q[3], q[4], q[5]))
                 put_all(past_planes, (y * width + x) * PAST, past)
                 surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
                 frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])

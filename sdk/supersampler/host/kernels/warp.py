@@ -5,7 +5,7 @@ from numba import njit
 
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
-from supersampler.host.shuffles import load_thrice
+from supersampler.host.shuffles import joined, load_thrice, low_half
 from supersampler.host.vector import (
     floor,
     load4,
@@ -134,27 +134,35 @@ def linear4(h, a, b, c, d, t, u):
 
 @njit
 def warp(history, at, weights, alone, out):
-    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's.
+    """Sixteen pixels of the past, (16, 16): colour and state, linear; colour by a cubic; own motion's.
 
     history (H, W, 8). `alone`: own motion leads to the same places, and is left out.
     """
     h = history
     one = np.float32(1.0)
-    after = at[63] + at[127] + 128  # the last pixel's lower right
+    after = at[63] + at[127] + 8 * 16  # sixteen pixels to the right of the last one's lower right
     for i in range(16):
         prefetch(h, after + 8 * i)
-        store(out, 16 * i, cubic4(h, at, weights, i))
-        b, c, k, m = at[16 + i], at[32 + i], at[80 + i], at[96 + i]
+        a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
+        j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
         t, u = weights[128 + i], weights[144 + i]
-        upper8 = load8(h, k + b) * (one - t) + load8(h, k + c) * t
-        lower8 = load8(h, m + b) * (one - t) + load8(h, m + c) * t
-        store(out, 16 * i + 4, upper8 * (one - u) + lower8 * u)
-    if alone:
-        return
-    for i in range(16):
-        a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
-        moved = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
-        store(out, 16 * i + 12, moved)
+        x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
+        top = load4(h, j + b) * x1 + load4(h, j + c) * x2
+        ka, kb, kc, kd = load4(h, k + a), load8(h, k + b), load8(h, k + c), load4(h, k + d)
+        upper = ka * x0 + low_half(kb) * x1 + low_half(kc) * x2 + kd * x3
+        ma, mb, mc, md = load4(h, m + a), load8(h, m + b), load8(h, m + c), load4(h, m + d)
+        lower = ma * x0 + low_half(mb) * x1 + low_half(mc) * x2 + md * x3
+        bottom = load4(h, n + b) * x1 + load4(h, n + c) * x2
+        sharp = top * weights[64 + i] + upper * weights[80 + i] + lower * weights[96 + i]
+        sharp = sharp + bottom * weights[112 + i]
+        upper8 = kb * (one - t) + kc * t
+        lower8 = mb * (one - t) + mc * t
+        soft = upper8 * (one - u) + lower8 * u
+        own = sharp
+        if not alone:
+            a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
+            own = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
+        store(out, 16 * i, joined(soft, joined(sharp, own)))
 
 
 @njit
