@@ -1,4 +1,4 @@
-"""Which colours of the past a `classifier` weighs: what its kernels are made for, and where that puts things."""
+"""What of a `classifier` its kernels are made for, and where that puts things."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple, Self

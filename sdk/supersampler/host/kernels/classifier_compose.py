@@ -24,10 +24,10 @@ from supersampler.host.kernels.colors import (
 )
 from supersampler.host.layout import PAST
 from supersampler.host.shuffles import (
-    load_columns4,
     first_third,
     joined,
     last_third,
+    load_columns4,
     rows8,
     second_third,
     shifted_in,
@@ -114,7 +114,7 @@ def three(planes, at):
 
 @njit
 def kernel_at(samples, a, b, c, near, factors, i):
-    """Sums of one pixel's 3x3 samples, of rows a, b and c, by learned weights: of colours, and of the weights."""
+    """Sums of a pixel's 3x3 samples, of rows a, b and c, by learned weights: colours, and weights."""
     j, k, m = near[i], near[16 + i], near[32 + i]
     upper = load4(samples, a + j) * factors[i] + load4(samples, a + k) * factors[16 + i]
     upper = upper + load4(samples, a + m) * factors[32 + i]
@@ -139,14 +139,14 @@ def four_kernels(samples, a, b, c, near, factors, i):
 
 @njit
 def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
-    """Those of sixteen pixels, as four vectors; near is scratch."""
+    """Those of sixteen pixels, as four vectors; near and out are scratch."""
     column = load16(columns_near, x)
     for k in range(3):
         inside = minimum(maximum(column + np.int32(k - 1), np.int32(0)), np.int32(w - 1))
         store(near, 16 * k, inside * np.int32(16))
     a = max(row - 1, 0) * stride * 16
     b, c = row * stride * 16, min(row + 1, h - 1) * stride * 16
-    after = c + near[47]
+    after = c + near[47]  # the last pixel's lower right
     for i in range(16):
         prefetch(samples, after + 16 * i)
         store(out, 4 * i, kernel_at(samples, a, b, c, near, factors, i))

@@ -238,14 +238,14 @@ def make_gather_rows(*parts: str):
             repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
             if y - 1 >= y0:
                 complete(
-                    ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row, half_stride,
-                    x0, x1,
+                    ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row,
+                    half_stride, x0, x1,
                 )  # fmt: skip
         if y1 == big_h:
             last = big_h - 1
             complete(
-                ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row, half_stride,
-                x0, x1,
+                ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row,
+                half_stride, x0, x1,
             )  # fmt: skip
 
     return gather_rows

@@ -24,7 +24,7 @@ from supersampler.host.vector import (
     to_int,
 )
 
-SOON = 16  # pixels from what is read to what is called for
+SOON = 16  # pixels from what is read to what is called for: rows of the deepest level come from afar
 SIX = 6  # pixels at once; rows have room for as many more
 
 

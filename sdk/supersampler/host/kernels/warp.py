@@ -20,9 +20,6 @@ from supersampler.host.vector import (
 )
 
 
-SOON = 8  # pixels from what is read to what is called for: rows that were not read before come from afar
-
-
 @njit
 def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
     """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
@@ -35,7 +32,7 @@ def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, ou
     wa, wb = load_thrice(down, y * 16), load_thrice(down, y * 16 + 4)
     wc, wd = load_thrice(down, y * 16 + 8), load_thrice(down, y * 16 + 12)
     for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
-        prefetch(samples, d * pitch + pitch + x)
+        prefetch(samples, (d + 1) * pitch + x)  # what the next rows will look at, from afar
         upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
         lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
         store(line, x, upper + lower)
@@ -140,7 +137,7 @@ def warp(history, at, weights, alone, out):
     """
     h = history
     one = np.float32(1.0)
-    after = at[63] + at[127] + 8 * 16  # sixteen pixels to the right of the last one's lower right
+    after = at[63] + at[127] + 8 * 16  # lower right of the sixteen pixels after the next: rows from afar
     for i in range(16):
         prefetch(h, after + 8 * i)
         a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
