@@ -15,8 +15,8 @@ from supersampler import Frame, Model, Upscaler, display_transform
 from supersampler.frame import Float32
 from supersampler.graph_session import frame_inputs
 from supersampler.host.variant import Variant
+from supersampler.model_info import find_model
 from supersampler_export import calibrate
-from supersampler_export.folder import describe
 from supersampler_export.host import host_network
 from supersampler_model.method import Size as ModelSize
 from supersampler_model.methods.classifier import Classifier, ClassifierConfig
@@ -46,7 +46,9 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
         network = host_network(method)
     assert network is not None
     (folder / "network.npz").write_bytes(network)
-    described = describe(method) | {"files": {"network.npz": sha256(network).hexdigest()}, "parity": {}}
+    described = json.loads((find_model("classifier") / "model.json").read_text())
+    described["config"] = asdict(method.config)
+    described["files"] = {"network.npz": sha256(network).hexdigest()}
     (folder / "model.json").write_text(json.dumps(described))
     return method, Model.load(folder, threads=2, executor="host")
 
