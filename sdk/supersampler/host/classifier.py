@@ -83,7 +83,7 @@ class _Scratch:
         self.ring = aligned((3, width + 2 * PAD))
         self.slots, self.weights = aligned((12, LANES), np.int32), aligned((12, LANES))
         self.warped = aligned((LANES, LANES))
-        self.places, self.apart = aligned((2 * width,)), aligned((4 * width + 2 * LANES,))
+        self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
         self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
         self.tall, self.tent = aligned((2, space.half_stride))
         self.read, self.decoded = aligned((2, half_w, 32), np.uint8)

@@ -234,7 +234,10 @@ def make_gather_rows(*parts: str):
                 put(seen, see.EDGE * width + to, edge)
             if inside and y % 2 == 0:
                 to = y // 2 * half_row * RECORD
-                recall(classes, places, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records, to)
+                recall(
+                    classes, places, slots, weights, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records,
+                    to,
+                )  # fmt: skip
             repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
             if y - 1 >= y0:
                 complete(
