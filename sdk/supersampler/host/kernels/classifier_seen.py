@@ -20,6 +20,7 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     packed,
+    prefetch,
     select,
     spread16,
     store,
@@ -135,6 +136,8 @@ def around(
     for y in range(y0, y1):
         for plane in range(2):
             for x in range(p0, p1 + 2 * PAD, 16):
+                for i in range(16):
+                    prefetch(records, (y * half_row + x + i) * RECORD + CLASSES + 1)
                 total = load16(means, plane * half_stride + x) * 0.0
                 for first in range(-1, 2):
                     middle = min(max(y + first, 0), half_h - 1)

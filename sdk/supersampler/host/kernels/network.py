@@ -122,6 +122,7 @@ def depthwise_row(x, at, pitch, row, weights, channels, scales, biases, out, wid
         right = load16(weights, 3 * c + 32)
         a, b = column(x, at + c, row), column(x, at + c + pitch, row)
         for p in range(width):
+            prefetch(x, at + c + 2 * row + (p + SOON) * pitch)
             d = column(x, at + c + (p + 2) * pitch, row)
             total = dot4(dot4(dot4(spread16(np.int32(0)), a, left), b, middle), d, right)
             store(out, p * channels + c, to_bytes(total, scales, biases, c))
