@@ -38,6 +38,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     method = Classifier(ClassifierConfig(network=TINY, **request.param._asdict())).eval()
     torch.manual_seed(0)
     assert isinstance(method.net.mixing, nn.Conv2d)
+    assert method.net.mixing.bias is not None
     nn.init.normal_(method.net.mixing.weight, std=0.5)  # zeros would hide what lies where
     nn.init.normal_(method.net.mixing.bias, std=0.5)
     folder = tmp_path_factory.mktemp("model")

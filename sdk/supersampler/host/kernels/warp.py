@@ -39,9 +39,8 @@ def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, ou
     for x in range(x0, x1):
         i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
         w = 16 * x
-        near = load16(line, 16 * i) * load_thrice(across, w) + load16(line, 16 * j) * load_thrice(
-            across, w + 4
-        )
+        near = load16(line, 16 * i) * load_thrice(across, w)
+        near = near + load16(line, 16 * j) * load_thrice(across, w + 4)
         far = load16(line, 16 * k) * load_thrice(across, w + 8)
         far = far + load16(line, 16 * m) * load_thrice(across, w + 12)
         store(out, 16 * x, near + far)
