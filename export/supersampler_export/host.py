@@ -14,9 +14,9 @@ from supersampler_model.networks.classifier import CLASSES, ClassifierNetwork
 
 CONSTANTS = (
     "network", "sample_sigma", "moment_sigma", "kernel_sigma", "gamma", "history_sharpness", "samples",
-    "contraction", "depth_margin", "depth_ramp",
+    "contraction", "depth_margin", "depth_ramp", "corrected", "rectified", "own_motion",
 )  # fmt: skip
-"""Of ClassifierConfig, what the kernels take as it comes; the rest is built in."""
+"""Of ClassifierConfig, what the kernels take as it comes, or are made for; the rest is built in."""
 
 
 def host_network(method: Method) -> bytes | None:

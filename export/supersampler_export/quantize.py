@@ -28,6 +28,7 @@ Arrays = dict[str, NDArray[Any]]
 BYTE, SIGNED, MIDDLE = 255.0, 127.0, 128.0
 EPSILON = 1e-5  # of batch normalisation
 BLOCK, WORD = 32, 4  # outputs that a kernel makes at once; bytes that it multiplies at once
+EIGHT = 8  # outputs that the last layer's makes
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 CARRIED = 8  # bytes of a record between packed pixels and decoder: what is at half size
 
@@ -91,7 +92,8 @@ def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Array
 
 
 def by_output(layer: Arrays, outputs: int) -> Arrays:
-    """The same layer output by output, (outputs, words, WORD), as the last layer is read."""
+    """The same layer output by output, (outputs in eights, words, WORD), as the last layer is read."""
+    outputs = -(-outputs // EIGHT) * EIGHT
     blocks, words = layer["weights"].shape[:2]
     rows = layer["weights"].transpose(0, 2, 1, 3).reshape(blocks * BLOCK, words, WORD)
     return {"weights": rows[:outputs], "scale": layer["scale"][:outputs], "bias": layer["bias"][:outputs]}

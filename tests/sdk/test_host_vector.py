@@ -9,7 +9,7 @@ import pytest
 from numba import cfunc, types
 
 from supersampler.host import vector
-from supersampler.host.kernels.classifier_finish import factor
+from supersampler.host.kernels.classifier_compose import factor
 from supersampler.host.kernels.colors import logarithm
 from supersampler.host.memory import address
 from supersampler.host.shuffles import load_columns, load_columns4, load_columns8

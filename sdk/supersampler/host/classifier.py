@@ -11,7 +11,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box
 from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
-from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, REST, SAID, SEEN, TILE
+from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
@@ -19,17 +19,13 @@ from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
+from supersampler.host.variant import Variant
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 from supersampler.plan import held_bytes
 
 CLASSES, ALL = 6, 255.0
-DISPLAYING = (
-    "classifier_gather.gather_rows",
-    "frame.surfaces",
-    "classifier_seen.around",
-    "classifier_finish.finish_rows",
-)
+GATHER, FINISH = "classifier_gather.make_gather_rows", "classifier_finish.make_finish_rows"
 
 
 @dataclass(eq=False)
@@ -60,7 +56,7 @@ class _View(View):
 
     def __init__(self, render: Size, display: Size, threads: int) -> None:
         super().__init__(render, display)
-        self.lines = np.zeros((threads, self.samples.stride, LANES), np.float32)
+        self.lines = aligned((threads, self.samples.stride, LANES))
 
 
 class _Space:
@@ -72,29 +68,29 @@ class _Space:
         width = self.width = up_to(big_w, LANES)
         self.half_stride = up_to(half[0], LANES) + 2 * PAD
         self.past = aligned((big_h * width + LANES, PAST))
-        self.rest = aligned((big_h * width, REST), np.uint16)
-        self.means = np.zeros((half[1], 2, self.half_stride), np.float32)
+        self.rest = aligned((big_h * width, host.variant.rest), np.uint16)
+        self.means = aligned((half[1], 2, self.half_stride))
         self.encoder = Encoder(host.network, half, host.bands)
-        self.scratch = [_Scratch(self) for _ in range(host.bands.threads)]
+        self.scratch = [_Scratch(self, host.variant) for _ in range(host.bands.threads)]
 
 
 class _Scratch:
     """Rows that one thread works on."""
 
-    def __init__(self, space: _Space) -> None:
+    def __init__(self, space: _Space, variant: Variant) -> None:
         width, half_w = space.width, space.half[0] + LANES
-        self.filtered = np.zeros((width, LANES), np.float32)
-        self.ring = np.zeros((3, width + 2 * PAD), np.float32)
-        self.slots, self.weights = np.zeros((12, LANES), np.int32), np.zeros((12, LANES), np.float32)
-        self.warped = np.zeros((LANES, LANES), np.float32)
-        self.places, self.apart = np.zeros(2 * width, np.float32), np.zeros(4 * width + 2 * LANES, np.float32)
-        self.seen = np.zeros(4 * SEEN * width + 2 * LANES, np.uint8)
-        self.tall, self.tent = np.zeros((2, space.half_stride), np.float32)
-        self.read, self.decoded = np.zeros((2, half_w, 32), np.uint8)
-        self.hidden = np.zeros((half_w, 4 * LANES), np.uint8)
-        self.mixing = np.zeros((4 * SAID, half_w), np.float32)
-        self.near, self.factors = np.zeros((LANES, LANES), np.int32), np.zeros((9, LANES), np.float32)
-        self.out = np.zeros((LANES, 8), np.float32)
+        self.filtered = aligned((width, LANES))
+        self.ring = aligned((3, width + 2 * PAD))
+        self.slots, self.weights = aligned((12, LANES), np.int32), aligned((12, LANES))
+        self.warped = aligned((LANES, LANES))
+        self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
+        self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
+        self.tall, self.tent = aligned((2, space.half_stride))
+        self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
+        self.hidden = aligned((half_w, 4 * LANES), np.uint8)
+        self.mixing = aligned((variant.outputs, half_w))
+        self.near, self.factors = aligned((LANES, LANES), np.int32), aligned((9, LANES))
+        self.out = aligned((LANES, 8))
 
 
 class ClassifierHost(Host):
@@ -108,18 +104,22 @@ class ClassifierHost(Host):
     precision = "int8"
 
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        gather, *others = DISPLAYING
-        kernels = load_kernels(gather, *READING, *LAYERS, *SKIPPING, *others)
+        self.variant = Variant.of(info.config)
+        gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
+        others = ("frame.surfaces", "classifier_seen.around")
+        kernels = load_kernels(gather, *READING, *LAYERS, *SKIPPING, *others, finish)
         super().__init__(kernels, bands)
         self.network = ByteNetwork(info.folder / "network.npz", kernels)
         self._config = c = info.config
         self._filters = [
-            Filter(gaussian(c["sample_sigma"]), True, 4),
-            Filter(catmull_rom, False, 4),
-            Filter(gaussian(c["moment_sigma"]), False, 7),
+            Filter(gaussian(c["sample_sigma"]), True),
+            Filter(catmull_rom, False),
+            Filter(gaussian(c["moment_sigma"]), False),
         ]
         self._window = gaussian(c["kernel_sigma"])
-        self._gather, self._surfaces, self._around, self._finish = (kernels[name] for name in DISPLAYING)
+        self._gather, self._surfaces, self._around, self._finish = (
+            kernels[name] for name in (gather, *others, finish)
+        )
         self._spaces = Workspaces(lambda display: _Space(self, display))
         self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))
 

@@ -44,8 +44,10 @@ _ENGINES: list[llvm.ExecutionEngine] = []  # own the code; never freed, as kerne
 
 
 def load_kernels(*names: str) -> dict[str, Call]:
-    """Return kernels by name: "module.function" of `supersampler.host.kernels`, compiled where none are kept.
+    """Return kernels by name, compiled where none are kept.
 
+    "module.function" is one of `supersampler.host.kernels`; "module.function+part+part", what the function
+    makes for these parts, and "module.function+" for none.
     They take addresses for pointers (see `memory.address`), in the order of their parameters. Those that take
     longest to compile belong at both ends.
     """
@@ -78,7 +80,7 @@ def _compile_apart(names: Sequence[str]) -> None:
 
 def _compile(name: str) -> bytes:
     """Compile, and keep."""
-    content = _compiled(*name.split("."))
+    content = _compiled(name)
     with suppress(ShotError), replacing(_path(name)) as partial:  # a read-only home: compile anew next time
         partial.write_bytes(content)
     return content
@@ -118,7 +120,15 @@ def _kept(name: str) -> bytes | None:
         return None
 
 
-def _compiled(module: str, name: str) -> bytes:
+def _function(name: str) -> Callable[..., None]:
+    path, *parts = name.split("+")
+    module, _, function = path.partition(".")
+    found = getattr(importlib.import_module(f"supersampler.host.kernels.{module}"), function)
+    made: Callable[..., None] = found(*parts) if parts else found
+    return made
+
+
+def _compiled(name: str) -> bytes:
     """Machine code, after a line with its symbol and the kinds of its parameters."""
     from numba import cfunc, types  # late: most processes never compile
 
@@ -126,7 +136,7 @@ def _compiled(module: str, name: str) -> bytes:
 
     pointers = {Floats: types.float32, Bytes: types.uint8, Halves: types.uint16, Words: types.int32}
     scalars = {int: types.int64, float: types.float32}
-    function = getattr(importlib.import_module(f"supersampler.host.kernels.{module}"), name)
+    function = _function(name)
     kinds, arguments = "", []
     for parameter in inspect.signature(function).parameters.values():
         annotation = parameter.annotation

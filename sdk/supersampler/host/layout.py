@@ -27,7 +27,3 @@ RECORD = 18
 """Words of four packed pixels: SEEN, and two at half size."""
 PAST = 3
 """Floats of a pixel from gather to finish: the colour that goes around, where rounding would add up."""
-REST = 23
-"""Half floats of a pixel from gather to finish: see kernels.classifier_gather."""
-SAID = 20
-"""Numbers that the network says of a pixel: see kernels.classifier_finish."""

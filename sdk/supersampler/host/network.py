@@ -11,7 +11,7 @@ from supersampler.frame import Size
 from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
 from supersampler.host.layout import RECORD, TILE
-from supersampler.host.memory import address
+from supersampler.host.memory import address, aligned
 from supersampler.host.tiles import Tiles
 
 Bytes = NDArray[np.uint8]
@@ -60,8 +60,8 @@ class _Level:
         self.first, self.spatial, self.last = layers
         self.width, self.height = width, height
         self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
-        self.x: Bytes = np.zeros((height + 2, width + ROOM, self.first.outputs), np.uint8)
-        self.out: Bytes = np.zeros((height, width + ROOM, self.last.outputs), np.uint8)
+        self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
+        self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
 
     def row_of(self, image: Bytes) -> int:
         """Bytes from row to row."""
@@ -80,12 +80,12 @@ class Encoder:
     def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
         self._network, self._bands, self._half = network, bands, half
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
-        self.records = np.zeros((half[1], width + ROOM, RECORD), np.int32)
+        self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
         self._levels = [
             _Level(layers, width >> level, height >> level) for level, layers in enumerate(network.levels)
         ]
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
-        self._lines = np.zeros((bands.threads, most), np.uint8)
+        self._lines = aligned((bands.threads, most), np.uint8)
         self.kept = [address(level.out) for level in self._levels]
         pitches = [level.last.outputs for level in self._levels]
         rows = [level.row_of(level.out) for level in self._levels]

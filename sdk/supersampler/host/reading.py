@@ -11,7 +11,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import Call
 from supersampler.host.layout import LANES, PAD
-from supersampler.host.memory import address
+from supersampler.host.memory import address, aligned
 from supersampler.host.tables import Axis, Filter, up_to
 
 READING = ("frame.measure", "frame.prepare", "frame.closest")
@@ -36,9 +36,9 @@ class Samples:
     def __init__(self, render: Size) -> None:
         w, h = render
         self.stride = stride = up_to(w, LANES)
-        self.color = np.zeros((h, stride, LANES), np.float32)
-        self.depths, self.across, self.down, self.eroded = np.zeros((4, h, stride + 2 * PAD), np.float32)
-        self.front, self.own = np.zeros((2, h, stride, 4), np.float32)
+        self.color = aligned((h, stride, LANES))
+        self.depths, self.across, self.down, self.eroded = aligned((4, h, stride + 2 * PAD))
+        self.front, self.own = aligned((2, h, stride, 4))
 
 
 class View:
@@ -46,20 +46,20 @@ class View:
 
     Attributes:
         x, y: its axes.
-        across, down: (W, 4, LANES) and (H, 4, LANES) weights of the samples around, channel by channel.
+        across, down: (W, 4, 4) and (H, 4, 4) weights of the samples around, of up to three filters each.
         samples: of the frame that is looked at.
     """
 
     def __init__(self, render: Size, display: Size) -> None:
         self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
-        self.across, self.down = (np.zeros((n, 4, LANES), np.float32) for n in display)
+        self.across, self.down = (aligned((n, 4, 4)) for n in display)
         self.samples = Samples(render)
 
     def look(self, jitter: tuple[float, float], filters: Sequence[Filter]) -> None:
         """Look at a frame with this jitter."""
-        for axis, lanes, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
+        for axis, weights, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
             axis.look(offset)
-            axis.fill(lanes, filters)
+            axis.fill(weights, filters)
 
 
 class Weight:

@@ -29,7 +29,22 @@ def _shuffler(order: Callable[[int], list[int]]) -> Callable[..., Any]:
     return intrinsic(shuffle)
 
 
+def _halver() -> Callable[..., Any]:
+    def low_half(_: Any, whole: Any) -> Any:
+        """The first half of the lanes."""
+        vector = Vector(whole.kind, whole.lanes // 2)
+
+        def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+            lanes = ir.Constant(ir.VectorType(_I32, vector.lanes), list(range(vector.lanes)))
+            return builder.shuffle_vector(args[0], ir.Constant(whole.llvm, ir.Undefined), lanes)
+
+        return vector(whole), make
+
+    return intrinsic(low_half)
+
+
 joined = _shuffler(lambda n: list(range(2 * n)))  # the lanes of both, one after the other
+low_half = _halver()
 zipped = _shuffler(lambda n: [i // 2 + n * (i % 2) for i in range(2 * n)])  # in turns
 evens = _shuffler(lambda n: list(range(0, 2 * n, 2)))  # of both
 odds = _shuffler(lambda n: list(range(1, 2 * n, 2)))
@@ -39,6 +54,7 @@ shifted_in = _shuffler(
     lambda n: list(range(n - 1, 2 * n - 1))
 )  # the last lane of one, then all but the other's last
 shifted_out = _shuffler(lambda n: list(range(1, n + 1)))  # all but the first of one, then the other's first
+_fours = _shuffler(lambda n: [0] * n + [1] * n + [2] * (2 * n))  # the first lanes of one, several times each
 
 
 def _thirds(part: int) -> Callable[..., Any]:
@@ -75,6 +91,13 @@ def transposed(rows: Any) -> Any:
             low_zip(g, o), high_zip(g, o), low_zip(h, p), high_zip(h, p),
         )  # fmt: skip
     return rows
+
+
+@njit
+def load_thrice(pointer: Any, index: int) -> Any:
+    """Three values in sixteen lanes: in four, in four, and in the rest."""
+    values = load4(pointer, index)
+    return _fours(values, values)
 
 
 @njit

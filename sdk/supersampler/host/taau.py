@@ -87,9 +87,9 @@ class TaauHost(Host):
         super().__init__(kernels, bands)
         self._config = c = info.config
         self._filters = [
-            Filter(gaussian(c["frame_sigma"]), False, 4),
-            Filter(catmull_rom, False, 4),
-            Filter(gaussian(c["moment_sigma"]), False, 7),
+            Filter(gaussian(c["frame_sigma"]), False),
+            Filter(catmull_rom, False),
+            Filter(gaussian(c["moment_sigma"]), False),
         ]
         self._near = gaussian(c["sample_sigma"])
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]

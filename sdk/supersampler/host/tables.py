@@ -17,11 +17,10 @@ Kernel = Callable[[Float32], Float32]
 
 
 class Filter(NamedTuple):
-    """A separable filter of samples: its kernel, whether distances are in display pixels, its channels."""
+    """A separable filter of samples: its kernel, and whether distances are in display pixels."""
 
     kernel: Kernel
     scaled: bool
-    channels: int
 
 
 class Axis:
@@ -59,12 +58,10 @@ class Axis:
         scale = np.float32(self.display / self.render if scaled else 1.0)
         return kernel(self._distance * scale)
 
-    def fill(self, lanes: Float32, filters: Sequence[Filter]) -> None:
-        """The same for each of the channels, (n, 4, LANES)."""
-        first = 0
-        for kernel, scaled, channels in filters:
-            lanes[:, :, first : first + channels] = self.weights(kernel, scaled=scaled)[:, :, None]
-            first += channels
+    def fill(self, weights: Float32, filters: Sequence[Filter]) -> None:
+        """The same of several filters, (n, 4, at least as many)."""
+        for i, (kernel, scaled) in enumerate(filters):
+            weights[:, :, i] = self.weights(kernel, scaled=scaled)
 
     def window(self, kernel: Kernel) -> Float32:
         """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""

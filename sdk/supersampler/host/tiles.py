@@ -79,6 +79,9 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Box]:
     runs: list[Box] = []
     above: list[Box] = []
     for y, row in enumerate(mask):
+        if y and np.array_equal(row, mask[y - 1]):  # mostly
+            above = [box._replace(y1=y + 1) for box in above]
+            continue
         spans: list[tuple[int, int]] = []
         for x in np.flatnonzero(row).tolist():
             if spans and x - spans[-1][1] < gap:

@@ -169,6 +169,20 @@ def stream(_: Any, pointer: Any, index: Any, vector: Any) -> Any:
 
 
 @intrinsic
+def prefetch(_: Any, pointer: Any, index: Any) -> Any:
+    """Have the line at `index` come to the nearest cache; what is not there does no harm."""
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        place = builder.bitcast(builder.gep(args[0], [args[1]]), ir.IntType(8).as_pointer())
+        kind = ir.FunctionType(ir.VoidType(), [place.type, _I32, _I32, _I32])
+        function = cgutils.get_or_insert_function(builder.module, kind, "llvm.prefetch.p0")
+        builder.call(function, [place, *(ir.Constant(_I32, n) for n in (0, 3, 1))])  # read, keep, data
+        return context.get_dummy_value()
+
+    return types.void(pointer, types.intp), make
+
+
+@intrinsic
 def gather(_: Any, pointer: Any, index: Any) -> Any:
     """Read one float32 or int32 for each lane, where the i32 lanes of `index` say; a load for each."""
     vector = index.of("i32" if pointer.dtype == types.int32 else "f32")

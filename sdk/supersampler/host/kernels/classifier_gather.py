@@ -30,8 +30,9 @@ from supersampler.host.kernels.warp import (
     on_screen,
     warp,
 )
-from supersampler.host.layout import PAD, PAST, RECORD, REST, SEEN
+from supersampler.host.layout import PAD, PAST, RECORD, SEEN
 from supersampler.host.shuffles import gather4, load_columns
+from supersampler.host.variant import Variant
 from supersampler.host.vector import (
     absolute,
     all_lanes,
@@ -47,9 +48,8 @@ from supersampler.host.vector import (
 )
 
 TONED = 1.0 - 1e-4
-FRAME, SAMPLE, CONFIDENCE, MEAN, REACH, DETAIL, SURFACE = 0, 3, 6, 7, 10, 13, 16
-OWN, COUNT, LEAST, MOST = 17, 20, 21, 22
-"""Of `rest`."""
+FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, LEAST, MOST = 0, 3, 6, 7, 10, 11, 12, 13
+"""Of `rest`; more in `Variant`."""
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
 ) = range(13)  # fmt: skip
@@ -142,97 +142,113 @@ def apart_of(a, b):
     return largest(absolute(a[0] - b[0]), absolute(a[1] - b[1]), absolute(a[2] - b[2]))
 
 
-def gather_rows(
-    samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
-    old_wide: int, rows: Words, row_weights: Floats,
-    columns: Words, column_weights: Floats, lefts: Words, columns_near: Words, tops: Words,
-    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, y0: int, y1: int, x0: int,
-    x1: int, line: Floats, filtered: Floats, ring: Floats, slots: Words, weights: Floats, warped: Floats,
-    places: Floats, seen: Bytes, apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes,
-    half_row: int, records: Words, half_stride: int, means: Floats,
-):  # fmt: skip
-    """All that is known of rows y0 to y1, columns x0 to x1, before the network speaks.
+def make_gather_rows(*parts: str):
+    """Return `gather_rows` of the variant with these parts."""
+    _, rectified, own_motion = variant = Variant.with_parts(*parts)
+    planes, mean_plane, own_plane = variant.rest, variant.mean, variant.own
 
-    samples, front, own, surfaces: of `frame`, the last of the frame before; history (H, W, 8); rows to
-    rows_near: where display pixels look; line to apart: scratch; past_planes (H, width / 16, PAST, 16),
-    rest (H, width / 16, REST, 16), records, means (H / 2, 2, half_stride): what is found.
-    y0 is even; x0 and x1 are where tiles begin, or x1 is `width`.
+    def gather_rows(
+        samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
+        old_wide: int, rows: Words, row_weights: Floats, columns: Words, column_weights: Floats,
+        lefts: Words, columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int,
+        big_h: int, width: int, y0: int, y1: int, x0: int, x1: int, line: Floats, filtered: Floats,
+        ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats, seen: Bytes,
+        apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes, half_row: int, records: Words,
+        half_stride: int, means: Floats,
+    ):  # fmt: skip
+        """All that is known of rows y0 to y1, columns x0 to x1, before the network speaks.
 
-    """
-    w_big, h_big = numbers[BIG_W], numbers[BIG_H]
-    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide, x_end = width + 2 * PAD, min(x1, big_w)
-    for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
-        inside = y0 <= y < y1
-        ring_row = (y % 4) * SEEN * width
-        if inside:
-            filter_row(
-                samples, rows, row_weights, columns, column_weights, line, stride, x0, x_end, y, filtered
-            )
-        for x in range(x0, x1, 16):
-            lane = to_float(ramp16() + np.int32(x))
-            depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
-            mx, my = mx * scale_x, my * scale_y
-            px, py = followed(lane, y, mx, my, w_big, h_big)
-            on = on_screen(px, py, w_big, h_big)
-            own_x, own_y, edge, _ = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
-            ox, oy = followed(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
-            store(places, x, px)
-            store(places, width + x, py)
-            aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
-            alone = all_lanes((ox == px) & (oy == py))
-            if not alone:
-                aim_own(ox, oy, big_w, big_h, 8, slots, weights)
-            warp(history, slots, weights, alone, warped)
-            q = load_columns(warped, 0)
-            past = only(on, toned_at(numbers, q[0], q[1], q[2]))
-            past_root = roots(past)
-            luma = luma_of(past_root)
-            store(ring, (y % 3) * wide + PAD + x, luma)
-            if not inside:
-                continue
-            soft = only(on, toned_at(numbers, q[4], q[5], q[6]))
-            moved = soft
-            if not alone:
-                moved = toned_at(numbers, q[12], q[13], q[14])
-            detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
-            count, least, most = only(on, (q[7], q[8], q[9]))
-            put_all(past_planes, (y * width + x) * PAST, past)
-            surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
-            frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
-            seen_now = (*frame, *sample, confidence, *mean, *reach)
-            put_all(rest, (y * width + x) * REST, (*seen_now, *detail, surface, *moved, count, least, most))
+        samples, front, own, surfaces: of `frame`, the last of the frame before; history (H, W, 8); rows to
+        rows_near: where display pixels look; line to apart: scratch; past_planes (H, width / 16, PAST, 16),
+        rest (H, width / 16, variant.rest, 16), records, means (H / 2, 2, half_stride): what is found.
+        y0 is even; x0 and x1 are where tiles begin, or x1 is `width`.
+        """
+        w_big, h_big = numbers[BIG_W], numbers[BIG_H]
+        scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
+        wide, x_end = width + 2 * PAD, min(x1, big_w)
+        for y in range(max(y0 - 1, 0), min(y1 + 1, big_h)):
+            inside = y0 <= y < y1
+            ring_row = (y % 4) * SEEN * width
+            if inside:
+                filter_row(
+                    samples, rows, row_weights, columns, column_weights, line, stride, x0, x_end, y, filtered
+                )
+            for x in range(x0, x1, 16):
+                lane = to_float(ramp16() + np.int32(x))
+                depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+                mx, my = mx * scale_x, my * scale_y
+                px, py = followed(lane, y, mx, my, w_big, h_big)
+                on = on_screen(px, py, w_big, h_big)
+                own_x, own_y, edge, _ = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
+                store(places, x, px)
+                store(places, width + x, py)
+                aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
+                alone = True
+                if own_motion:
+                    ox, oy = followed(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
+                    alone = all_lanes((ox == px) & (oy == py))
+                    if not alone:
+                        aim_own(ox, oy, big_w, big_h, 8, slots, weights)
+                warp(history, slots, weights, alone, warped)
+                q = load_columns(warped, 0)
+                past = only(on, toned_at(numbers, q[8], q[9], q[10]))
+                past_root = roots(past)
+                luma = luma_of(past_root)
+                store(ring, (y % 3) * wide + PAD + x, luma)
+                if not inside:
+                    continue
+                soft = only(on, toned_at(numbers, q[0], q[1], q[2]))
+                detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
+                count, least, most = only(on, (q[3], q[4], q[5]))
+                put_all(past_planes, (y * width + x) * PAST, past)
+                surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
+                frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
+                to = (y * width + x) * planes
+                known = (*frame, *sample, confidence, *detail, surface, count, least, most)
+                put_all(rest, to, known)
+                if rectified:
+                    put_all(rest, to + 16 * mean_plane, (*mean, *reach))
+                if own_motion:
+                    moved = soft
+                    if not alone:
+                        moved = toned_at(numbers, q[12], q[13], q[14])
+                    put_all(rest, to + 16 * own_plane, moved)
 
-            frame_root, sample_root = roots(frame), roots(sample)
-            frame_luma = luma_of(frame_root)
-            store(apart, (y % 4) * width + x, luma - frame_luma)
-            to = ring_row + x
-            put(seen, see.FRAME * width + to, frame_luma)
-            put(seen, see.SAMPLE * width + to, luma_of(sample_root))
-            put(seen, see.PAST * width + to, luma)
-            put(seen, see.TO_SAMPLE * width + to, apart_of(past_root, sample_root))
-            put(seen, see.TO_FRAME * width + to, apart_of(past_root, frame_root))
-            put(seen, see.CONTRAST * width + to, root(root(varies)))
-            put(seen, see.LEAST * width + to, root(least))
-            put(seen, see.MOST * width + to, root(most))
-            put(seen, see.DETAIL * width + to, root(apart_of(past, soft)))
-            put(seen, see.CONFIDENCE * width + to, confidence)
-            put(seen, see.COUNT * width + to, count / (count + 4.0))
-            put(seen, see.DIFFERENCE * width + to, difference * 0.5 + 0.5)
-            put(seen, see.SURFACE * width + to, surface)
-            put(seen, see.EDGE * width + to, edge)
-        if inside and y % 2 == 0:
-            to = y // 2 * half_row * RECORD
-            recall(classes, places, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records, to)
-        repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
-        if y - 1 >= y0:
+                frame_root, sample_root = roots(frame), roots(sample)
+                frame_luma = luma_of(frame_root)
+                store(apart, (y % 4) * width + x, luma - frame_luma)
+                to = ring_row + x
+                put(seen, see.FRAME * width + to, frame_luma)
+                put(seen, see.SAMPLE * width + to, luma_of(sample_root))
+                put(seen, see.PAST * width + to, luma)
+                put(seen, see.TO_SAMPLE * width + to, apart_of(past_root, sample_root))
+                put(seen, see.TO_FRAME * width + to, apart_of(past_root, frame_root))
+                put(seen, see.CONTRAST * width + to, root(root(varies)))
+                put(seen, see.LEAST * width + to, root(least))
+                put(seen, see.MOST * width + to, root(most))
+                put(seen, see.DETAIL * width + to, root(apart_of(past, soft)))
+                put(seen, see.CONFIDENCE * width + to, confidence)
+                put(seen, see.COUNT * width + to, count / (count + 4.0))
+                put(seen, see.DIFFERENCE * width + to, difference * 0.5 + 0.5)
+                put(seen, see.SURFACE * width + to, surface)
+                put(seen, see.EDGE * width + to, edge)
+            if inside and y % 2 == 0:
+                to = y // 2 * half_row * RECORD
+                recall(
+                    classes, places, slots, weights, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records,
+                    to,
+                )  # fmt: skip
+            repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
+            if y - 1 >= y0:
+                complete(
+                    ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row,
+                    half_stride, x0, x1,
+                )  # fmt: skip
+        if y1 == big_h:
+            last = big_h - 1
             complete(
-                ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row, half_stride,
-                x0, x1,
+                ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row,
+                half_stride, x0, x1,
             )  # fmt: skip
-    if y1 == big_h:
-        last = big_h - 1
-        complete(
-            ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row, half_stride,
-            x0, x1,
-        )  # fmt: skip
+
+    return gather_rows

@@ -10,6 +10,7 @@ from numba import njit
 from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Floats, Words
+from supersampler.host.kernels.warp import place
 from supersampler.host.layout import PAD, RECORD, SEEN
 from supersampler.host.shuffles import evens, odds, transposed
 from supersampler.host.vector import (
@@ -19,6 +20,9 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     packed,
+    prefetch,
+    select,
+    spread16,
     store,
     to_float,
     to_int,
@@ -79,26 +83,30 @@ def pack_rows(seen, upper, lower, width, p0, p1, records, to):
 
 
 @njit
-def recall(classes, places, width, big_w, big_h, p0, p1, records, to):
-    """What packed pixels p0 to p1 of a row were held for, (H / 2, W / 2, 8) bytes: two of its words."""
+def recall(classes, places, at, weights, width, big_w, big_h, p0, p1, records, to):
+    """What packed pixels p0 to p1 of a row were held for, (H / 2, W / 2, 8) bytes: two of its words.
+
+    at and weights: scratch, slots of sixteen.
+    """
     half_w, half_h = (big_w + 1) // 2, (big_h + 1) // 2
     half, right, bottom = np.float32(0.5), np.float32(big_w) - 0.5, np.float32(big_h) - 0.5
-    for x in range(p0, p1):
-        px, py = places[2 * x], places[width + 2 * x]
-        if not (px > -half and px < right and py > -half and py < bottom):
-            records[to + RECORD * x + CLASSES] = records[to + RECORD * x + CLASSES + 1] = 0
-            continue
-        px, py = half * px, half * py
-        left, top = np.int64(np.floor(px)), np.int64(np.floor(py))
-        t, u = px - np.float32(left), py - np.float32(top)
-        x0, x1 = min(max(left, 0), half_w - 1), min(max(left + 1, 0), half_w - 1)
-        y0, y1 = min(max(top, 0), half_h - 1) * half_w, min(max(top + 1, 0), half_h - 1) * half_w
-        a, b = to_float(load8(classes, 8 * (y0 + x0))), to_float(load8(classes, 8 * (y0 + x1)))
-        c, d = to_float(load8(classes, 8 * (y1 + x0))), to_float(load8(classes, 8 * (y1 + x1)))
-        upper, lower = a + (b - a) * t, c + (d - c) * t
-        value = to_int(upper + (lower - upper) * u + 0.5)
-        records[to + RECORD * x + CLASSES] = packed(value, 0)
-        records[to + RECORD * x + CLASSES + 1] = packed(value, 4)
+    for x in range(p0, p1, 16):
+        px = evens(load16(places, 2 * x), load16(places, 2 * x + 16))
+        py = evens(load16(places, width + 2 * x), load16(places, width + 2 * x + 16))
+        on = (px > -half) & (px < right) & (py > -half) & (py < bottom)
+        store(weights, 0, place(px * half, 0, 1, half_w, 8, at, 0))
+        store(weights, 16, place(py * half, 0, 1, half_h, 8 * half_w, at, 2))
+        store(at, 64, select(on, spread16(np.int32(-1)), spread16(np.int32(0))))
+        for i in range(min(16, p1 - x)):
+            j, k, m, n = at[i], at[16 + i], at[32 + i], at[48 + i]
+            t, u = weights[i], weights[16 + i]
+            a, b = to_float(load8(classes, m + j)), to_float(load8(classes, m + k))
+            c, d = to_float(load8(classes, n + j)), to_float(load8(classes, n + k))
+            upper, lower = a + (b - a) * t, c + (d - c) * t
+            value = to_int(upper + (lower - upper) * u + 0.5)
+            first = to + RECORD * (x + i) + CLASSES
+            records[first] = packed(value, 0) & at[64 + i]
+            records[first + 1] = packed(value, 4) & at[64 + i]
 
 
 @njit
@@ -128,6 +136,8 @@ def around(
     for y in range(y0, y1):
         for plane in range(2):
             for x in range(p0, p1 + 2 * PAD, 16):
+                for i in range(16):
+                    prefetch(records, (y * half_row + x + i) * RECORD + CLASSES + 1)
                 total = load16(means, plane * half_stride + x) * 0.0
                 for first in range(-1, 2):
                     middle = min(max(y + first, 0), half_h - 1)

@@ -17,12 +17,14 @@ from supersampler.host.vector import (
     load16,
     maximum,
     minimum,
+    prefetch,
     spread16,
     store,
     to_float,
     to_int,
 )
 
+SOON = 16  # pixels from what is read to what is called for: rows of the deepest level come from afar
 SIX = 6  # pixels at once; rows have room for as many more
 
 
@@ -120,6 +122,7 @@ def depthwise_row(x, at, pitch, row, weights, channels, scales, biases, out, wid
         right = load16(weights, 3 * c + 32)
         a, b = column(x, at + c, row), column(x, at + c + pitch, row)
         for p in range(width):
+            prefetch(x, at + c + 2 * row + (p + SOON) * pitch)
             d = column(x, at + c + (p + 2) * pitch, row)
             total = dot4(dot4(dot4(spread16(np.int32(0)), a, left), b, middle), d, right)
             store(out, p * channels + c, to_bytes(total, scales, biases, c))
@@ -217,6 +220,7 @@ def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, p0, p1, out):
     row0, row1 = y * pitches[4], (y >> 1) * pitches[5] + 16 * (y & 1)
     row2, row3 = (y >> 2) * pitches[6] + 16 * (y & 3), (y >> 3) * pitches[7] + 32 * (y & 7)
     for p in range(p0, p1):
+        prefetch(kept3, row3 + ((p + SOON) >> 3) * pitches[3])
         store(out, 32 * p, load16(kept0, row0 + p * pitches[0]))
         store(out, 32 * p + 16, load8(kept1, row1 + (p >> 1) * pitches[1] + 8 * (p & 1)))
         store(out, 32 * p + 24, load4(kept2, row2 + (p >> 2) * pitches[2] + 4 * (p & 3)))

@@ -5,29 +5,44 @@ from numba import njit
 
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
-from supersampler.host.vector import floor, load4, load8, load16, maximum, minimum, select, store, to_int
+from supersampler.host.shuffles import joined, load_thrice, low_half
+from supersampler.host.vector import (
+    floor,
+    load4,
+    load8,
+    load16,
+    maximum,
+    minimum,
+    prefetch,
+    select,
+    store,
+    to_int,
+)
 
 
 @njit
 def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
     """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
 
-    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 16) and across (W, 4, 16) with what weight
-    for each channel; line (stride, 16) is scratch; out (W, 16).
+    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 4) and across (W, 4, 4) with what weights:
+    of channels 0 to 3, 4 to 7, and those after; line (stride, 16) is scratch; out (W, 16).
     """
     a, b, c, d = rows[4 * y], rows[4 * y + 1], rows[4 * y + 2], rows[4 * y + 3]
     pitch = stride * 16
-    wa, wb = load16(down, y * 64), load16(down, y * 64 + 16)
-    wc, wd = load16(down, y * 64 + 32), load16(down, y * 64 + 48)
+    wa, wb = load_thrice(down, y * 16), load_thrice(down, y * 16 + 4)
+    wc, wd = load_thrice(down, y * 16 + 8), load_thrice(down, y * 16 + 12)
     for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
+        prefetch(samples, (d + 1) * pitch + x)  # what the next rows will look at, from afar
         upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
         lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
         store(line, x, upper + lower)
     for x in range(x0, x1):
         i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
-        w = 64 * x
-        near = load16(line, 16 * i) * load16(across, w) + load16(line, 16 * j) * load16(across, w + 16)
-        far = load16(line, 16 * k) * load16(across, w + 32) + load16(line, 16 * m) * load16(across, w + 48)
+        w = 16 * x
+        near = load16(line, 16 * i) * load_thrice(across, w)
+        near = near + load16(line, 16 * j) * load_thrice(across, w + 4)
+        far = load16(line, 16 * k) * load_thrice(across, w + 8)
+        far = far + load16(line, 16 * m) * load_thrice(across, w + 12)
         store(out, 16 * x, near + far)
 
 
@@ -115,25 +130,35 @@ def linear4(h, a, b, c, d, t, u):
 
 @njit
 def warp(history, at, weights, alone, out):
-    """Sixteen pixels of the past, (16, 16): colour by a cubic; colour and state, linear; own motion's.
+    """Sixteen pixels of the past, (16, 16): colour and state, linear; colour by a cubic; own motion's.
 
     history (H, W, 8). `alone`: own motion leads to the same places, and is left out.
     """
     h = history
     one = np.float32(1.0)
+    after = at[63] + at[127] + 8 * 16  # lower right of the sixteen pixels after the next: rows from afar
     for i in range(16):
-        store(out, 16 * i, cubic4(h, at, weights, i))
-        b, c, k, m = at[16 + i], at[32 + i], at[80 + i], at[96 + i]
+        prefetch(h, after + 8 * i)
+        a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
+        j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
         t, u = weights[128 + i], weights[144 + i]
-        upper8 = load8(h, k + b) * (one - t) + load8(h, k + c) * t
-        lower8 = load8(h, m + b) * (one - t) + load8(h, m + c) * t
-        store(out, 16 * i + 4, upper8 * (one - u) + lower8 * u)
-    if alone:
-        return
-    for i in range(16):
-        a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
-        moved = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
-        store(out, 16 * i + 12, moved)
+        x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
+        top = load4(h, j + b) * x1 + load4(h, j + c) * x2
+        ka, kb, kc, kd = load4(h, k + a), load8(h, k + b), load8(h, k + c), load4(h, k + d)
+        upper = ka * x0 + low_half(kb) * x1 + low_half(kc) * x2 + kd * x3
+        ma, mb, mc, md = load4(h, m + a), load8(h, m + b), load8(h, m + c), load4(h, m + d)
+        lower = ma * x0 + low_half(mb) * x1 + low_half(mc) * x2 + md * x3
+        bottom = load4(h, n + b) * x1 + load4(h, n + c) * x2
+        sharp = top * weights[64 + i] + upper * weights[80 + i] + lower * weights[96 + i]
+        sharp = sharp + bottom * weights[112 + i]
+        upper8 = kb * (one - t) + kc * t
+        lower8 = mb * (one - t) + mc * t
+        soft = upper8 * (one - u) + lower8 * u
+        own = sharp
+        if not alone:
+            a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
+            own = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
+        store(out, 16 * i, joined(soft, joined(sharp, own)))
 
 
 @njit

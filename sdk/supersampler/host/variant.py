@@ -1,0 +1,70 @@
+"""What of a `classifier` its kernels are made for, and where that puts things."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple, Self
+
+
+class Variant(NamedTuple):
+    """Of ClassifierConfig, what kernels leave out where it is not set: its planes, reads and arithmetic.
+
+    Properties say where things are among the planes of `classifier_gather` (`rest`) and among the numbers
+    that the network says of a pixel (`said`).
+    """
+
+    corrected: bool
+    rectified: bool
+    own_motion: bool
+
+    @classmethod
+    def of(cls, config: Mapping[str, Any]) -> Self:
+        """Return that of a model."""
+        return cls(*(config[name] for name in cls._fields))
+
+    @classmethod
+    def with_parts(cls, *parts: str) -> Self:
+        """Return that in which these are set."""
+        return cls(*(name in parts for name in cls._fields))
+
+    def kernel(self, name: str) -> str:
+        """Return the name of its kernel, as the compiler takes it."""
+        return f"{name}+" + "+".join(field for field, there in self._asdict().items() if there)
+
+    @property
+    def mean(self) -> int:
+        """Of `rest`: mean and reach of the box, YCoCg."""
+        return 14
+
+    @property
+    def own(self) -> int:
+        """Of `rest`: the past by the pixel's own motion."""
+        return self.mean + 6 * self.rectified
+
+    @property
+    def rest(self) -> int:
+        """Planes of `rest`."""
+        return self.own + 3 * self.own_motion
+
+    @property
+    def pasts(self) -> int:
+        """Colours of the past; of `said`, the weights of those of this frame follow theirs."""
+        return 1 + self.rectified + self.own_motion
+
+    @property
+    def sharpness(self) -> int:
+        """Of `said`, after the weights; the cross and the kernel follow."""
+        return self.pasts + 3
+
+    @property
+    def kernel_weights(self) -> int:
+        """Of `said`: nine."""
+        return self.sharpness + 1 + 4 * self.corrected
+
+    @property
+    def said(self) -> int:
+        """Numbers that the network says of a pixel."""
+        return self.kernel_weights + 9
+
+    @property
+    def outputs(self) -> int:
+        """Of the last layer: `said` of four pixels, in eights."""
+        return -(-4 * self.said // 8) * 8
