@@ -8,19 +8,26 @@ import onnx
 import onnxruntime as ort
 
 from supersampler.frame import Size
+from supersampler.model_info import extents
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)
 """Display size that whole numbers of the network's deepest pixels fill."""
 
 
-def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT) -> float:
-    """Count those of a fused network's convolutions and matrix products, per pixel of the display."""
+def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, ratio: int = 2) -> float:
+    """Count those of a fused network's convolutions and matrix products, per pixel of the display.
+
+    Args:
+        network: as `export_fused` makes it.
+        display_size: (width, height).
+        ratio: of it to the render size.
+    """
     model = onnx.ModelProto()
     model.CopyFrom(network)
     weights = {tensor.name: list(tensor.dims) for tensor in model.graph.initializer}
     counted = [node for node in model.graph.node if node.op_type in _COUNTED]
-    shapes = _shapes(model, [node.output[0] for node in counted], display_size)
+    shapes = _shapes(model, [node.output[0] for node in counted], display_size, ratio)
     total = 0
     for node in counted:
         weight = weights[node.input[1]]
@@ -29,12 +36,15 @@ def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT) -> 
     return total / (display_size[0] * display_size[1])
 
 
-def _shapes(model: onnx.ModelProto, names: Sequence[str], display_size: Size) -> dict[str, tuple[int, ...]]:
+def _shapes(
+    model: onnx.ModelProto, names: Sequence[str], display_size: Size, ratio: int
+) -> dict[str, tuple[int, ...]]:
     """Run a graph on zeros, and return the shapes of some of its tensors."""
-    half = {"half_width": (display_size[0] + 1) // 2, "half_height": (display_size[1] + 1) // 2}
+    render = (display_size[0] // ratio, display_size[1] // ratio)
+    sizes = extents(render=render, display=display_size, previous=render)
     zeros = {
         value.name: np.zeros(
-            [d.dim_value or half[d.dim_param] for d in value.type.tensor_type.shape.dim], np.float32
+            [d.dim_value or sizes[d.dim_param] for d in value.type.tensor_type.shape.dim], np.float32
         )
         for value in model.graph.input
     }

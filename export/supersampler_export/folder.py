@@ -180,7 +180,7 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
 def _network(fused: Fused) -> dict[str, Any]:
     tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
     described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
-    return {**described, "multiply_adds": multiply_adds(export_fused(fused))}
+    return {**described, "multiply_adds": multiply_adds(export_fused(fused), ratio=fused.ratio)}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """One torch method to one ONNX graph that holds its whole recurrent step."""
 
 import contextlib
+import copy
 import io
 import logging
 import warnings
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 
 from supersampler.errors import SupersamplerError
 from supersampler.ratios import only_ratio, scaled
+from supersampler_export.half import folded
 from supersampler_model.method import (
     CHANNELS,
     DISPLAY,
@@ -67,6 +69,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     Raises:
         ExportError: another opset or operator came out.
     """
+    method = folded(copy.deepcopy(method).eval())
     arguments = example_arguments(method, *traced_sizes(method), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
@@ -118,21 +121,24 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     Raises:
         ExportError: another opset or operator came out.
     """
-    dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in HALF}
+    dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *RENDER)}
+    dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
     dynamic = {
         name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
         for name, shape in fused.inputs.items()
     }
     arguments = example_inputs(fused, Size(21, 13))
     model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
+    _declare(model.graph.input, list(fused.inputs.values()))
     _declare(model.graph.output, list(fused.outputs.values()))
     _strip(model)
     return model
 
 
-def example_inputs(fused: Fused, half: Size) -> list[Tensor]:
-    """Noise of the shapes that the learned part takes at half the display size."""
-    sizes = dict(zip(HALF, half[::-1], strict=True))
+def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
+    """Noise of the shapes that the learned part takes at half the display size, or the render size."""
+    sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
+    sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
     shapes = [[sizes[n] if isinstance(n, str) else n for n in shape] for shape in fused.inputs.values()]
     return [torch.rand(shape) for shape in shapes]
 

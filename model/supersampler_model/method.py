@@ -70,6 +70,7 @@ class Fused(NamedTuple):
     module: nn.Module
     inputs: Mapping[str, Shape]
     outputs: Mapping[str, Shape]
+    ratio: int = 2  # of display to render size, where shapes are of both
 
 
 class Method(nn.Module):

@@ -15,7 +15,15 @@ import torch
 from torch import Tensor
 
 from supersampler_model.color import bounded, exposure_for, inverse_tone, quarantine, tone, valid
-from supersampler_model.method import DISPLAY, PREVIOUS, display_size_of, render_size_of
+from supersampler_model.method import (
+    DISPLAY,
+    PREVIOUS,
+    RENDER,
+    Fused,
+    Shape,
+    display_size_of,
+    render_size_of,
+)
 from supersampler_model.methods.gbuffer_buffers import (
     FRAME,
     Finished,
@@ -44,7 +52,17 @@ from supersampler_model.motion import (
     read_cubic,
     usable_motion,
 )
-from supersampler_model.networks.gbuffer import GBufferNetwork, GBufferNetworkConfig
+from supersampler_model.networks.gbuffer import (
+    BESIDE,
+    COLORS,
+    CURRENT,
+    GRADIENTS,
+    SAMPLES,
+    SURFACES,
+    GBufferNetwork,
+    GBufferNetworkConfig,
+    Seen,
+)
 from supersampler_model.sampling import (
     WINDOW,
     View,
@@ -114,6 +132,19 @@ class GBuffer(LearnedMethod):
         c = self.config
         self.net = GBufferNetwork(c.network, ratio=c.ratio, mixing=sum(c.parts))
 
+    def fused(self) -> Fused | None:
+        """All of figure 2."""
+        of_display = {"surfaces": SURFACES, "gradients": GRADIENTS, "colors": COLORS}
+        of_render = {"samples": SAMPLES, "beside": BESIDE, "beside_earlier": BESIDE}
+        inputs: dict[str, Shape] = {
+            name: (1, of_display[name], *DISPLAY)
+            if name in of_display
+            else (1, of_render.get(name, CURRENT), *RENDER)
+            for name in Seen._fields
+        }
+        outputs = {"said": (1, sum(self.config.parts), *DISPLAY)}
+        return Fused(self.net, inputs, outputs, self.config.ratio)
+
     @classmethod
     def configured(cls, config: Mapping[str, Any]) -> Self:
         """See `LearnedMethod`."""
@@ -176,7 +207,8 @@ class GBuffer(LearnedMethod):
         )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
         gathered = self.gather(color, motion, exposure, render, display, history, view)
-        done = self.finish(gathered, self.net(gathered.seen), history, jitter)
+        (said,) = self.net(*gathered.seen)
+        done = self.finish(gathered, said, history, jitter)
         return (done.image, *done.history, done.weight)
 
     @staticmethod

@@ -82,8 +82,7 @@ class Gathered(NamedTuple):
     @property
     def past_normal(self) -> Tensor:
         """(1, 3, h, w) of the frame before, warped; 0 where it is of no use."""
-        _, beside = self.seen.past[0]
-        return beside[:, PAST_NORMAL]
+        return self.seen.beside[:, PAST_NORMAL]
 
 
 class Finished(NamedTuple):

@@ -25,14 +25,16 @@ def seen_of(present: Present, past: Remembered, history: History) -> Seen:
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
     twice = motion + bilinear_past(history.motion, motion, view.jitter - history.jitter)
+    last = _masked(present, history.frame, motion, history.jitter)
+    earlier = _masked(present, history.frame_before, twice, history.jitter_before)
     return Seen(
         surfaces=torch.cat([*display[:5], display_depth], dim=1),
         gradients=gradients(display),
         current=torch.cat([present.toned, depth, jitter], dim=1),
-        past=[
-            _masked(present, history.frame, motion, history.jitter),
-            _masked(present, history.frame_before, twice, history.jitter_before),
-        ],
+        past=last[0],
+        beside=last[1],
+        earlier=earlier[0],
+        beside_earlier=earlier[1],
         samples=torch.cat([_short(motion), jitter, present.usable, depth], dim=1),
         colors=torch.cat(
             [

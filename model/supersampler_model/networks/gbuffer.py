@@ -58,7 +58,10 @@ class Seen(NamedTuple):
     surfaces: Tensor  # (n, SURFACES, H, W)
     gradients: Tensor  # (n, GRADIENTS, H, W)
     current: Tensor  # (n, CURRENT, h, w)
-    past: Sequence[tuple[Tensor, Tensor]]  # of each frame of the past: (n, CURRENT, h, w), (n, BESIDE, h, w)
+    past: Tensor  # (n, CURRENT, h, w) the frame before, warped and masked
+    beside: Tensor  # (n, BESIDE, h, w)
+    earlier: Tensor  # (n, CURRENT, h, w) the one before that
+    beside_earlier: Tensor  # (n, BESIDE, h, w)
     samples: Tensor  # (n, SAMPLES, h, w)
     colors: Tensor  # (n, COLORS, H, W)
 
@@ -188,14 +191,16 @@ class GBufferNetwork(nn.Module):
         for parameter in self.mixing.parameters():
             nn.init.zeros_(parameter)  # begins as the means that the method takes it for
 
-    def forward(self, seen: Seen) -> Tensor:
-        """What is said of each pixel: (n, mixing, H, W)."""
+    def forward(self, *tensors: Tensor) -> tuple[Tensor]:
+        """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
+        seen = Seen(*tensors)
         features, shallow = self.frame(seen.current)
         parts = [self.surfaces(seen.surfaces), self.enhancer(features, seen.gradients)]
-        parts += [self._past(frame, beside) for frame, beside in seen.past]
+        parts += [self._past(seen.past, seen.beside), self._past(seen.earlier, seen.beside_earlier)]
         colors = self.colors(torch.cat([F.pixel_unshuffle(seen.colors, self.ratio), seen.samples], dim=1))
         fused = self.fusion(torch.cat([*parts, colors], dim=1))
-        return F.pixel_shuffle(self.mixing(torch.cat([fused, shallow, colors], dim=1)), self.ratio)
+        mixing = self.mixing(torch.cat([fused, shallow, colors], dim=1))
+        return (F.pixel_shuffle(mixing, self.ratio),)
 
     def _past(self, frame: Tensor, beside: Tensor) -> Tensor:
         features, _ = self.frame(frame)

@@ -12,7 +12,6 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.method import render_size_of
 from supersampler_model.methods.gbuffer import GBuffer
 from supersampler_model.methods.gbuffer_buffers import Gathered, History
-from supersampler_model.networks.gbuffer import Seen
 from supersampler_model.train.gbuffer_windows import gbuffer_set, gbuffer_stream
 from supersampler_model.train.losses import PictureWeights, shown
 from supersampler_model.train.structure import dissimilarity
@@ -68,7 +67,7 @@ class GBufferTask(Task):
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
-            said = method.net(_batch([g.seen for g in gathered]))
+            (said,) = method.net(*map(torch.cat, zip(*(g.seen for g in gathered), strict=True)))
         said = said.float()
         images, after = [], []
         for i, (g, sample, state) in enumerate(zip(gathered, samples, states, strict=True)):
@@ -106,15 +105,6 @@ def reflective_of(gathered: Gathered) -> Tensor:
     there = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()
     mirror = ((surfaces.metallic > METAL) | (surfaces.roughness < SMOOTH)).float()
     return torch.maximum(turned, mirror) * there
-
-
-def _batch(seen: list[Seen]) -> Seen:
-    past = [
-        (torch.cat([s.past[i][0] for s in seen]), torch.cat([s.past[i][1] for s in seen]))
-        for i in range(len(seen[0].past))
-    ]
-    plain = {name: torch.cat([getattr(s, name) for s in seen]) for name in Seen._fields if name != "past"}
-    return Seen(**plain, past=past)
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:
