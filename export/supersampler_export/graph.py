@@ -128,7 +128,8 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
         for name, shape in fused.inputs.items()
     }
     arguments = example_inputs(fused, Size(21, 13))
-    model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
+    module = folded(copy.deepcopy(fused.module).eval())
+    model = _traced(module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
     _declare(model.graph.input, list(fused.inputs.values()))
     _declare(model.graph.output, list(fused.outputs.values()))
     _strip(model)

@@ -191,15 +191,25 @@ class GBufferNetwork(nn.Module):
         for parameter in self.mixing.parameters():
             nn.init.zeros_(parameter)  # begins as the means that the method takes it for
 
-    def forward(self, *tensors: Tensor) -> tuple[Tensor]:
+    def forward(
+        self,
+        surfaces: Tensor,
+        gradients: Tensor,
+        current: Tensor,
+        past: Tensor,
+        beside: Tensor,
+        earlier: Tensor,
+        beside_earlier: Tensor,
+        samples: Tensor,
+        colors: Tensor,
+    ) -> tuple[Tensor]:
         """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
-        seen = Seen(*tensors)
-        features, shallow = self.frame(seen.current)
-        parts = [self.surfaces(seen.surfaces), self.enhancer(features, seen.gradients)]
-        parts += [self._past(seen.past, seen.beside), self._past(seen.earlier, seen.beside_earlier)]
-        colors = self.colors(torch.cat([F.pixel_unshuffle(seen.colors, self.ratio), seen.samples], dim=1))
-        fused = self.fusion(torch.cat([*parts, colors], dim=1))
-        mixing = self.mixing(torch.cat([fused, shallow, colors], dim=1))
+        features, shallow = self.frame(current)
+        parts = [self.surfaces(surfaces), self.enhancer(features, gradients)]
+        parts += [self._past(past, beside), self._past(earlier, beside_earlier)]
+        known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
+        fused = self.fusion(torch.cat([*parts, known], dim=1))
+        mixing = self.mixing(torch.cat([fused, shallow, known], dim=1))
         return (F.pixel_shuffle(mixing, self.ratio),)
 
     def _past(self, frame: Tensor, beside: Tensor) -> Tensor:
