@@ -1,7 +1,6 @@
 """One torch method to one ONNX graph that holds its whole recurrent step."""
 
 import contextlib
-import copy
 import io
 import logging
 import warnings
@@ -14,7 +13,6 @@ from torch import Tensor, nn
 
 from supersampler.errors import SupersamplerError
 from supersampler.ratios import only_ratio, scaled
-from supersampler_export.half import folded
 from supersampler_model.method import (
     CHANNELS,
     DISPLAY,
@@ -69,7 +67,6 @@ def export_graph(method: Method) -> onnx.ModelProto:
     Raises:
         ExportError: another opset or operator came out.
     """
-    method = folded(copy.deepcopy(method).eval())
     arguments = example_arguments(method, *traced_sizes(method), Size(22, 15))
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
@@ -128,8 +125,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
         for name, shape in fused.inputs.items()
     }
     arguments = example_inputs(fused, Size(21, 13))
-    module = folded(copy.deepcopy(fused.module).eval())
-    model = _traced(module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
+    model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
     _declare(model.graph.input, list(fused.inputs.values()))
     _declare(model.graph.output, list(fused.outputs.values()))
     _strip(model)

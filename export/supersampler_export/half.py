@@ -1,14 +1,11 @@
 """The learned part in half precision, for providers whose processors multiply halves faster."""
 
 import copy
-from typing import TypeVar
 
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
 from supersampler_model.method import Method
-
-Network = TypeVar("Network", bound=nn.Module)
 
 
 class InHalf(nn.Module):
@@ -30,7 +27,7 @@ class InHalf(nn.Module):
         return tuple(output.float() for output in self.network(*(value.half() for value in inputs)))
 
 
-def folded(network: Network) -> Network:
+def folded(network: nn.Module) -> nn.Module:
     """Fold each batch normalisation into the convolution that it follows in a `Sequential`; in place."""
     for module in network.modules():
         if not isinstance(module, nn.Sequential):

@@ -204,18 +204,20 @@ class GBufferNetwork(nn.Module):
         colors: Tensor,
     ) -> tuple[Tensor]:
         """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
-        features, shallow = self.frame(current)
-        parts = [self.surfaces(surfaces), self.enhancer(features, gradients)]
-        parts += [self._past(past, beside), self._past(earlier, beside_earlier)]
+        features, shallow = self.frame(torch.cat([current, past, earlier]))  # in one pass
+        now, *pasts = features.chunk(3)
+        refined = self._refined(torch.cat(pasts), torch.cat([beside, beside_earlier])).chunk(2)
         known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
-        fused = self.fusion(torch.cat([*parts, known], dim=1))
-        mixing = self.mixing(torch.cat([fused, shallow, known], dim=1))
+        parts = [self.surfaces(surfaces), self.enhancer(now, gradients), *refined, known]
+        fused = self.fusion(torch.cat(parts, dim=1))
+        mixing = self.mixing(torch.cat([fused, shallow.chunk(3)[0], known], dim=1))
         return (F.pixel_shuffle(mixing, self.ratio),)
 
-    def _past(self, frame: Tensor, beside: Tensor) -> Tensor:
-        features, _ = self.frame(frame)
-        parts = (features, beside) if self.config.refined else (torch.cat([features, beside], dim=1),)
-        refined: Tensor = self.refiner(*parts)
+    def _refined(self, features: Tensor, beside: Tensor) -> Tensor:
+        if self.config.refined:
+            refined: Tensor = self.refiner(features, beside)
+        else:
+            refined = self.refiner(torch.cat([features, beside], dim=1))
         return refined
 
 
