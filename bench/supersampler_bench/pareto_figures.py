@@ -11,6 +11,7 @@ from supersampler_bench.pareto import METRICS, Metric, Point, by_ratio, frontier
 from supersampler_bench.png import save_png
 
 _GREY = "0.65"
+_NEAR = 0.04  # of a time, and of the range of scores: within it points share a label
 
 
 def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:
@@ -57,17 +58,18 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Metric) -> None:
         color="tab:blue",
         linewidth=1.2,
     )
-    for point in points:
-        leads = point in line
-        place = point.milliseconds, metric.scale * point.scores[metric.name]
-        axes.plot(*place, "o", color="tab:blue" if leads else _GREY, markersize=6)
+    for group in _near(points, metric):
+        leads = [point in line for point in group]
+        for point, leading in zip(group, leads, strict=True):
+            place = point.milliseconds, metric.scale * point.scores[metric.name]
+            axes.plot(*place, "o", color="tab:blue" if leading else _GREY, markersize=6)
         axes.annotate(
-            str(point.spec),
-            place,
+            ", ".join(str(point.spec) for point in group),
+            (group[-1].milliseconds, metric.scale * group[-1].scores[metric.name]),
             xytext=(6, 4),
             textcoords="offset points",
             fontsize="small",
-            color="black" if leads else "0.5",
+            color="black" if any(leads) else "0.5",
         )
     axes.set_xscale("log")
     axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
@@ -76,3 +78,20 @@ def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Metric) -> None:
     axes.set(xlabel="milliseconds a step", ylabel=metric.heading)
     axes.margins(x=0.15, y=0.12)
     axes.grid(alpha=0.3, which="both")
+
+
+def _near(points: Sequence[Point], metric: Metric) -> list[list[Point]]:
+    """Points in groups that share a label, as theirs would lie on one another; the best first."""
+    scores = [point.scores[metric.name] for point in points]
+    room = _NEAR * (max(scores) - min(scores))
+    groups: list[list[Point]] = []
+    for point in sorted(points, key=lambda p: (p.milliseconds, p.scores[metric.name])):
+        for group in groups:
+            last = group[-1]
+            beside = point.milliseconds <= (1.0 + _NEAR) * last.milliseconds
+            if beside and abs(point.scores[metric.name] - last.scores[metric.name]) <= room:
+                group.append(point)
+                break
+        else:
+            groups.append([point])
+    return groups
