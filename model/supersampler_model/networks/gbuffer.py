@@ -204,13 +204,14 @@ class GBufferNetwork(nn.Module):
         colors: Tensor,
     ) -> tuple[Tensor]:
         """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
+        n = current.shape[0]
         features, shallow = self.frame(torch.cat([current, past, earlier]))  # in one pass
-        now, *pasts = features.chunk(3)
-        refined = self._refined(torch.cat(pasts), torch.cat([beside, beside_earlier])).chunk(2)
+        now, pasts = features[:n], features[n:]
+        refined = self._refined(pasts, torch.cat([beside, beside_earlier]))
         known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
-        parts = [self.surfaces(surfaces), self.enhancer(now, gradients), *refined, known]
+        parts = [self.surfaces(surfaces), self.enhancer(now, gradients), refined[:n], refined[n:], known]
         fused = self.fusion(torch.cat(parts, dim=1))
-        mixing = self.mixing(torch.cat([fused, shallow.chunk(3)[0], known], dim=1))
+        mixing = self.mixing(torch.cat([fused, shallow[:n], known], dim=1))
         return (F.pixel_shuffle(mixing, self.ratio),)
 
     def _refined(self, features: Tensor, beside: Tensor) -> Tensor:
