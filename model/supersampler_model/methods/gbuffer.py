@@ -7,8 +7,9 @@ which reads the G-buffers, this frame and two of the past, then says how that is
 neighbours and against the picture of the frame before, which smooths what one sample a pixel cannot tell.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any, ClassVar, Self
 
 import torch
@@ -112,7 +113,7 @@ class GBuffer(LearnedMethod):
 
     name, source = "gbuffer", "Wang et al. 2025 (docs/methods.md)"
     ratios: ClassVar = (2.0, 2.0)
-    settings: ClassVar[type[GBufferConfig]] = GBufferConfig
+    settings: ClassVar[Callable[..., GBufferConfig]] = GBufferConfig
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
         "reflectance": (1, 3, *DISPLAY),
@@ -353,20 +354,9 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     return sum_of([w * pixel for w, pixel in zip(weights, neighbours(image), strict=True)]) / total
 
 
-@dataclass(frozen=True)
-class GBuffer4Config(GBufferConfig):
-    """Constants at a ratio of 4.
-
-    Attributes:
-        ratio: display over render size.
-    """
-
-    ratio: int = 4
-
-
 class GBuffer4(GBuffer):
     """At a ratio of 4."""
 
     name = "gbuffer-4x"
     ratios: ClassVar = (4.0, 4.0)
-    settings: ClassVar[type[GBufferConfig]] = GBuffer4Config
+    settings: ClassVar = staticmethod(partial(GBufferConfig, ratio=4))

@@ -1,6 +1,6 @@
 """`gbuffer-small`: `gbuffer` with narrow separable convolutions, trained in hours on two cores."""
 
-from dataclasses import dataclass, field
+from functools import partial
 from typing import ClassVar
 
 from supersampler_model.methods.gbuffer import GBuffer, GBufferConfig
@@ -11,33 +11,11 @@ NETWORK = GBufferNetworkConfig(
 )
 
 
-@dataclass(frozen=True)
-class SmallGBufferConfig(GBufferConfig):
-    """Constants.
-
-    Attributes:
-        network: its widths.
-    """
-
-    network: GBufferNetworkConfig = field(default_factory=lambda: NETWORK)
-
-
-@dataclass(frozen=True)
-class SmallGBuffer4Config(SmallGBufferConfig):
-    """Constants at a ratio of 4.
-
-    Attributes:
-        ratio: display over render size.
-    """
-
-    ratio: int = 4
-
-
 class SmallGBuffer(GBuffer):
     """At a ratio of 2."""
 
     name = "gbuffer-small"
-    settings: ClassVar[type[GBufferConfig]] = SmallGBufferConfig
+    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK))
 
 
 class SmallGBuffer4(GBuffer):
@@ -45,4 +23,4 @@ class SmallGBuffer4(GBuffer):
 
     name = "gbuffer-small-4x"
     ratios: ClassVar = (4.0, 4.0)
-    settings: ClassVar[type[GBufferConfig]] = SmallGBuffer4Config
+    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK, ratio=4))

@@ -1,6 +1,6 @@
 """G-buffers in `gbuffer`: what surfaces reflect, which samples are of the same one, what has changed."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 import torch
 from torch import Tensor
@@ -57,22 +57,24 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         display: surfaces of the pixels.
         grid: where these look.
     """
-    of_samples = torch.cat([light, usable, *render], dim=1)
-    h, w = light.shape[2], light.shape[3]
     colors, weights, likely = [], [], []
-    for down in (-1, 0, 1):
-        row = grid.row + down
-        rows = of_samples.index_select(2, row.clamp(0, h - 1))
-        vertical = gaussian(SIGMA)(row - grid.y)[:, None]
-        for across in (-1, 0, 1):
-            column = grid.column + across
-            sample = rows.index_select(3, column.clamp(0, w - 1))
-            near = (vertical * gaussian(SIGMA)(column - grid.x) + 1e-4) * sample[:, 3:4]
-            alike = _likeness(Surfaces(*sample[:, 4:].split_with_sizes([3, 3, 1, 1, 1, 1], dim=1)), display)
-            colors.append(sample[:, :3])
-            weights.append(near * (alike + 1e-4))
-            likely.append(near * alike)
+    for down, across, sample in _around(torch.cat([light, usable, *render], dim=1), grid):
+        vertical = gaussian(SIGMA)(grid.row + down - grid.y)[:, None]
+        near = (vertical * gaussian(SIGMA)(grid.column + across - grid.x) + 1e-4) * sample[:, 3:4]
+        alike = _likeness(Surfaces(*sample[:, 4:].split_with_sizes([3, 3, 1, 1, 1, 1], dim=1)), display)
+        colors.append(sample[:, :3])
+        weights.append(near * (alike + 1e-4))
+        likely.append(near * alike)
     return Samples(colors, weights, sum_of(likely))
+
+
+def _around(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
+    """Yield rows down, columns across and the sample there, (1, c, H, W), of the nine around each pixel."""
+    h, w = image.shape[2], image.shape[3]
+    for down in (-1, 0, 1):
+        rows = image.index_select(2, (grid.row + down).clamp(0, h - 1))
+        for across in (-1, 0, 1):
+            yield down, across, rows.index_select(3, (grid.column + across).clamp(0, w - 1))
 
 
 def _likeness(a: Surfaces, b: Surfaces) -> Tensor:
@@ -146,21 +148,13 @@ def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
     """(1, 2, H, W) motion of the sample, of the nine around, whose depth is most like the pixel's."""
-    h, w = depth.shape[2], depth.shape[3]
-    known = torch.cat([depth, motion], dim=1)
-    least = chosen = None
-    for down in (-1, 0, 1):
-        rows = known.index_select(2, (grid.row + down).clamp(0, h - 1))
-        for across in (-1, 0, 1):
-            sample = rows.index_select(3, (grid.column + across).clamp(0, w - 1))
-            off = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
-            if least is None or chosen is None:
-                least, chosen = off, sample
-            else:
-                closer = off < least
-                least, chosen = torch.where(closer, off, least), torch.where(closer, sample, chosen)
-    assert chosen is not None  # noqa: S101 - nine turns
-    return chosen[:, 1:]
+    least = torch.full_like(display_depth, torch.inf)
+    chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
+    for down, across, sample in _around(torch.cat([depth, motion], dim=1), grid):
+        off = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
+        closer = off < least
+        least, chosen = torch.where(closer, off, least), torch.where(closer, sample[:, 1:], chosen)
+    return chosen
 
 
 def depth_difference(a: Tensor, b: Tensor) -> Tensor:

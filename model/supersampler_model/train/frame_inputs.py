@@ -9,10 +9,8 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
+from supersampler.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import TrainingFrame
-
-RENDER, DISPLAY = "gbuffer_", "gbuffer_display_"
-"""What names of inputs begin with, before those in `TrainingFrame.gbuffer` and `gbuffer_display`."""
 
 
 def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> list[Tensor]:
@@ -35,8 +33,8 @@ def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> list[Tensor]:
 
 def gbuffers(frame: TrainingFrame) -> dict[str, NDArray[Any]]:
     """G-buffers of both sizes by names of inputs, as they are stored."""
-    named = {RENDER + name: image for name, image in (frame.gbuffer or {}).items()}
-    return named | {DISPLAY + name: image for name, image in (frame.gbuffer_display or {}).items()}
+    found = {name: (getattr(frame, place.group) or {}).get(place.key) for name, place in GBUFFERS.items()}
+    return {name: image for name, image in found.items() if image is not None}
 
 
 def planes(image: NDArray[Any]) -> Tensor:

@@ -13,9 +13,10 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
+from supersampler.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
-from supersampler_model.train.frame_inputs import DISPLAY, gbuffers, planes
+from supersampler_model.train.frame_inputs import gbuffers, planes
 from supersampler_model.train.windows import Cut, Sample, Stream, draw_cut
 
 
@@ -35,7 +36,7 @@ class GBufferCut(Cut):
         ratio = round(self.ratio[0])
         across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
         parts = {
-            name: image[self.display if name.startswith(DISPLAY) else (down, across)]
+            name: image[self.display if GBUFFERS[name].of_display else (down, across)]
             for name, image in gbuffers(frame).items()
         }
         gbuffer = {name: planes(self.turn(self._varied(name, part))) for name, part in parts.items()}

@@ -7,7 +7,8 @@ import pytest
 import torch
 
 from gbuffer_sets import gbuffer_data
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBufferConfig
+from supersampler_model.methods.gbuffer import GBufferConfig
+from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
 from supersampler_model.train.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.train.tasks import TASKS
 from supersampler_model.train.trainer import Plan, Trainer
@@ -20,7 +21,7 @@ RATIO, SIZE = 2, 24
 def task() -> GBufferTask:
     torch.manual_seed(0)
     network = replace(NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
-    return GBufferTask(SmallGBuffer(SmallGBufferConfig(network=network)))
+    return GBufferTask(SmallGBuffer(GBufferConfig(network=network)))
 
 
 @pytest.fixture(scope="module")
