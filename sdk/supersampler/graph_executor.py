@@ -47,7 +47,7 @@ class GraphExecutor:
         self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool
     ) -> None:
         if capture:
-            capturing(providers)
+            capturing(providers)  # refuses those that cannot, before a graph is loaded
         self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
         self._session = open_session(info.steps[precision], session_options(threads), providers)
         self.providers: list[str] = self._session.get_providers()
