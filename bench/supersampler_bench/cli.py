@@ -176,6 +176,7 @@ def _gallery(folder: Path) -> "Gallery":
 
 @app.command()
 def ablation(
+    method: Annotated[str, typer.Argument(metavar="METHOD", help="classifier or gbuffer-small-4x.")],
     data: Annotated[list[Path], typer.Option(help="Training set with validation sequences; any number.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the runs.")],
     steps: Annotated[int, typer.Option(min=1, help="Updates of each run.")] = 800,
@@ -183,18 +184,21 @@ def ablation(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Train the classifier with one choice changed at a time, briefly, and compare on validation sequences.
+    """Train METHOD with one choice changed at a time, briefly, and compare on validation sequences.
 
     A run that was stopped goes on when the same command is given again.
 
-    Example:
-      supersampler bench ablation --data data -o ablation --workers 2 --update docs/methods.md
+    Examples:
+      supersampler bench ablation classifier --data data -o ablation --workers 2 --update docs/methods.md
+      supersampler bench ablation gbuffer-small-4x --data data -o ablation-gbuffer --steps 250
     """
-    from supersampler_bench.ablation import Ablation, ablation_record, markdown_table, run_ablation
+    from supersampler_bench.ablation import SUBJECTS, Ablation, ablation_record, markdown_table, run_ablation
 
-    tables = {"ablation": markdown_table}
+    if method not in SUBJECTS:
+        raise ArgumentError("METHOD", got=method, want=f"one of {', '.join(SUBJECTS)}")
+    tables = {f"ablation {method}": markdown_table}
     check_page(update, tables)
-    plan = Ablation(data=data, folder=output, steps=steps, workers=workers)
+    plan = Ablation(method, data=data, folder=output, steps=steps, workers=workers)
     rows = run_ablation(plan, lambda r: ERRORS.print(f"{r.name}: {r.psnr:.2f} dB, tPSNR {r.tpsnr:.2f} dB"))
     publish(ablation_record(rows, plan), tables, json, update)
 

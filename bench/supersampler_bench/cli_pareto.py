@@ -14,7 +14,8 @@ from supersampler_bench.record import read_record
 
 def pareto(
     quality: Annotated[
-        list[Path], typer.Argument(help="Files of `bench quality test-shots --json`, of any ratios.")
+        list[Path],
+        typer.Argument(help="Files of `bench quality test-shots --json`, of any ratios, or of --json here."),
     ],
     display_size: Annotated[str, typer.Option(help="Of the pictures that are timed.")] = "960x540",
     threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,

@@ -182,12 +182,12 @@ def parity(
     Example:
       supersampler bench parity --methods classifier --frames 300 --update docs/executors.md
     """
-    from supersampler_bench.parity import SIZES, markdown_table, measure_parity, parity_record
+    from supersampler_bench.parity import markdown_table, measure_parity, methods_by_size, parity_record
 
     tables = {"parity": markdown_table}
     check_page(update, tables)
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=len(SIZES) * frames)
+        task = progress.add_task("frames", total=len(methods_by_size(listed(methods))) * frames)
         results = measure_parity(listed(methods), frames, on_frame=lambda: progress.advance(task))
     publish(parity_record(results), tables, json, update)
 

@@ -47,7 +47,7 @@ SECTIONS = (
     Section("parity", "Parity", "How far the graph and the kernels are from torch, over long sequences."),
     Section("precision", "Precision", "What halves and bytes cost at the end of long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
-    Section("ablation", "Ablation", "One choice of the classifier changed at a time."),
+    Section("ablation", "Ablation", "One choice changed at a time."),
     Section("render", "Training data", "How many samples are rendered in an hour."),
 )
 _OPENED = ("pareto", "speed")

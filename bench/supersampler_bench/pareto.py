@@ -1,6 +1,7 @@
 """Run time against error: which settings no other setting beats in both.
 
-Errors come from a record of `bench quality`, which any machine measures alike; times are measured here.
+Errors come from records of `bench quality`, which any machine measures alike, or from a Pareto record that
+has kept them; times are measured here.
 Settings are compared at one ratio: what a ratio saves, it saves where frames are rendered.
 """
 
@@ -9,8 +10,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
+from supersampler import model_names
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.speed import Setting, measure_settings
@@ -81,7 +84,7 @@ def measure_pareto(
     """Time all settings that quality records have scores of, on this machine.
 
     Args:
-        records: of `bench quality --json`, of the same shots.
+        records: of `bench quality --json` or `bench pareto --json`, of the same shots.
         display: (width, height) of the pictures that are timed.
         threads: of the processor.
         steps: that count, of each setting.
@@ -116,17 +119,25 @@ def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, flo
     """
     found: dict[float, dict[Spec, dict[str, float]]] = {}
     for record in records:
-        rows = list(record.get("means") or _of_only_shot(record))
-        if not rows or shots_of(record) != shots_of(records[0]):
+        scores = list(_scores(record))
+        if not scores or shots_of(record) != shots_of(records[0]):
             got = f"of bench {record.get('bench')!r}, shots {', '.join(shots_of(record)) or 'none'}"
-            want = "of `bench quality test-shots --json`, all of the same shots"
+            want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
-        for row in rows:
-            if row["method"] != ORACLE:
-                summary = row["summary"]["warm_cropped"]
-                known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
-                found.setdefault(row["ratio"], {})[parse_spec(row["method"])] = known
+        for ratio, spec, summary in scores:
+            known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
+            found.setdefault(ratio, {})[spec] = known
     return dict(sorted(found.items()))
+
+
+def _scores(record: Record) -> Iterator[tuple[float, Spec, Mapping[str, float | None]]]:
+    """Yield ratio, setting and scores of all that a record has."""
+    if record["bench"] == "pareto":
+        yield from ((point.ratio, point.spec, point.scores) for point in points_of(record))
+        return
+    for row in record.get("means") or _of_only_shot(record):
+        if row["method"] != ORACLE:
+            yield row["ratio"], parse_spec(row["method"]), row["summary"]["warm_cropped"]
 
 
 def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
@@ -156,10 +167,11 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     fast: the fastest that is `CLEARLY` better than pictures without a history. high: the fastest that is
     within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
     over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
-    what skipping saves, shots in motion do not show.
+    what skipping saves, shots in motion do not show. So is what reads no G-buffers, which not all frames have.
     """
-    psnr = METRICS[0]
-    line = frontier([p for p in points if p.spec.skip == "auto"], psnr)
+    psnr, dressed = METRICS[0], {name for name in model_names() if gbuffers_of([name])}
+    for_all = [p for p in points if p.spec.model not in dressed]
+    line = frontier([p for p in for_all if p.spec.skip == "auto"], psnr)
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
@@ -201,7 +213,9 @@ def pareto_record(
 
 
 def shots_of(record: Record) -> list[str]:
-    """Names of the shots that a quality record is of."""
+    """Names of the shots that a record is of."""
+    if record.get("bench") == "pareto":
+        return list(record["shots"])
     return list(dict.fromkeys(shot["name"] for shot in record.get("shots", ())))
 
 

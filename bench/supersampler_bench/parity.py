@@ -1,6 +1,6 @@
 """Whether a method draws the same however it runs, for hundreds of frames that follow from one another."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from typing import Any
 
@@ -9,10 +9,13 @@ import torch
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.display import display_transform
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.graph_session import frame_inputs
 from supersampler.model import ExecutorName, Precision
 from supersampler.model_info import find_model, read_model_info
+from supersampler.ratios import only_ratio, scaled
+from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
 from supersampler_bench.rendered_frame import rendered_frame
@@ -24,8 +27,10 @@ from supersampler_model.method import Size as Extent
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.trained import load_trained, shipped_weights
 
-SIZES: tuple[tuple[Size, Size], ...] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
+SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
 """(render, display); the second is odd, at a ratio of 1.5."""
+RENDERS: Sequence[Size] = ((80, 45), (53, 31))
+"""Render sizes of methods of one ratio."""
 FAMILY = "market"
 Step = Callable[[Frame], Float32]
 
@@ -67,12 +72,12 @@ def measure_parity(
         on_frame: called after each frame of a size.
     """
     results = []
-    for render, display in SIZES:
-        steppers = {(m, runs): step for m in methods for runs, step in _steppers(m, render, display)}
+    for (render, display), drawn in methods_by_size(methods).items():
+        steppers = {(m, runs): step for m in drawn for runs, step in _steppers(m, render, display)}
         off: dict[tuple[str, str], list[tuple[float, float, float]]] = {
             key: [] for key in steppers if key[1] != "torch"
         }
-        for frame in _sequence(render, display, frames):
+        for frame in _sequence(render, display, frames, gbuffers=bool(gbuffers_of(drawn))):
             shown = {
                 key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
             }
@@ -84,6 +89,18 @@ def measure_parity(
             on_frame()
         results += [_apart(*key, render, display, np.array(d)) for key, d in off.items()]
     return results
+
+
+def methods_by_size(methods: Sequence[str]) -> Mapping[tuple[Size, Size], Sequence[str]]:
+    """Return which methods are run at which (render, display)."""
+    found: dict[tuple[Size, Size], list[str]] = {}
+    for method in methods:
+        ratio = only_ratio(read_model_info(find_model(method)).ratios)
+        sizes = SIZES if ratio is None else [(render, scaled(render, ratio)) for render in RENDERS]
+        for render, display in sizes:
+            if display is not None:
+                found.setdefault((render, display), []).append(method)
+    return found
 
 
 def _apart(method: str, runs: str, render: Size, display: Size, differences: Any) -> Apart:
@@ -104,9 +121,10 @@ def _apart(method: str, runs: str, render: Size, display: Size, differences: Any
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
     yield "torch", _torch(method, render, display)
     for executor, precision in _RUNS:
-        if precision == "fp16" and precision not in read_model_info(find_model(method)).steps:
+        try:
+            model = Model.load(method, providers="cpu", executor=executor, precision=precision)
+        except ArgumentError:  # the method has no such executor, or not in this precision
             continue
-        model = Model.load(method, providers="cpu", executor=executor, precision=precision)
         upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
         yield f"{executor}, {model.precision}", upscaler.step
 
@@ -130,13 +148,13 @@ def _torch(name: str, render: Size, display: Size) -> Step:
     return step
 
 
-def _sequence(render: Size, display: Size, frames: int) -> Iterator[Frame]:
+def _sequence(render: Size, display: Size, frames: int, *, gbuffers: bool) -> Iterator[Frame]:
     spec = SequenceSpec(family=FAMILY, seed=TEST_SHOTS.seeds[FAMILY], frames=frames)
     sequence = make_sequence(spec)
     renderer = Renderer(display, samples=1)
     for index in range(frames):
         jitter = halton_jitter(index, display[0] / render[0])
-        yield rendered_frame(renderer, sequence.scene(index), render, jitter)
+        yield rendered_frame(renderer, sequence.scene(index), render, jitter, gbuffers=gbuffers)
 
 
 def parity_record(results: Sequence[Apart]) -> dict[str, Any]:

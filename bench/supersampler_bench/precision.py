@@ -1,15 +1,19 @@
 """What a coarser precision of the learned part costs at the end of long sequences, against references."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
+from itertools import product
 from typing import Any
 
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.display import display_transform
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.model import Precision
+from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.metrics import psnr, tpsnr
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
@@ -87,9 +91,9 @@ def measure_precision(
     renderer = Renderer(display, samples=samples)
     results = []
     for family in families:
-        runners = {(m, p): _Runner(m, p, display) for m in methods for p in PRECISIONS}
+        runners = dict(_runners(methods, display))
         before: Float32 | None = None
-        for frame, truth in _frames(renderer, family, frames, ratio):
+        for frame, truth in _frames(renderer, family, frames, ratio, gbuffers=bool(gbuffers_of(methods))):
             for runner in runners.values():
                 runner.step(frame, truth, before)
             before = truth
@@ -101,14 +105,20 @@ def measure_precision(
     return results
 
 
+def _runners(methods: Sequence[str], display: Size) -> Iterator[tuple[tuple[str, Precision], _Runner]]:
+    for method, precision in product(methods, PRECISIONS):
+        with suppress(ArgumentError):  # the method has no such precision
+            yield (method, precision), _Runner(method, precision, display)
+
+
 def _frames(
-    renderer: Renderer, family: str, count: int, ratio: float
+    renderer: Renderer, family: str, count: int, ratio: float, *, gbuffers: bool
 ) -> Iterator[tuple[Frame, Float32 | None]]:
     sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count))
     size = render_size(renderer.display_size, ratio)
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
-        frame = rendered_frame(renderer, scene, size, jitter, reset=sequence.cut(index))
+        frame = rendered_frame(renderer, scene, size, jitter, reset=sequence.cut(index), gbuffers=gbuffers)
         known = index >= count - SCORED
         truth = renderer.reference(scene).color if known else None
         yield frame, None if truth is None else display_transform(truth, scene.camera.exposure)
@@ -138,11 +148,12 @@ def markdown_table(record: Record) -> str:
         f"| --- | --- | {' | '.join(['---:'] * (2 + 2 * len(others)))} |",
     ]
     for pair in pairs:
-        base, *rest = (found[(*pair, p)] for p in PRECISIONS)
+        base, rest = found[(*pair, first)], [found.get((*pair, p)) for p in others]
+        psnrs = ["" if r is None else f"{r.psnr - base.psnr:+.2f}" for r in rest]
+        tpsnrs = ["" if r is None else f"{r.tpsnr - base.tpsnr:+.2f}" for r in rest]
         rows.append(
-            f"| {pair[0]} | {pair[1]} "
-            f"| {base.psnr:.2f} | {' | '.join(f'{r.psnr - base.psnr:+.2f}' for r in rest)} "
-            f"| {base.tpsnr:.2f} | {' | '.join(f'{r.tpsnr - base.tpsnr:+.2f}' for r in rest)} |"
+            f"| {pair[0]} | {pair[1]} | {base.psnr:.2f} | {' | '.join(psnrs)} "
+            f"| {base.tpsnr:.2f} | {' | '.join(tpsnrs)} |"
         )
     caption = (
         f"Pictures of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "

@@ -7,9 +7,15 @@ from supersampler_model.data.scene import Scene
 
 
 def rendered_frame(
-    renderer: Renderer, scene: Scene, size: Size, jitter: tuple[float, float], *, reset: bool = False
+    renderer: Renderer,
+    scene: Scene,
+    size: Size,
+    jitter: tuple[float, float],
+    *,
+    reset: bool = False,
+    gbuffers: bool = False,
 ) -> Frame:
-    """Draw a scene at render size, with its camera's exposure; without G-buffers of display size.
+    """Draw a scene at render size, with its camera's exposure.
 
     Args:
         renderer: draws it.
@@ -17,6 +23,8 @@ def rendered_frame(
         size: (width, height), render pixels.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: whether the frame is the first after a cut.
+        gbuffers: whether those of display size are drawn, too.
     """
     color, surfaces = renderer.frame(scene, size, jitter=jitter)
-    return frame_of(color, surfaces, None, jitter=jitter, reset=reset, exposure=scene.camera.exposure)
+    display = renderer.display(scene) if gbuffers else None
+    return frame_of(color, surfaces, display, jitter=jitter, reset=reset, exposure=scene.camera.exposure)

@@ -8,9 +8,10 @@ import pytest
 import torch
 
 from supersampler import ArgumentError
-from supersampler_bench.ablation import VARIANTS, Ablation, Row, run_variant
+from supersampler_bench.ablation import SUBJECTS, Ablation, Row, run_variant
 
-FIRST, SECOND, *_ = VARIANTS
+METHOD = "gbuffer-small-4x"
+FIRST, SECOND, *_ = SUBJECTS[METHOD]
 
 
 @pytest.fixture(autouse=True)
@@ -26,7 +27,7 @@ def scored(folder: Path, **fields: object) -> Ablation:
     """One without data, so that what is not known fails; its second folder holds these scores."""
     (folder / "01").mkdir(parents=True)
     (folder / "01" / "scored-8.json").write_text(json.dumps(fields))
-    return Ablation(data=(), folder=folder, steps=8)
+    return Ablation(METHOD, data=(), folder=folder, steps=8)
 
 
 def test_a_variant_that_was_scored_is_not_trained_again(tmp_path: Path) -> None:

@@ -65,6 +65,14 @@ def test_what_leads_is_beaten_by_none_and_what_does_not_by_some(found: list[tupl
         assert times == sorted(times)
 
 
+def test_scores_that_a_pareto_record_kept_can_be_timed_again() -> None:
+    record = pareto_record(KNOWN, ["a"], (96, 54), 2)
+    scores = scores_of([record])[2.0]
+    assert {str(spec): found["psnr"] for spec, found in scores.items()} == {
+        str(p.spec): p.scores["psnr"] for p in KNOWN
+    }
+
+
 def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
     chosen = presets(KNOWN)
     assert chosen == {

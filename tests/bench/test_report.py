@@ -106,7 +106,10 @@ def test_a_record_of_another_version_is_said_to_be_one(repository: Path) -> None
 
 
 def test_only_an_ablation_with_a_row_of_chance_speaks_of_chance() -> None:
-    rows = [{"name": name, "psnr": 30.0 + i, "tpsnr": 29.0} for i, name in enumerate(("first", CHANCE))]
+    rows = [
+        {"name": name, "psnr": 30.0 + i, "tpsnr": 29.0}
+        for i, name in enumerate(("first", f"first, {CHANCE}"))
+    ]
     record = {"bench": "ablation", "steps": 8, "batch": 4, "rows": rows}
     assert "the last says how much is chance" in ablation_table(record)
     assert "+1.00" in ablation_table(record)

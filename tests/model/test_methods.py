@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
 from supersampler.frame import Float32
-from supersampler_bench.ablation import VARIANTS
+from supersampler_bench.ablation_classifier import METHODS as VARIANTS
 from supersampler_model.data.analytic import (
     Cut,
     DiscOverPlane,

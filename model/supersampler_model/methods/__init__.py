@@ -7,6 +7,7 @@ from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
+from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial import Bicubic, Bilinear
@@ -18,7 +19,8 @@ METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Ta
 LEARNED: Mapping[str, type[LearnedMethod]] = {
     m.name: m
     for m in (
-        Classifier, SmallClassifier, PaperClassifier, GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4
+        Classifier, SmallClassifier, PaperClassifier,
+        GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
     )
 }  # fmt: skip
 """Methods that are trained: `LEARNED[name].of(load_trained(path))`."""

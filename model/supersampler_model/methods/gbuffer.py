@@ -91,6 +91,9 @@ class GBufferConfig:
         sample_sigma: Gaussian of a sample's influence, display pixels.
         smooth_sigma: Gaussian of the mean by distance alone, render pixels.
         depth_margin, depth_ramp: see `covered`.
+        masked: whether what equations 1 and 2 find to be of no use is taken out of the frames of the past.
+        blended: whether the picture of the frame before is blended in, pixel by pixel, which the paper leaves
+            to its outlook (section V); else the past is features alone.
     """
 
     network: GBufferNetworkConfig = field(default_factory=GBufferNetworkConfig)
@@ -101,6 +104,8 @@ class GBufferConfig:
     smooth_sigma: float = 0.45
     depth_margin: float = 0.01
     depth_ramp: float = 0.05
+    masked: bool = True
+    blended: bool = True
 
     @property
     def parts(self) -> tuple[int, int, int]:
@@ -207,9 +212,12 @@ class GBuffer(LearnedMethod):
             history_exposure,
         )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        gathered = self.gather(color, motion, exposure, render, display, history, view)
+        return self.drawn(self.gather(color, motion, exposure, render, display, history, view), history)
+
+    def drawn(self, gathered: Gathered, history: History) -> tuple[Tensor, ...]:
+        """Return what `forward` does, of what was gathered."""
         (said,) = self.net(*gathered.seen)
-        done = self.finish(gathered, said, history, jitter)
+        done = self.finish(gathered, said, history)
         return (done.image, *done.history, done.weight)
 
     @staticmethod
@@ -236,7 +244,8 @@ class GBuffer(LearnedMethod):
         present = self.gather_present(color, usable, motion, render, display, view, exposure)
         past = self.gather_past(present, history)
         frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
-        return Gathered(seen_of(present, past, history), present, past, frame)
+        seen = seen_of(present, past, history, masked=self.config.masked)
+        return Gathered(seen, present, past, frame)
 
     def gather_present(
         self,
@@ -285,19 +294,20 @@ class GBuffer(LearnedMethod):
         before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
         plain = quarantine(read(history.color, own.x, own.y), 0.0)
         relit = self._warped(history.color, own) / before * present.reflectance
-        return Remembered(
+        past = Remembered(
             color=_shown(self._warped(history.color, there) * present.exposure, there),
             own=_shown(plain * present.exposure, own),
             relit=_shown(relit * present.exposure, own),
             counted=read(history.counted, there.x, there.y) * there.on_screen,
             surface=own.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
         )
+        return past if c.blended else Remembered(*map(torch.zeros_like, past))
 
     def _warped(self, image: Tensor, past: Past) -> Tensor:
         sharp = read_cubic(image, past.x, past.y, self.config.history_sharpness)
         return quarantine(sharp, 0.0)
 
-    def finish(self, gathered: Gathered, said: Tensor, history: History, jitter: Tensor) -> Finished:
+    def finish(self, gathered: Gathered, said: Tensor, history: History) -> Finished:
         """Weigh, count, and go back to linear RGB."""
         past, present, c = gathered.past, gathered.present, self.config
         weights, around, kernel = said.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
@@ -330,7 +340,7 @@ class GBuffer(LearnedMethod):
             gathered.frame,
             history.frame * 1.0,
             present.motion,
-            jitter * 1.0,
+            present.view.jitter * 1.0,
             history.jitter * 1.0,
             present.exposure,
         )

@@ -18,15 +18,15 @@ from supersampler_model.networks.gbuffer import Seen
 LONG = 8.0  # render pixels: motion is seen in these
 
 
-def seen_of(present: Present, past: Remembered, history: History) -> Seen:
-    """Put together what is seen."""
+def seen_of(present: Present, past: Remembered, history: History, *, masked: bool) -> Seen:
+    """Put together what is seen; of the past what may be of use alone, if `masked`."""
     motion, view, display = present.motion, present.view, present.display
     depth = relative_depth(present.render.depth, closest_around(present.render.depth))
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
     twice = motion + bilinear_past(history.motion, motion, view.jitter - history.jitter)
-    last = _masked(present, history.frame, motion, history.jitter)
-    earlier = _masked(present, history.frame_before, twice, history.jitter_before)
+    last = _warped(present, history.frame, motion, history.jitter, masked=masked)
+    earlier = _warped(present, history.frame_before, twice, history.jitter_before, masked=masked)
     return Seen(
         surfaces=torch.cat([*display[:5], display_depth], dim=1),
         gradients=gradients(display),
@@ -50,14 +50,18 @@ def seen_of(present: Present, past: Remembered, history: History) -> Seen:
     )
 
 
-def _masked(present: Present, frame: Tensor, motion: Tensor, jitter_before: Tensor) -> tuple[Tensor, Tensor]:
+def _warped(
+    present: Present, frame: Tensor, motion: Tensor, jitter_before: Tensor, *, masked: bool
+) -> tuple[Tensor, Tensor]:
     """A frame of the past, warped and masked (equations 3 and 4), and what the refiner sees beside it."""
     render, jitter = present.render, present.view.jitter
     found, off, on_screen = nearest_past(frame, motion, jitter - jitter_before)
     color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
     toned = tone(quarantine(color, 0.0) * present.exposure)
-    mask = occluded((present.toned, render.base_color, render.depth), (toned, base, past_depth))
-    kept = (1.0 - mask) * on_screen * usable
+    kept = on_screen * usable
+    if masked:
+        now = (present.toned, render.base_color, render.depth)
+        kept = kept * (1.0 - occluded(now, (toned, base, past_depth)))
     closest = closest_around(render.depth)
     depth, past_depth = relative_depth(render.depth, closest), relative_depth(past_depth, closest) * kept
     place = off + jitter[:, :, None, None]  # of the sample, in the pixel that it is read for

@@ -34,6 +34,13 @@ def usable_surfaces(surfaces: Surfaces) -> Surfaces:
     )
 
 
+def matte(depth: Tensor) -> Surfaces:
+    """Grey, rough dielectrics that all face one way: what surfaces of known depth alone are taken for."""
+    one = torch.ones_like(depth)
+    grey, toward = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
+    return Surfaces(grey, toward, 0.5 * one, 0.0 * one, 0.5 * one, depth)
+
+
 def reflectance(surfaces: Surfaces) -> Tensor:
     """(1, 3, h, w) share of light that a surface reflects towards the eye: diffuse, and head on specular.
 

@@ -70,8 +70,8 @@ class GBufferTask(Task):
             (said,) = method.net(*map(torch.cat, zip(*(g.seen for g in gathered), strict=True)))
         said = said.float()
         images, after = [], []
-        for i, (g, sample, state) in enumerate(zip(gathered, samples, states, strict=True)):
-            done = method.finish(g, said[i : i + 1], History(*state), sample.view.jitter)
+        for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
+            done = method.finish(g, said[i : i + 1], History(*state))
             images.append(done.image)
             after.append(list(done.history._replace(counted=done.history.counted.detach())))
         pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])

@@ -6,6 +6,7 @@ from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
+from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.train.classifier_task import ClassifierTask
 from supersampler_model.train.gbuffer_task import GBufferTask
@@ -23,6 +24,9 @@ def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task]:
 
 TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
     **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
-    **{method.name: _gbuffer(method) for method in (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4)},
+    **{
+        method.name: _gbuffer(method)
+        for method in (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
+    },
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""

@@ -1,0 +1,91 @@
+"""What `gbuffer` is made of, one thing taken away at a time (Wang et al. 2025, tables VI and IX), at 4x."""
+
+from collections.abc import Callable, Collection, Mapping
+from dataclasses import replace
+from typing import Any
+
+from torch import Tensor
+
+from supersampler_model.method import render_size_of
+from supersampler_model.methods.gbuffer import GBufferConfig
+from supersampler_model.methods.gbuffer_buffers import Gathered, History, Surfaces
+from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer4
+from supersampler_model.methods.gbuffer_surfaces import matte
+from supersampler_model.sampling import View
+from supersampler_model.train.gbuffer_task import GBufferTask, GBufferWeights
+from supersampler_model.train.task import Task
+
+ALONE = ("base_color", "normal", "roughness", "metallic", "specular")  # without these, depth is
+
+
+class Lacking(SmallGBuffer4):
+    """One that knows less of surfaces.
+
+    Args:
+        unread: fields of `Surfaces` that are matte grey ones', of both sizes.
+        nearest: fields that are the nearest sample's at display size.
+    """
+
+    def __init__(self, unread: Collection[str] = (), nearest: Collection[str] = ()) -> None:
+        super().__init__()
+        self.unread, self.nearest = unread, nearest
+
+    def gather(
+        self,
+        color: Tensor,
+        motion: Tensor,
+        exposure: Tensor,
+        render: Surfaces,
+        display: Surfaces,
+        history: History,
+        view: View,
+    ) -> Gathered:
+        """See `GBuffer.gather`."""
+        grid = view.grid(render_size_of(color))
+        rows, columns = grid.row.clamp(0, color.shape[2] - 1), grid.column.clamp(0, color.shape[3] - 1)
+        near = {n: getattr(render, n).index_select(2, rows).index_select(3, columns) for n in self.nearest}
+        there = (self._known(render), self._known(display._replace(**near)))
+        return super().gather(color, motion, exposure, *there, history, view)
+
+    def _known(self, surfaces: Surfaces) -> Surfaces:
+        grey = matte(surfaces.depth)
+        return surfaces._replace(**{name: getattr(grey, name) for name in self.unread})
+
+
+def lacking(*unread: str) -> Callable[[], Task]:
+    """Return what makes the task of one without these buffers."""
+    return lambda: GBufferTask(Lacking(unread))
+
+
+def changed(**fields: Any) -> Callable[[], Task]:
+    """Return what makes the task of one with other settings."""
+    return lambda: GBufferTask(SmallGBuffer4(GBufferConfig(ratio=4, **{"network": NETWORK, **fields})))
+
+
+def built(**fields: Any) -> Callable[[], Task]:
+    """Return what makes the task of one with other settings of the network."""
+    return changed(network=replace(NETWORK, **fields))
+
+
+VARIANTS: Mapping[str, Callable[[], Task]] = {
+    "all of it": changed(),
+    "without base colour": lacking("base_color"),
+    "without normals": lacking("normal"),
+    "without metallic": lacking("metallic"),
+    "without roughness": lacking("roughness"),
+    "without specular": lacking("specular"),
+    "without depth of display size": lambda: GBufferTask(Lacking(nearest=("depth",))),
+    "depth alone": lacking(*ALONE),
+    "without G-buffers of display size": lambda: GBufferTask(Lacking(nearest=Surfaces._fields)),
+    "without the gated encoder, unshuffled alone": built(surfaces=NETWORK.surfaces[-1:], gated=False),
+    "without the gated branch": built(gated=False),
+    "without the enhancer": built(attention="none"),
+    "attention one way": built(attention="one"),
+    "without the masks of the blender": changed(masked=False),
+    "without the refiner": built(refined=False),
+    "without weights in the loss": lambda: GBufferTask(
+        SmallGBuffer4(), GBufferWeights(reflective=0.0, reflective_structure=0.0)
+    ),
+    "past not blended, features alone": changed(blended=False),
+    "all of it, from another seed": changed(),
+}
