@@ -38,6 +38,7 @@ def bench() -> None:
 
 for _command in (
     cli_run.cost,
+    cli_run.parts,
     cli_run.speed,
     cli_run.device,
     cli_run.skip,

@@ -46,6 +46,36 @@ def cost(
     publish(record, tables, json, update)
 
 
+def parts(
+    methods: Annotated[
+        str, typer.Argument(help="Methods of the family of `gbuffer`, with commas between.")
+    ] = "gbuffer-small,gbuffer-small-4x,gbuffer-4x",
+    sizes: Annotated[
+        str, typer.Option(help="Of the pictures, with commas between.")
+    ] = "1280x720,1920x1080,2560x1440,3840x2160",
+    threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,
+    steps: Annotated[int, typer.Option(min=1, help="That count, of each size.")] = 3,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Time the parts of `gbuffer` in torch, on a GPU where there is one.
+
+    Example:
+      supersampler bench parts gbuffer-small --sizes 1920x1080 --update docs/methods.md
+    """
+    from supersampler_bench.parts import markdown_table, measure_parts, parts_record
+
+    tables = {"parts": markdown_table}
+    check_page(update, tables)
+    with ERRORS.status("timing"):
+        results = [
+            measure_parts(name, parse_size(size), threads=threads, steps=steps)
+            for name in listed(methods)
+            for size in listed(sizes)
+        ]
+    publish(parts_record(results, threads), tables, json, update)
+
+
 def speed(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")

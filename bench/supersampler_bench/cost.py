@@ -10,7 +10,8 @@ import onnx
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.model_info import find_model
+from supersampler.model_info import find_model, read_model_info
+from supersampler.ratios import only_ratio
 from supersampler_bench.record import Record
 from supersampler_export.count import multiply_adds
 
@@ -39,13 +40,15 @@ def measure_cost(name_or_path: str, display_size: Size) -> Cost:
         ModelError: there is no such model.
         ArgumentError: the model has no network.
     """
-    path = find_model(name_or_path) / "network.onnx"
+    folder = find_model(name_or_path)
+    path = folder / "network.onnx"
     if not path.is_file():
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
     model = onnx.load(path)
     weights = [list(tensor.dims) for tensor in model.graph.initializer]
     parameters = sum(math.prod(dims) for dims in weights)
-    counted = multiply_adds(model, display_size)
+    ratio = only_ratio(read_model_info(folder).ratios)
+    counted = multiply_adds(model, display_size, 2 if ratio is None else round(ratio))
     return Cost(Path(name_or_path).name, counted, parameters, len(model.graph.node))
 
 

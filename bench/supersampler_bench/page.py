@@ -46,6 +46,7 @@ SECTIONS = (
     Section("stress", "Stress", "Methods run for long and treated badly; what is out of its bound is bold."),
     Section("parity", "Parity", "How far the graph and the kernels are from torch, over long sequences."),
     Section("precision", "Precision", "What halves and bytes cost at the end of long sequences."),
+    Section("parts", "Parts", "What each part of a method costs, in torch."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
     Section("ablation", "Ablation", "One choice changed at a time."),
     Section("render", "Training data", "How many samples are rendered in an hour."),

@@ -125,8 +125,10 @@ def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, flo
             want = "of `bench quality test-shots --json` or `bench pareto --json`, all of the same shots"
             raise ArgumentError("record", got=got, want=want)
         for ratio, spec, summary in scores:
-            known = {m.name: summary[m.name] for m in METRICS if _is_known(summary.get(m.name))}
-            found.setdefault(ratio, {})[spec] = known
+            known = {name: score for name, score in summary.items() if score is not None}
+            found.setdefault(ratio, {})[spec] = {
+                m.name: known[m.name] for m in METRICS if not math.isnan(known.get(m.name, math.nan))
+            }
     return dict(sorted(found.items()))
 
 
@@ -146,10 +148,6 @@ def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
         yield from ({"ratio": ratio, **method} for method in shot["methods"])
 
 
-def _is_known(score: float | None) -> bool:
-    return score is not None and not math.isnan(score)
-
-
 def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:
     """Those that none beats in time and error, the fastest first; of one ratio."""
     sign = 1.0 if metric.higher else -1.0
@@ -167,7 +165,8 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     fast: the fastest that is `CLEARLY` better than pictures without a history. high: the fastest that is
     within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
     over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
-    what skipping saves, shots in motion do not show. So is what reads no G-buffers, which not all frames have.
+    what skipping saves, shots in motion do not show. Methods that read G-buffers are left out: not all frames
+    have them.
     """
     psnr, dressed = METRICS[0], {name for name in model_names() if gbuffers_of([name])}
     for_all = [p for p in points if p.spec.model not in dressed]

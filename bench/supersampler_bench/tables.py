@@ -7,7 +7,18 @@ from functools import partial
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler_bench import ablation, cost, device, pareto, parity, precision, render_speed, skip, speed
+from supersampler_bench import (
+    ablation,
+    cost,
+    device,
+    pareto,
+    parity,
+    parts,
+    precision,
+    render_speed,
+    skip,
+    speed,
+)
 from supersampler_bench.record import Record, read_record
 from supersampler_bench.report import Report, block_names
 from supersampler_bench.stress import report as stress
@@ -25,6 +36,7 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "cost": cost.markdown_table,
     "device": device.markdown_table,
     "parity": parity.markdown_table,
+    "parts": parts.markdown_table,
     "precision": precision.markdown_table,
     "render": render_speed.markdown_table,
     "skip": skip.markdown_table,

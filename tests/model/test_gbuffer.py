@@ -13,10 +13,12 @@ from supersampler_model.color import tone
 from supersampler_model.method import Method, Size
 from supersampler_model.methods.gbuffer import GBuffer
 from supersampler_model.methods.gbuffer_buffers import Surfaces
+from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_surfaces import (
     LEAST,
     gradients,
+    matte,
     nearest_past,
     occluded,
     reflectance,
@@ -86,6 +88,31 @@ def test_a_texture_is_there_in_the_first_frame(kind: type[GBuffer]) -> None:
     off = (tone(image) - tone(truth)).abs()
     blurred = torch.nn.functional.avg_pool2d(truth, 3, 1, 1, count_include_pad=False)
     assert off.mean() < 0.5 * (tone(blurred) - tone(truth)).abs().mean()
+
+
+def test_of_depth_alone_no_surface_is_told_from_another() -> None:
+    method = DepthGBuffer().eval()
+    assert [name for name in method.inputs() if "gbuffer" in name] == ["gbuffer_display_depth"]
+    render, display = textured(2)
+    inputs = frame(render, display, reflectance(render), (0.1, -0.2))
+    image, history = step(method, inputs)
+    grey = frame(matte(render.depth), matte(display.depth), reflectance(render), (0.1, -0.2))
+    ours, _ = step(SmallGBuffer().eval(), grey)
+    torch.testing.assert_close(image, ours)
+    again, _ = step(method, inputs, history)
+    assert again.isfinite().all()
+
+
+def test_what_is_not_blended_is_not_of_the_picture_before() -> None:
+    render, display = textured(2)
+    first = frame(render, display, reflectance(render), (0.1, -0.2))
+    second = frame(render, display, 0.5 * reflectance(render), (0.1, -0.2))
+    alone = SmallGBuffer(replace(SmallGBuffer.settings(), blended=False)).eval()
+    _, history = step(alone, first)
+    torch.testing.assert_close(step(alone, second, history)[0], step(alone, second)[0])
+    blended = SmallGBuffer().eval()
+    _, history = step(blended, first)
+    assert (step(blended, second, history)[0] - step(blended, second)[0]).abs().mean() > 0.01
 
 
 @pytest.mark.parametrize("kind", BOTH)
