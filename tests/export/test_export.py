@@ -62,8 +62,9 @@ def test_the_shipped_folder_is_what_the_exporter_writes_today(name: str) -> None
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_shipped_graph_draws_what_torch_draws_at_sizes_not_traced(name: str) -> None:
     session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
-    for render, display in SIZES[1:7]:
-        assert compare(made_method(name), session, render, display).difference <= TOLERANCE
+    method = made_method(name)
+    for render, display in sizes_of(method)[1:7]:
+        assert compare(method, session, render, display).difference <= TOLERANCE
 
 
 @pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
@@ -71,8 +72,9 @@ def test_the_shipped_graph_in_half_precision_draws_what_torch_draws(name: str) -
     path = find_model(name) / "step.fp16.onnx"
     check_portable(onnx.load(path))
     session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
-    for render, display in SIZES[1:7]:
-        assert compare(made_method(name), session, render, display).difference <= TOLERANCE_HALF
+    method = made_method(name)
+    for render, display in sizes_of(method)[1:7]:
+        assert compare(method, session, render, display).difference <= TOLERANCE_HALF
 
 
 @pytest.mark.parametrize("name", shipped_methods())
