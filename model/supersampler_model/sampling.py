@@ -203,6 +203,11 @@ def neighbours(image: Tensor) -> list[Tensor]:
     return [tall[:, :, dy : dy + h, dx : dx + w] for dy in range(3) for dx in range(3)]
 
 
+def channels_of(image: Tensor) -> list[Tensor]:
+    """(n, c, h, w) as c images of one channel."""
+    return list(image.split_with_sizes([1] * image.shape[1], dim=1))
+
+
 def extreme(image: Tensor, choose: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
     """Minimum or maximum (`choose`) over 3x3."""
     return reduce(choose, neighbours(image))

@@ -67,6 +67,7 @@ from supersampler_model.networks.gbuffer import (
 from supersampler_model.sampling import (
     WINDOW,
     View,
+    channels_of,
     gaussian,
     neighbours,
     normalised,
@@ -326,7 +327,7 @@ class GBuffer(LearnedMethod):
             (relit, 0.2 * confidence + 0.05),
         ]
         begun = [weight for _, weight in (*pasts, *presents)]
-        shares = [b * weights[:, i : i + 1].exp() for i, b in enumerate(begun)]
+        shares = [b * factor for b, factor in zip(begun, channels_of(weights.exp()), strict=True)]
         old, new = sum_of(shares[: len(pasts)]), sum_of(shares[len(pasts) :])
         total = old + new
         color = sum_of([s / total * v for s, (v, _) in zip(shares, (*pasts, *presents), strict=True)])
@@ -359,7 +360,7 @@ def _shown(color: Tensor, past: Past) -> Tensor:
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
     """Mean of each pixel and its neighbours; `kernel` is (1, 9, H, W), logarithms of factors to AROUND."""
-    weights = [w * kernel[:, i : i + 1].exp() for i, w in enumerate(AROUND)]
+    weights = [w * factor for w, factor in zip(AROUND, channels_of(kernel.exp()), strict=True)]
     total = sum_of(weights)
     return sum_of([w * pixel for w, pixel in zip(weights, neighbours(image), strict=True)]) / total
 

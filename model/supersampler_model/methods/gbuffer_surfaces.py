@@ -8,7 +8,7 @@ from torch.nn import functional as F
 
 from supersampler_model.methods.gbuffer_buffers import Samples, Surfaces
 from supersampler_model.motion import read, usable_depth
-from supersampler_model.sampling import Grid, gaussian, sum_of
+from supersampler_model.sampling import Grid, channels_of, gaussian, sum_of
 
 LEAST = 0.04  # reflectance that is added everywhere: of a dielectric, about
 SIGMA = 0.5  # of the samples' weights, render pixels
@@ -50,7 +50,7 @@ def reflectance(surfaces: Surfaces) -> Tensor:
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
     reflected = base * dielectric + 0.08 * surfaces.specular * dielectric + base * metal + LEAST
-    sky = (sum_of([surfaces.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1).float()
+    sky = (_squared_length(surfaces.normal) < 0.1).float()
     return reflected + sky * (1.0 - reflected)
 
 
@@ -64,12 +64,15 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         display: surfaces of the pixels.
         grid: where these look.
     """
-    colors, weights, likely = [], [], []
-    for down, across, sample in _around(torch.cat([light, usable, *render], dim=1), grid):
+    colors, weights, likely, there = [], [], [], _features(display)
+    for down, across, sample in _around(torch.cat([light, usable, render.depth, _features(render)], 1), grid):
+        color, use, depth, features = sample.split_with_sizes([3, 1, 1, 8], dim=1)
         vertical = gaussian(SIGMA)(grid.row + down - grid.y)[:, None]
-        near = (vertical * gaussian(SIGMA)(grid.column + across - grid.x) + 1e-4) * sample[:, 3:4]
-        alike = _likeness(Surfaces(*sample[:, 4:].split_with_sizes([3, 3, 1, 1, 1, 1], dim=1)), display)
-        colors.append(sample[:, :3])
+        near = (vertical * gaussian(SIGMA)(grid.column + across - grid.x) + 1e-4) * use
+        apart = depth_difference(depth, display.depth) / DEPTH_MARGIN
+        off = 0.5 * (apart * apart).clamp(max=20.0) + _squared_length(features - there)
+        alike = (-off).exp()
+        colors.append(color)
         weights.append(near * (alike + 1e-4))
         likely.append(near * alike)
     return Samples(colors, weights, sum_of(likely))
@@ -84,20 +87,18 @@ def _around(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
             yield down, across, rows.index_select(3, (grid.column + across).clamp(0, w - 1))
 
 
-def _likeness(a: Surfaces, b: Surfaces) -> Tensor:
-    apart = depth_difference(a.depth, b.depth) / DEPTH_MARGIN
-    normal, base = squared_distance(a.normal, b.normal), squared_distance(a.base_color, b.base_color)
-    finish = (a.roughness - b.roughness) ** 2 + (a.metallic - b.metallic) ** 2
-    by_normal, by_base, by_finish = ALIKE
-    off = 0.5 * (apart * apart).clamp(max=20.0) + by_normal * normal + by_base * base + by_finish * finish
-    return (-off).exp()
+def _features(surfaces: Surfaces) -> Tensor:
+    """(1, 8, h, w) whose squared distance is how unlike surfaces are, but for their depth."""
+    by_normal, by_base, by_finish = (weight**0.5 for weight in ALIKE)
+    finish = torch.cat([surfaces.roughness, surfaces.metallic], dim=1)
+    return torch.cat([by_normal * surfaces.normal, by_base * surfaces.base_color, by_finish * finish], dim=1)
 
 
 def weighed_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
     """(1, 3, H, W) mean of the samples; `kernel` is (1, 9, H, W), logarithms of factors to their weights."""
     weights = samples.weights
     if kernel is not None:
-        weights = [weight * kernel[:, i : i + 1].exp() for i, weight in enumerate(weights)]
+        weights = [weight * factor for weight, factor in zip(weights, channels_of(kernel.exp()), strict=True)]
     total = sum_of(weights).clamp(min=1e-12)
     return sum_of([c * w for c, w in zip(samples.colors, weights, strict=True)]) / total
 
@@ -120,7 +121,7 @@ def gradients(surfaces: Surfaces) -> Tensor:
     across = torch.cat([across, torch.zeros_like(both[..., :1])], dim=3)
     down = torch.cat([down, torch.zeros_like(both[:, :, :1])], dim=2)
     steps = across + down
-    return torch.cat([sum_of([steps[:, i : i + 1] for i in group]) for group in ((0, 1, 2), (3, 4, 5))], 1)
+    return torch.cat([steps[:, :3].sum(dim=1, keepdim=True), steps[:, 3:].sum(dim=1, keepdim=True)], dim=1)
 
 
 def occluded(now: Sequence[Tensor], past: Sequence[Tensor]) -> Tensor:
@@ -144,13 +145,10 @@ def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
     rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
     columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
     wide = image.index_select(2, rows).index_select(3, columns)
-    far = []
-    for dy in range(size):
-        for dx in range(size):
-            apart = (wide[:, :, dy : dy + h, dx : dx + w] - warped).abs()
-            most = torch.maximum(torch.maximum(apart[:, :1], apart[:, 1:2]), apart[:, 2:3])
-            far.append((most > COLOR_APART).float())
-    return (sum_of(far) > 0.5 * size * size).float()
+    parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
+    red, green, blue = channels_of((torch.cat(parts) - warped).abs())
+    far = torch.maximum(torch.maximum(red, green), blue) > COLOR_APART
+    return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
@@ -169,9 +167,9 @@ def depth_difference(a: Tensor, b: Tensor) -> Tensor:
     return (a - b).abs() / torch.maximum(a, b).clamp(min=1e-12)
 
 
-def squared_distance(a: Tensor, b: Tensor) -> Tensor:
-    """(1, 3, h, w) each to (1, 1, h, w)."""
-    return sum_of([(a[:, i : i + 1] - b[:, i : i + 1]) ** 2 for i in range(3)])
+def _squared_length(vectors: Tensor) -> Tensor:
+    """(1, c, h, w) to (1, 1, h, w)."""
+    return (vectors * vectors).sum(dim=1, keepdim=True)
 
 
 def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor, Tensor]:
