@@ -111,7 +111,7 @@ class GBufferConfig:
     @property
     def parts(self) -> tuple[int, int, int]:
         """What is said of a pixel: weights of colours, a kernel on neighbours, one on samples."""
-        return 6, WINDOW, WINDOW
+        return 7, WINDOW, WINDOW
 
 
 class GBuffer(LearnedMethod):
@@ -265,7 +265,7 @@ class GBuffer(LearnedMethod):
         samples = samples_of(light, usable, render, display, grid)
         marked = torch.cat([toned, usable], dim=1)
         near = upsample(marked, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
-        smooth = normalised(upsample(marked, grid, gaussian(c.smooth_sigma)))
+        smooth = normalised(upsample(marked, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED)
         return Present(
             toned=toned,
             usable=usable,
@@ -275,7 +275,8 @@ class GBuffer(LearnedMethod):
             reflectance=reflected,
             samples=samples,
             guided=_lit(weighed_mean(samples), reflected),
-            smooth=smooth.clamp(0.0, TONED),
+            smooth=smooth,
+            near=(near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3),
             confidence=near[:, 3:].clamp(max=1.0),
             view=view,
             exposure=exposure,
@@ -325,6 +326,7 @@ class GBuffer(LearnedMethod):
             (_smoothed(present.guided, around), confidence + 0.3),
             (present.smooth, 0.1 * confidence + 0.01),
             (relit, 0.2 * confidence + 0.05),
+            (present.near, 0.2 * confidence + 1e-3),
         ]
         begun = [weight for _, weight in (*pasts, *presents)]
         shares = [b * factor for b, factor in zip(begun, channels_of(weights.exp()), strict=True)]

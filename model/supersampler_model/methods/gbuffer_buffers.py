@@ -42,6 +42,7 @@ class Present(NamedTuple):
     samples: Samples
     guided: Tensor  # (1, 3, H, W) their mean on each pixel's surface, toned
     smooth: Tensor  # (1, 3, H, W) their mean by distance alone, toned
+    near: Tensor  # (1, 3, H, W) those nearest, toned: what edges are made of, frame after frame
     confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
     view: View
     exposure: Tensor  # (1,)

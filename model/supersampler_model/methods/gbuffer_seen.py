@@ -39,6 +39,7 @@ def seen_of(present: Present, past: Remembered, history: History, *, masked: boo
         colors=torch.cat(
             [
                 present.guided,
+                present.near - present.guided,
                 past.color - present.guided,
                 past.relit - present.guided,
                 past.counted / (past.counted + 4.0),

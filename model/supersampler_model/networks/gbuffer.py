@@ -22,7 +22,7 @@ GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
 BESIDE = 18  # what the refiner sees beside features of the past
 SAMPLES = 6  # of the frame's samples: motion, jitter, use, relative depth
-COLORS = 12  # toned colours at display size, and what is known of them
+COLORS = 15  # toned colours at display size, and what is known of them
 
 Attention = Literal["both", "one", "none"]
 
