@@ -6,21 +6,29 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from supersampler import Upscaler, display_transform, halton_jitter
+from supersampler import Model, Upscaler, display_transform, halton_jitter
 from supersampler.display import to_uint8
 from supersampler.image_io import write_png
+from supersampler_bench.fitting import dressed
 from supersampler_model.data.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
-METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]
-RENDER, DISPLAY, FRAME = (64, 36), (128, 72), 12
+METHODS = [
+    *("bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"),
+    *("gbuffer-small", "gbuffer-small-4x"),
+]
+RENDER, FRAME = (64, 36), 12
 
 
 def drawn(method: str) -> NDArray[np.uint8]:
     """Return frame 12 of a disc that crosses a panning checker, as a screen shows it."""
-    upscaler = Upscaler(method, display_size=DISPLAY, executor="graph", validate="off")
+    model = Model.load(method, executor="graph")
+    ratio = model.info.only_ratio or 2.0
+    display = round(RENDER[0] * ratio), round(RENDER[1] * ratio)
+    upscaler = Upscaler(model, display_size=display, validate="off")
     for index in range(FRAME + 1):
-        image = upscaler.step(DiscOverPlane().frame(index, RENDER, halton_jitter(index, 2.0)))
+        frame = DiscOverPlane().frame(index, RENDER, halton_jitter(index, ratio))
+        image = upscaler.step(dressed(frame, model.info.gbuffers, display))
     return to_uint8(display_transform(image))
 
 
