@@ -107,6 +107,11 @@ class Method(nn.Module):
     def _parameters_of_step(cls) -> list[str]:
         return [name for name in inspect.signature(cls.forward).parameters if name != "self"]
 
+    @classmethod
+    def extrapolates(cls) -> bool:
+        """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
+        return cls.image[2:] == RENDER
+
     def step(self, *arguments: Tensor) -> Outputs:
         """Return what `forward` does, told apart."""
         image, *rest = self(*arguments)

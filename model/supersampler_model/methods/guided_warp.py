@@ -1,10 +1,11 @@
-"""`guided-warp`: the colour of a frame that was not shaded, from the last one that was (ExtraSS, section 4.2).
+"""`guided-warp`: the colour of a frame that was not shaded, from the last one that was.
 
 Textures and surfaces of this frame are known from its G-buffers; only the light on them is not. Each pixel
 looks for it where it was in the last shaded frame: among 33 samples around, from near to far, it takes the
 four that are most like its own surface, divides their colours by their base colours, and lights its own base
 colour by what that gives. What was hidden or off screen then is lit as a like surface nearby is, not as what
-hid it. The picture has this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
+hid it (Wu et al. 2023, section 4.2). The picture has this frame's samples and jitter: an upscaler steps on it
+as on a shaded frame.
 """
 
 from collections.abc import Mapping, Sequence
@@ -90,9 +91,9 @@ class Step(NamedTuple):
 class GuidedWarp(Method):
     """Light each pixel as like surfaces were lit in the last shaded frame.
 
-    A shaded frame takes no step: what it leaves is itself, see `after_shaded`. Without one, which is a history
-    of zeros, the image is black. A sample of which colour, surface or depth is no number in its range is not
-    taken where there is another.
+    A shaded frame takes no step: what it leaves is itself, see `after_shaded`. Without one, which is a
+    history of zeros, the image is black. A sample of which colour, surface or depth is no number in its range
+    is not taken where there is another.
     """
 
     name, source = "guided-warp", "Wu et al. 2023 (ExtraSS), section 4.2"
@@ -179,7 +180,7 @@ class GuidedWarp(Method):
         return Chosen(index, 0.5 * ((apart * apart).sum(dim=1) + (x * x + y * y)))
 
     def finish(self, chosen: Sequence[Chosen], light: Tensor, now: Surface) -> Tensor:
-        """Light this frame's surfaces by the mean of the chosen samples of `light`, (h' w', 3) (equation 3)."""
+        """Light this frame's surfaces by the mean of chosen samples of `light`, (h' w', 3) (equation 3)."""
         least = reduce(torch.minimum, [sample.off for sample in chosen])
         shares = [(least - sample.off).exp()[:, None] for sample in chosen]
         lit = [light.index_select(0, s.index) * share for s, share in zip(chosen, shares, strict=True)]
@@ -197,7 +198,7 @@ class GuidedWarp(Method):
 def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor | None = None) -> Surface:
     """Return a frame's G-buffers in their ranges.
 
-    Where one of them is no number, or the sample is not `usable`, (1, 1, h, w) 0 or 1, depth is UNKNOWN_DEPTH.
+    Depth is UNKNOWN_DEPTH where one of them is no number, or the sample is not `usable`, (1, 1, h, w) 0 or 1.
     """
     depth = usable_depth(depth)
     known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
@@ -242,9 +243,9 @@ def samples_at(motion: Tensor, jitter: Tensor, then: Size, jitter_then: Tensor) 
 def numbers_of_least(values: Sequence[Tensor], count: int) -> list[Tensor]:
     """Return which of some values, (n) each and >= 0, are the least: `count` of (n) int64.
 
-    Values are compared in steps of 1 / STEPS, from 0 to MOST steps; of equals the first are taken. By comparing
-    and exchanging, as TopK is not the same with all providers. What is exchanged is one float that holds
-    both, the steps and the number: two operators, where a value and its number would take five.
+    Values are compared in steps of 1 / STEPS, from 0 to MOST steps; of equals the first are taken. By
+    comparing and exchanging, as TopK is not the same with all providers. What is exchanged is one float that
+    holds both, the steps and the number: two operators, where a value and its number would take five.
     """
     least: list[Tensor] = []
     for number, value in enumerate(values):
