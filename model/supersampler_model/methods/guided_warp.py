@@ -71,7 +71,7 @@ class Guide(NamedTuple):
 class Chosen(NamedTuple):
     """A sample of the shaded frame for each pixel."""
 
-    index: Tensor  # (h w) int64, row by row
+    at: Tensor  # (h w) int64, row by row
     off: Tensor  # (h w) -log of its weight
 
 
@@ -183,7 +183,7 @@ class GuidedWarp(Method):
         """Light this frame's surfaces by the mean of chosen samples of `light`, (h' w', 3) (equation 3)."""
         least = reduce(torch.minimum, [sample.off for sample in chosen])
         shares = [(least - sample.off).exp()[:, None] for sample in chosen]
-        lit = [light.index_select(0, s.index) * share for s, share in zip(chosen, shares, strict=True)]
+        lit = [light.index_select(0, s.at) * share for s, share in zip(chosen, shares, strict=True)]
         mean = sum_of(lit) / sum_of(shares)
         size = render_size_of(now.depth)
         planes = mean.reshape(1, size.height, size.width, 3).permute(0, 3, 1, 2)
