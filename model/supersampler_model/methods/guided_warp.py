@@ -163,13 +163,13 @@ class GuidedWarp(Method):
     def network(self, guide: Guide) -> list[Chosen]:
         """Choose the samples that weigh most: joint bilateral (equation 2)."""
         c = self.config
-        rings = ((stride * x, stride * y) for stride in c.strides for x, y in AROUND)
-        places = torch.tensor([(0.0, 0.0), *rings], device=guide.x.device)  # from near to far
-        off = [self.sample(guide, *place).off for place in places]
-        numbers = numbers_of_least(off, c.taps)
-        return [self.sample(guide, *places.index_select(0, n).unbind(dim=1)) for n in numbers]
+        rings = [(float(stride * x), float(stride * y)) for stride in c.strides for x, y in AROUND]
+        places = [(0.0, 0.0), *rings]  # from near to far
+        numbers = numbers_of_least([self.sample(guide, *place).off for place in places], c.taps)
+        across, down = (torch.tensor(axis, device=guide.x.device) for axis in zip(*places, strict=True))
+        return [self.sample(guide, across.index_select(0, n), down.index_select(0, n)) for n in numbers]
 
-    def sample(self, guide: Guide, across: Tensor, down: Tensor) -> Chosen:
+    def sample(self, guide: Guide, across: Tensor | float, down: Tensor | float) -> Chosen:
         """Look at the samples so far, (h w) or one for all, from where the pixels were."""
         x, y = (guide.x + 0.5).floor() + across, (guide.y + 0.5).floor() + down
         column = x.clamp(0.0, guide.size.width - 1.0).long()
