@@ -72,7 +72,8 @@ def without(frame: Frame, name: str) -> Frame:
 
 def by_torch(pattern: str) -> list[NDArray[np.float32] | None]:
     """Colours that the method draws; None of shaded frames."""
-    method, history, made = GuidedWarp(), [], []
+    method, history = GuidedWarp(), list[torch.Tensor]()
+    made: list[NDArray[np.float32] | None] = []
     for index, kind in enumerate(pattern):
         names = [*method.inputs(), *(["color"] if kind == "s" else [])]
         inputs = {name: torch.from_numpy(a) for name, a in frame_inputs(shaded(index), SIZE, names).items()}
@@ -331,7 +332,7 @@ def replayed(file: Path) -> tuple[Replay, list[Any]]:
 def test_a_replay_of_both_kinds_of_frames_is_bit_for_bit_what_was_recorded(
     taau: Model, tmp_path: Path
 ) -> None:
-    file, made = tmp_path / "a.recording", []
+    file, made = tmp_path / "a.recording", list[Float32 | None]()
     with make(taau, record=file) as upscaler:
         made += run(upscaler, "suus")
         state = upscaler.save_state()
