@@ -207,13 +207,13 @@ class Warping:
 
     def step(self, item: ShotFrame) -> Float32:
         """Return the picture of the next frame."""
-        frame, since = item.frame, None
+        frame, since, hidden = item.frame, None, self._alternation.hides(item)
         if frame.reset or self._last is None:
             image = self._upscaler.step(frame)
         else:
             before, last = self._last
             since = further_back(frame, self._since, before.jitter)
-            if self._alternation.hides(item):
+            if hidden:
                 image = warped(last, frame)
                 image = with_background(image, frame, before) if self._filled else image
             else:

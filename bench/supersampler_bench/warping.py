@@ -26,7 +26,7 @@ def warped(picture: Float32, frame: Frame) -> Float32:
 def with_background(picture: Float32, frame: Frame, before: Frame) -> Float32:
     """Return a warped picture, where what was hidden or off screen shows the nearest background.
 
-    That is the nearest pixel, within REACH, that was in sight and is not closer than what is hidden.
+    That is the nearest pixel, within REACH, that was wholly in sight and is not closer than what is hidden.
 
     Args:
         picture: (H, W, 3), by `warped`.
@@ -34,15 +34,21 @@ def with_background(picture: Float32, frame: Frame, before: Frame) -> Float32:
         before: the one before, of either kind.
     """
     size = (picture.shape[1], picture.shape[0])
-    hidden = masks.to_display(masks.disoccluded(frame, before), frame.jitter, size)
-    depth = masks.to_display(frame.depth, frame.jitter, size)
+    hidden, in_part, depth = (
+        masks.to_display(plane, frame.jitter, size)
+        for plane in (
+            masks.disoccluded(frame, before),
+            masks.disoccluded(frame, before, in_part=True),
+            frame.depth,
+        )
+    )
     filled, (rows, columns) = picture.copy(), np.nonzero(hidden)
     for down, across in _outwards():
         y, x = rows + down, columns + across
         inside = (y >= 0) & (y < size[1]) & (x >= 0) & (x < size[0])
         y, x = np.clip(y, 0, size[1] - 1), np.clip(x, 0, size[0] - 1)
         behind = depth[y, x] <= masks.DEPTH_RATIO * depth[rows, columns]
-        found = inside & ~hidden[y, x] & behind
+        found = inside & ~in_part[y, x] & behind
         filled[rows[found], columns[found]] = picture[y[found], x[found]]
         rows, columns = rows[~found], columns[~found]
         if not len(rows):
