@@ -8,15 +8,17 @@ import pytest
 
 from supersampler import Upscaler, display_transform, model_names, shipped_shot
 from supersampler.display import decibels
-from supersampler.model_info import find_model, read_model_info
+from supersampler.model_info import extrapolation_names, find_model, read_model_info
 
 FRAMES = 22  # the last seven have references
 FLOORS = {"bilinear": 26.5, "taa": 24.8, "taau": 28.4, "classifier-small": 29.15, "classifier": 29.55}
 """PSNR, dB, a tenth below what is measured: another processor rounds otherwise by less."""
 PRODUCTS = {"classifier": 4200, "classifier-small": 2000}
 """Multiply-adds a display pixel."""
-OPERATORS = {"bilinear": 90, "bicubic": 260, "taa": 600, "taau": 1150, "classifier": 1850}
-READS = {"bilinear": 0, "bicubic": 0, "taa": 5, "taau": 11, "classifier": 14}
+OPERATORS = {
+    "bilinear": 90, "bicubic": 260, "taa": 600, "taau": 1150, "classifier": 1850, "guided-warp": 1250,
+}  # fmt: skip
+READS = {"bilinear": 0, "bicubic": 0, "taa": 5, "taau": 11, "classifier": 14, "guided-warp": 1}
 """GridSample operators, which are most of what a graph's time is."""
 KILOBYTES = {"step.onnx": 450, "step.fp16.onnx": 300, "network.onnx": 340, "network.npz": 130}
 
@@ -34,7 +36,7 @@ def test_pictures_of_the_shipped_shot_are_as_good_as_they_were(name: str) -> Non
     assert np.mean(scores) >= FLOORS[name]
 
 
-@pytest.mark.parametrize("name", model_names())
+@pytest.mark.parametrize("name", [*model_names(), *extrapolation_names()])
 def test_networks_graphs_and_files_are_as_small_as_they_were(name: str) -> None:
     info = read_model_info(find_model(name))
     assert info.multiply_adds <= PRODUCTS.get(name, 0)

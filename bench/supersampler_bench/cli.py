@@ -1,6 +1,6 @@
 """`supersampler bench ...`; the main command finds `app` by this module's name."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from itertools import count
 from pathlib import Path
@@ -11,12 +11,29 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 from rich.table import Table
 
-from supersampler.cli.arguments import open_shot, parse_size
+from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
-from supersampler_bench import cli_pareto, cli_report, cli_run, cli_stress, color_video_vdp, public_shots
+from supersampler_bench import (
+    cli_extrapolation,
+    cli_pareto,
+    cli_report,
+    cli_run,
+    cli_stress,
+    color_video_vdp,
+    public_shots,
+)
 from supersampler_bench.class_table import rich_class_table
 from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, listed, publish, warn
+from supersampler_bench.cli_shots import (
+    CACHE,
+    CACHE_HELP,
+    RATIO,
+    SHOT,
+    found_test_shots,
+    opened_shots,
+    warn_of,
+)
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.public_shots import PublicShot
 from supersampler_bench.quality import measure_quality, runnable
@@ -28,7 +45,6 @@ if TYPE_CHECKING:
     from supersampler_bench.gallery import Gallery
 
 app = typer.Typer(no_args_is_help=True)
-_CACHE_HELP = "Where the test shots are kept."
 
 
 @app.callback()
@@ -48,6 +64,7 @@ for _command in (
     cli_pareto.pareto,
     cli_pareto.suggest,
     cli_stress.stress,
+    cli_extrapolation.extrapolation,
     cli_report.tables,
     cli_report.report,
 ):
@@ -56,28 +73,15 @@ for _command in (
 
 @app.command()
 def quality(
-    shot: Annotated[
-        str,
-        typer.Argument(
-            metavar="SHOT",
-            help=f"A shot, the name of a shipped one, or {public_shots.NAME}: the five of `bench shots`.",
-        ),
-    ],
+    shot: SHOT,
     methods: Annotated[
         str,
         typer.Option(
             help="Shipped models or model folders, with commas between; NAME:fp32, NAME:fp16 for a graph."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
-    ratio: Annotated[
-        str, typer.Option(help="Of the test shots: display over render size, with commas between.")
-    ] = "2",
-    cache: Annotated[
-        Path | None,
-        typer.Option(
-            envvar=public_shots.CACHE_VARIABLE, help=_CACHE_HELP, show_default="the user's cache folder"
-        ),
-    ] = None,
+    ratio: RATIO = "2",
+    cache: CACHE = None,
     cvvdp: Annotated[
         bool, typer.Option("--cvvdp", help="Judge clips by ColorVideoVDP, too; takes its package.")
     ] = False,
@@ -108,11 +112,7 @@ def quality(
     gallery = None if output is None else _gallery(output)
     if cvvdp:
         color_video_vdp.require()  # what fails does so now, not after minutes of measuring
-    if shot == public_shots.NAME:
-        name, opened = shot, _opened_test_shots(cache, ratio)
-    else:
-        one = open_shot(shot)
-        name, opened = one.name, [(one, {})]
+    name, opened = opened_shots(shot, cache, ratio)
     for page in update or []:
         find_blocks(page, block_names(f"quality {name}"))
     names = listed(methods)
@@ -128,25 +128,6 @@ def quality(
         write_json(report.record, json)
     for page in update or []:
         update_blocks(page, report.blocks(f"quality {name}"))
-
-
-def _opened_test_shots(cache: Path | None, ratio: str) -> list[tuple[Shot, dict[str, Any]]]:
-    try:
-        ratios = [float(text) for text in listed(ratio)]
-    except ValueError as error:
-        raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
-    found = _found(cache or public_shots.default_cache(), ratios)
-    _warn_of(found)
-    return [(public.shot, public.origin()) for public in found]
-
-
-def _found(cache: Path, ratios: Sequence[float]) -> list[PublicShot]:
-    return public_shots.open_test_shots(cache, ratios, public_shots.TEST_SHOTS, public_shots.FROZEN)
-
-
-def _warn_of(shots: list[PublicShot]) -> None:
-    for warning in filter(None, (shot.warning() for shot in shots)):
-        warn(warning)
 
 
 def _measured(
@@ -209,7 +190,7 @@ def shots(
     cache: Annotated[
         Path | None,
         typer.Argument(
-            envvar=public_shots.CACHE_VARIABLE, help=_CACHE_HELP, show_default="the user's cache folder"
+            envvar=public_shots.CACHE_VARIABLE, help=CACHE_HELP, show_default="the user's cache folder"
         ),
     ] = None,
     workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
@@ -229,11 +210,11 @@ def shots(
     total = plan.frames * len(plan.seeds)
     with _progress("rendering", total, frames_there(folder, plan)) as update:
         render_test_shots(folder, plan, workers=workers, on_progress=update)
-    found = _found(folder, plan.ratios)
+    found = found_test_shots(folder, plan.ratios)
     if freeze:
         found = public_shots.freeze(found, public_shots.FROZEN)
     Console().print(_hashes(found))
-    _warn_of(found)
+    warn_of(found)
     ERRORS.print(f"{len(found)} shots in {folder / public_shots.NAME}")
 
 

@@ -21,6 +21,7 @@ IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine
 CONTAINERS = (
     "shots",
     "means",
+    "alternations",
     "methods",
     "summary",
     "warm_cropped",

@@ -35,6 +35,8 @@ def why_not(model: str, render: Size, display: Size, gbuffers: Collection[str] |
         ModelError: there is no such model.
     """
     info = read_model_info(find_model(model))
+    if info.extrapolates:
+        return f"{model} is left out: it upscales nothing, but draws frames that were not shaded."
     try:
         check_ratio(info.ratios, render, display)
     except FrameError as error:

@@ -23,11 +23,11 @@ def moving(frame: Frame) -> Bool:
     return np.asarray(np.hypot(motion[..., 0], motion[..., 1]) > MOVING_PIXELS)
 
 
-def disoccluded(frame: Frame, previous: Frame | None) -> Bool:
+def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) -> Bool:
     """(h, w), True where what is seen now was hidden or off screen in the previous frame.
 
-    Hidden: all four samples around the place it came from were closer by more than `DEPTH_RATIO`. Everything
-    is, after a cut or a change of the render size, and on the first frame.
+    Hidden: all four samples around the place it came from were closer by more than `DEPTH_RATIO`; `in_part`,
+    one of them. Everything is, after a cut or a change of the render size, and on the first frame.
     """
     if previous is None or frame.reset or previous.size != frame.size:
         return np.ones(frame.depth.shape, bool)
@@ -45,8 +45,8 @@ def disoccluded(frame: Frame, previous: Frame | None) -> Bool:
         for dy in (0, 1)
         for dx in (0, 1)
     ]
-    farthest = np.minimum.reduce(taps)  # depth is reversed: small is far
-    return np.asarray(~inside | (farthest > DEPTH_RATIO * frame.depth))
+    before = np.maximum.reduce(taps) if in_part else np.minimum.reduce(taps)  # reversed: small is far
+    return np.asarray(~inside | (before > DEPTH_RATIO * frame.depth))
 
 
 def of_classes(classes: ClassMaps) -> dict[str, Bool]:

@@ -40,6 +40,9 @@ class Section:
 SECTIONS = (
     Section("quality", "Quality", "Pictures as a screen shows them, held against references."),
     Section("pareto", "Time and error", "What no other setting beats in both, and the presets that follow."),
+    Section(
+        "extrapolation", "Frames that were not shaded", "Drawn or warped, against references, and all shaded."
+    ),
     Section("speed", "Speed", "A step on the processor, beside variance clipping (`taa`) in the same run."),
     Section("device", "Devices", "A step of the graph, with frame and picture in the device's memory."),
     Section("skip", "Skipping", "What is saved where nothing moves, and what it costs."),

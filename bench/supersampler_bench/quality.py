@@ -52,9 +52,19 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class _Stepped:
-    image: Float32  # (H, W, 3) linear RGB
-    class_map: Float32 | None = None  # see `Result.class_map`
+class Stepped:
+    """What a step drew: the image (H, W, 3), linear RGB, and `Result.class_map`."""
+
+    image: Float32
+    class_map: Float32 | None = None
+
+
+class Stepper(NamedTuple):
+    """What draws the frames of a shot, in order, and the names of the G-buffers that it reads."""
+
+    name: str
+    step: Callable[[ShotFrame], Stepped]
+    gbuffers: Collection[str] = ()
 
 
 def measure_quality(
@@ -84,12 +94,24 @@ def measure_quality(
         ModelError, FrameError: see `Upscaler`.
     """
     display_size = reference_size(shot)
-    clips = Clips(len(methods), shot.info.frame_rate) if cvvdp else None
     steppers = [_stepper(method, display_size) for method in methods]
+    return measure_steppers(shot, steppers, cvvdp=cvvdp, watch=watch, on_frame=on_frame)
+
+
+def measure_steppers(
+    shot: Shot,
+    steppers: Sequence[Stepper],
+    *,
+    cvvdp: bool = False,
+    watch: Callable[[Seen], None] = lambda _: None,
+    on_frame: Callable[[int], None] | None = None,
+) -> list[MethodScores]:
+    """Do what `measure_quality` does, with whatever draws."""
+    clips = Clips(len(steppers), shot.info.frame_rate) if cvvdp else None
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
-    frames: list[list[FrameScores]] = [[] for _ in methods]
-    truths = _Truths(display_size)
-    before: list[Float32 | None] = [None] * len(methods)
+    frames: list[list[FrameScores]] = [[] for _ in steppers]
+    truths = _Truths(reference_size(shot))
+    before: list[Float32 | None] = [None] * len(steppers)
     for item in shot.frames(gbuffers=gbuffers):
         truth = truths.next(item, shot.read_classes(item.index))
         shown = []
@@ -106,7 +128,7 @@ def measure_quality(
             clips.add(item.index, truth.shown, shown)
         if on_frame is not None:
             on_frame(item.index + 1)
-    return [MethodScores(str(m), frames[i], _judged(clips, i)) for i, m in enumerate(methods)]
+    return [MethodScores(s.name, frames[i], _judged(clips, i)) for i, s in enumerate(steppers)]
 
 
 def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
@@ -142,28 +164,23 @@ def _judged(clips: Clips | None, method: int) -> dict[tuple[bool, bool], float]:
     }
 
 
-class _Stepper(NamedTuple):
-    step: Callable[[ShotFrame], _Stepped]
-    gbuffers: Collection[str] = ()  # names of those that it reads
-
-
-def _stepper(method: str | Path, display_size: Size) -> _Stepper:
+def _stepper(method: str | Path, display_size: Size) -> Stepper:
     if method == ORACLE:
         from supersampler_bench.oracle import Oracle  # needs torch
 
         oracle = Oracle(display_size)
-        return _Stepper(lambda item: _Stepped(oracle.step(item)))
+        return Stepper(ORACLE, lambda item: Stepped(oracle.step(item)))
     spec = parse_spec(str(method))
     upscaler = Upscaler(
         spec.model, display_size=display_size, precision=spec.precision, skip=spec.skip, validate="off"
     )
     want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
-    def step(item: ShotFrame) -> _Stepped:
+    def step(item: ShotFrame) -> Stepped:
         result = upscaler.step(item.frame, want=want)
-        return _Stepped(result.image, result.class_map) if isinstance(result, Result) else _Stepped(result)
+        return Stepped(result.image, result.class_map) if isinstance(result, Result) else Stepped(result)
 
-    return _Stepper(step, upscaler.model.info.gbuffers)
+    return Stepper(str(method), step, upscaler.model.info.gbuffers)
 
 
 def reference_size(shot: Shot) -> Size:

@@ -67,7 +67,7 @@ def quality_record(measured: Sequence[Measured]) -> dict[str, Any]:
             for m in measured
         ],
         "means": [
-            {"ratio": ratio, **_scores_record(mean)}
+            {"ratio": ratio, **scores_record(mean)}
             for ratio in ratios
             for mean in _means([m for m in measured if m.origin["ratio"] == ratio])
         ],
@@ -132,10 +132,11 @@ def shot_record(shot: Shot) -> dict[str, Any]:
 
 def _method_record(result: MethodScores) -> dict[str, Any]:
     frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in result.frames]
-    return {**_scores_record(result), "frames": frames}
+    return {**scores_record(result), "frames": frames}
 
 
-def _scores_record(scores: Summarised) -> dict[str, Any]:
+def scores_record(scores: Summarised) -> dict[str, Any]:
+    """Return the summaries of one method, as `RecordedScores` reads them."""
     ways = list(product((True, False), repeat=2))
     return {
         "method": scores.method,

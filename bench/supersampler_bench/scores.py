@@ -1,6 +1,6 @@
 """What a method scored: frame by frame, and the summaries of a shot and of several."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -100,7 +100,7 @@ class MeanScores:
     """One method's scores of several shots, each of which weighs the same."""
 
     method: str
-    shots: list[MethodScores]
+    shots: Sequence[Summarised]
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """Return the mean of the shots' summaries that have a metric; NaN where none has."""

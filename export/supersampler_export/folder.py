@@ -26,8 +26,16 @@ from supersampler_export.parity import (
     check_fused,
     check_parity,
 )
-from supersampler_model.method import TENSORS, Fused, Method, Shape
+from supersampler_model.method import RENDER, TENSORS, Fused, Method, Shape
 from supersampler_model.methods.carry import Carry
+
+_FILES = {
+    "carry.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",
+    "network.onnx": "is the learned part alone.",
+    "step.fp16.onnx": "is the step with the learned part in half precision.",
+    "network.npz": "is it in bytes, for the host executor.",
+}
+"""What a model card says of files that not all folders have."""
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
@@ -38,10 +46,11 @@ def write_model_folder(method: Method, folder: Path) -> None:
     """
     described = describe(method)
     graph = _labelled(export_graph(method), described)
-    step, carry = _serialized(graph), _serialized(export_graph(Carry()))
-    parity = check_parity(method, step)
-    check_parity(Carry(), carry)
-    files = {"step.onnx": step, "carry.onnx": carry}
+    files = {"step.onnx": _serialized(graph)}
+    parity = check_parity(method, files["step.onnx"])
+    if not method.extrapolates():  # what is carried along comes with every frame
+        files["carry.onnx"] = _serialized(export_graph(Carry()))
+        check_parity(Carry(), files["carry.onnx"])
     fused = method.fused()
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
@@ -88,7 +97,7 @@ def describe(method: Method) -> dict[str, Any]:
             {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
             for name, shape in method.history.items()
         ],
-        "image": _tensor("image", TENSORS["image"]),
+        "image": _tensor("image", method.image),
         **({} if fused is None else {"network": _network(fused)}),
         "told": [_tensor(name, TENSORS[name]) for name in method.told],
         "maps": {name: where._asdict() for name, where in method.maps.items()},
@@ -108,7 +117,6 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
     """MODEL_CARD.md: what a person wants to know before shipping the file."""
     tensors = [*described["inputs"], *described["history"], described["image"], *described["told"]]
     operators = Counter(node.op_type for node in graph.graph.node)
-    low, high = described["ratios"]
     lines = [
         f"# {described['method']}",
         "",
@@ -116,22 +124,9 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         _origin(described.get("learned")),
         "",
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
-        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past. "
-        "`carry.onnx` blends what a frame carries along (alpha, say) by the weight that the step tells."
-        + (" `network.onnx` is the learned part alone." if "network" in described else "")
-        + (
-            " `step.fp16.onnx` is the step with the learned part in half precision."
-            if "step.fp16.onnx" in described["files"]
-            else ""
-        )
-        + (
-            " `network.npz` is it in bytes, for the host executor."
-            if "network.npz" in described["files"]
-            else ""
-        ),
-        f"A ratio of display to render size of exactly {low:g}, on both axes."
-        if low == high
-        else f"Any ratio of display to render size from {low} to {high}, per axis.",
+        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past."
+        + "".join(f" `{name}` {said}" for name, said in _FILES.items() if name in described["files"]),
+        _draws(described),
         "",
         "| tensor | type | shape |",
         "|---|---|---|",
@@ -152,6 +147,19 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         f"Constants: `{json.dumps(described['config'])}`." if described["config"] else "No constants.",
     ]
     return "\n".join(lines) + "\n"
+
+
+def _draws(described: Mapping[str, Any]) -> str:
+    """Return what is drawn from what, by sizes."""
+    low, high = described["ratios"]
+    if described["image"]["shape"][2:] == list(RENDER):
+        return (
+            "Draws the colour of a frame that was not shaded, at render size, for an upscaler to step on. "
+            "After a shaded frame the history is that frame."
+        )
+    if low == high:
+        return f"A ratio of display to render size of exactly {low:g}, on both axes."
+    return f"Any ratio of display to render size from {low} to {high}, per axis."
 
 
 def _origin(learned: Mapping[str, Any] | None) -> str:

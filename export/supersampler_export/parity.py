@@ -13,6 +13,7 @@ from supersampler.ratios import only_ratio, scaled
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.color import tone
 from supersampler_model.method import Fused, Method, Size
+from supersampler_model.methods.guided_warp import GuidedWarp
 
 Sizes = Sequence[tuple[Size, Size]]
 """Pairs of (render, display)."""
@@ -112,9 +113,12 @@ def check_fused(fused: Fused, graph: bytes) -> None:
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
     """Step FRAMES noisy frames through both, each with its own history."""
+    frames = noise(render, display)
     ours = theirs = method.first_history(display, render, CARRIED)
+    if isinstance(method, GuidedWarp):
+        ours = theirs = method.after_shaded(next(frames))
     differences = []
-    for frame in noise(render, display):
+    for frame in frames:
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
             image, ours, _ = method.step(*arguments, *ours)

@@ -20,6 +20,7 @@ Shape = tuple[int | str, ...]
 
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
+SHADED = ("shaded_height", "shaded_width")  # render size of the last frame that was shaded, likewise
 DISPLAY = ("display_height", "display_width")
 CHANNELS = "channels"  # of what a frame carries along
 HALF = ("half_height", "half_width")  # half the display size, rounded up
@@ -106,6 +107,11 @@ class Method(nn.Module):
     def _parameters_of_step(cls) -> list[str]:
         return [name for name in inspect.signature(cls.forward).parameters if name != "self"]
 
+    @classmethod
+    def extrapolates(cls) -> bool:
+        """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
+        return cls.image[2:] == RENDER
+
     def step(self, *arguments: Tensor) -> Outputs:
         """Return what `forward` does, told apart."""
         image, *rest = self(*arguments)
@@ -119,8 +125,9 @@ class Method(nn.Module):
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """All zeros: no past."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
-        names = (*DISPLAY, *HALF, *PREVIOUS, CHANNELS)
-        sizes = dict(zip(names, (*display[::-1], *half[::-1], *render[::-1], channels), strict=True))
+        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, CHANNELS)
+        extents = (*display[::-1], *half[::-1], *render[::-1], *render[::-1], channels)
+        sizes = dict(zip(names, extents, strict=True))
         return [
             torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
         ]

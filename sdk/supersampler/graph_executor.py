@@ -14,14 +14,9 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session, session_options
 from supersampler.host.layout import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
-from supersampler.providers import capturing, check_provider_in_use
+from supersampler.providers import capturing, check_provider_in_use, device_of
 from supersampler.tensors import check_tensor, render_size_of
 
-_DEVICES = {
-    "CUDAExecutionProvider": "cuda",
-    "TensorrtExecutionProvider": "cuda",
-    "DmlExecutionProvider": "dml",
-}
 Tensors = dict[str, ort.OrtValue]
 
 
@@ -52,7 +47,7 @@ class GraphExecutor:
         self._session = open_session(info.steps[precision], session_options(threads), providers)
         self.providers: list[str] = self._session.get_providers()
         check_provider_in_use(providers[0], self.providers)
-        self.device = _DEVICES.get(self.providers[0], "cpu")
+        self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
         self._lock = threading.Lock()  # of that
 

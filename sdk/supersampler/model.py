@@ -9,7 +9,7 @@ import onnxruntime as ort
 from numpy.typing import NDArray
 
 from supersampler.carry import Carrier, check_carry
-from supersampler.errors import ArgumentError, FrameError
+from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.executor import Executor
 from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
 from supersampler.gbuffers import check_gbuffers
@@ -78,11 +78,16 @@ class Model:
                 is captured anew. The CPU runs the same on buffers that stay where they are, without capture.
 
         Raises:
-            ModelError: no such model, a damaged folder, or another contract.
+            ModelError: no such model, a damaged folder, another contract, or a model that upscales nothing.
             ProviderError: a provider was asked for and cannot be had, or cannot capture.
             ArgumentError: the model cannot run so.
         """
         info = read_model_info(find_model(name_or_path))
+        if info.extrapolates:
+            raise ModelError(
+                f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
+                f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
+            )
         names = resolve_providers(providers)
         carrier = Carrier(info, session_options(threads))
         if executor != "graph" and not capture and list(names) == [CPU]:
@@ -315,7 +320,11 @@ class Model:
             FrameError, ArgumentError: see `run_wanted`.
         """
         if frame.color is None:
-            raise FrameError("color", got=None, want=f"(h, w, 3); {self.info.method!r} needs shaded frames")
+            hint = (
+                "`extrapolate`, and `supersampler upscale --extrapolate`, take frames that were not shaded."
+            )
+            want = f"(h, w, 3); {self.info.method!r} needs shaded frames"
+            raise FrameError("color", got=None, want=want, hint=hint)
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
         known = ["carry", WORK, *self.info.maps]

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -88,6 +88,11 @@ class ModelInfo:
         return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
 
     @property
+    def extrapolates(self) -> bool:
+        """Whether it upscales nothing, but draws frames that were not shaded: its image is of render size."""
+        return _of_render_size(self.image.shape)
+
+    @property
     def only_ratio(self) -> float | None:
         """The ratio of display to render size that it draws at; None where there is a range of them."""
         return only_ratio(self.ratios)
@@ -113,8 +118,23 @@ def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
 
 
 def model_names() -> list[str]:
-    """Names of the models that ship with this package."""
-    return sorted(path.name for path in _shipped().iterdir() if (path / "model.json").is_file())
+    """Names of the models that ship with this package, for `Upscaler(name)`."""
+    return _names(extrapolate=False)
+
+
+def extrapolation_names() -> list[str]:
+    """Names of those that draw frames that were not shaded, for `Upscaler(extrapolation=name)`."""
+    return _names(extrapolate=True)
+
+
+def _names(*, extrapolate: bool) -> list[str]:
+    described = {path.parent.name: path for path in _shipped().glob("*/model.json")}
+    shapes = {name: json.loads(path.read_text("utf-8"))["image"]["shape"] for name, path in described.items()}
+    return sorted(name for name, shape in shapes.items() if _of_render_size(shape) is extrapolate)
+
+
+def _of_render_size(shape: Sequence[int | str]) -> bool:
+    return tuple(shape[2:]) == ("render_height", "render_width")
 
 
 def find_model(name_or_path: str | Path) -> Path:
@@ -126,10 +146,11 @@ def find_model(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if (path / "model.json").is_file():
         return path
-    if str(name_or_path) in model_names():
+    known = [*model_names(), *extrapolation_names()]
+    if str(name_or_path) in known:
         return shipped_model(str(name_or_path))
     raise ModelError(
-        f"no model {str(name_or_path)!r}: it is neither one of {', '.join(model_names())} "
+        f"no model {str(name_or_path)!r}: it is neither one of {', '.join(known)} "
         "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
     )
 

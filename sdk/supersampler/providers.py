@@ -29,6 +29,8 @@ _CAPTURE = {
     CPU: {},  # has no launches to save: to try all but the capture itself
 }
 
+_DEVICES = {NAMES["cuda"]: "cuda", NAMES["tensorrt"]: "cuda", NAMES["directml"]: "dml"}
+
 _DISTRIBUTIONS = (
     "onnxruntime",
     "onnxruntime-gpu",
@@ -60,6 +62,11 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
                 "uninstall onnxruntime, then install onnxruntime-gpu or onnxruntime-directml."
             )
     return names
+
+
+def device_of(provider: str) -> str:
+    """Where tensors of a provider lie, as ONNX Runtime calls it: "cpu", "cuda", "dml"."""
+    return _DEVICES.get(provider, "cpu")
 
 
 def capturing(providers: Sequence[str]) -> list[tuple[str, dict[str, str]]]:

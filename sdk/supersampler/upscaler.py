@@ -7,15 +7,16 @@ from pathlib import Path
 from types import TracebackType
 from typing import Literal, overload
 
+from supersampler.checked import checked_model, checked_scale, checked_size, checked_skip
 from supersampler.checks import FrameChecker
 from supersampler.errors import ArgumentError, FrameError
+from supersampler.extrapolation import Extrapolation, ShadedPast
 from supersampler.frame import Float32, Frame, Size
-from supersampler.gbuffers import black
+from supersampler.gbuffers import GBUFFERS, black
 from supersampler.history import History, Result
 from supersampler.model import ExecutorName, Model, Precision, Skip
-from supersampler.plan import Plan
+from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen
-from supersampler.recording.calls import Setup
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
@@ -47,6 +48,8 @@ class Upscaler:
             "exact" draws every pixel, as graphs always do.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
+        extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp", or a
+            model folder. It runs as `model` does. None keeps nothing for it.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
         record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
@@ -54,6 +57,7 @@ class Upscaler:
     Attributes:
         model: in use.
         skip: how far tiles are left as they are.
+        gbuffers: names of the G-buffers that are read of frames, as `ModelInfo.gbuffers` has them.
         stats: what has been done.
 
     Raises:
@@ -77,76 +81,50 @@ class Upscaler:
         capture: bool = False,
         skip: Skip = "auto",
         preset: PresetName | None = None,
+        extrapolation: str | Path | None = None,
         validate: Literal["off", "warn", "strict"] = "warn",
         record: str | Path | None = None,
     ) -> None:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
             raise ArgumentError("display_size or scale", got=got, want="one of the two")
-        self._display_size = None if display_size is None else _checked_size("display_size", display_size)
-        self._scale = 1.0 if scale is None else _checked_scale(scale)
-        self._render_size = None if render_size is None else _checked_size("render_size", render_size)
+        self._display_size = None if display_size is None else checked_size("display_size", display_size)
+        self._scale = 1.0 if scale is None else checked_scale(scale)
+        self._render_size = None if render_size is None else checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
         model, precision, skip = chosen(preset, model, precision, skip)
-        self.skip = _checked_skip(skip)
-        if isinstance(model, Model):
-            if threads or capture or (providers, executor, precision) != ("auto",) * 3:
-                name = "providers, threads, executor, precision or capture"
-                raise ArgumentError(name, got="set beside a Model", want="set in Model.load")
-            self.model = model
-        else:
-            self.model = Model.load(
-                model,
-                providers=providers,
-                threads=threads,
-                executor=executor,
-                precision=precision,
-                capture=capture,
-            )
+        self.skip = checked_skip(skip)
+        self.model = checked_model(
+            model,
+            providers=providers,
+            threads=threads,
+            executor=executor,
+            precision=precision,
+            capture=capture,
+        )
         if self._render_size is not None and self._display_size is None:
             self._display_size = self._scaled(self._render_size)
+        self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads)
+        infos = (self.model.info, *self._extrapolation.infos)
+        inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
+        self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._history: History | None = None
         self._spare: History | None = None
         self._closed = False
         self.stats = Stats()
-        inputs = [tensor.name for tensor in self.model.info.inputs]
-        self._recorder = None if record is None else Recorder(record, self._setup(), inputs)
+        self._recorder = None
+        if record is not None:
+            setup = setup_here(
+                self.model,
+                self._extrapolation.infos,
+                display_size=self._display_size,
+                scale=self._scale,
+                skip=self.skip,
+                validate=validate,
+            )
+            self._recorder = Recorder(record, setup, inputs)
 
-    @staticmethod
-    def plan(
-        render_size: Size,
-        display_size: Size,
-        model: str | Path = "classifier",
-        *,
-        providers: str | Sequence[str] = "auto",
-        threads: int = 0,
-        executor: ExecutorName = "auto",
-        precision: Precision = "auto",
-    ) -> Plan:
-        """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
-
-        >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
-        >>> megabytes = plan.history_bytes / 1e6
-
-        Args:
-            render_size: (width, height) of the frames.
-            display_size: (width, height) of the images.
-            model: see the constructor; a `Model` has a `plan` of its own.
-            providers: see `Model.load`.
-            threads: see `Model.load`.
-            executor: see `Model.load`.
-            precision: see `Model.load`.
-
-        Raises:
-            FrameError: the method does not upscale by that much.
-            ModelError, ProviderError, ArgumentError: see `Model.load`.
-        """
-        loaded = Model.load(
-            model, providers=providers, threads=threads, executor=executor, precision=precision
-        )
-        return loaded.plan(
-            _checked_size("render_size", render_size), _checked_size("display_size", display_size)
-        )
+    plan = staticmethod(plan)
 
     @property
     def display_size(self) -> Size | None:
@@ -184,6 +162,40 @@ class Upscaler:
             return self._step(frame, out, want)
         return self._recorder.step(frame, want, partial(self._step, frame, out, want))
 
+    @overload
+    def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
+
+    @overload
+    def extrapolate(
+        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]
+    ) -> Float32 | Result: ...
+
+    def extrapolate(
+        self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
+    ) -> Float32 | Result:
+        """Upscale the next frame, which was not shaded: its colour is drawn from the last one that was.
+
+        Shaded frames and others may alternate in any way. `step` takes those, and wants of them the G-buffers
+        that the extrapolation reads, too. Motion is to the frame handed in before, of either kind.
+
+        >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
+        >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
+
+        Args:
+            frame: without colour, with the G-buffers that the extrapolation and the method read.
+            out: see `step`.
+            want: see `step`.
+
+        Returns:
+            As `step`.
+
+        Raises:
+            FrameError: as `step`; or the frame has colour, or is the first after a start, a reset or a cut.
+            ArgumentError: as `step`; or the Upscaler was made without `extrapolation`.
+        """
+        run = partial(self._extrapolate, frame, out, want)
+        return run() if self._recorder is None else self._recorder.step(frame, want, run, extrapolated=True)
+
     def step_tensors(
         self,
         tensors: Mapping[str, Tensor],
@@ -198,7 +210,7 @@ class Upscaler:
         >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
         >>> image = torch.from_dlpack(image)
 
-        For executor="graph". Pixels are not read and checked as `step` does.
+        For executor="graph", and without `extrapolation`. Pixels are not read and checked as `step` does.
 
         Args:
             tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
@@ -216,7 +228,7 @@ class Upscaler:
             FrameError: a tensor is missing, or its type, shape or device does not fit. The history is as
                 before.
             ModelError: the provider cannot capture the step, with `capture`; likewise.
-            ArgumentError: the executor takes no tensors.
+            ArgumentError: the executor takes no tensors, or the Upscaler was made with `extrapolation`.
         """
         run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
         if self._recorder is None:
@@ -227,7 +239,7 @@ class Upscaler:
         """Forget the past, as `Frame.reset` does."""
         if self._recorder is not None:
             self._recorder.reset()
-        self._history = None
+        self._history = self._extrapolation.past = None
         self._checker.reset()
 
     def warm_up(self, render_size: Size | None = None) -> None:
@@ -242,9 +254,10 @@ class Upscaler:
         size = render_size or self._render_size
         if size is None:
             raise ArgumentError("render_size", got=None, want="(width, height)")
-        size = _checked_size("render_size", size)
+        size = checked_size("render_size", size)
         display_size = self._display_size or self._scaled(size)
-        frame = black(self.model.info.gbuffers, size, display_size)
+        frame = black(self.gbuffers, size, display_size)
+        self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
         if self.model.capture:
@@ -261,30 +274,26 @@ class Upscaler:
             history.display_size,
             history.render_size,
             self.model.save_history(history),
+            self._extrapolation.save(),
         )
 
     def load_state(self, state: State) -> None:
-        """Continue from `state`.
+        """Continue from `state`; where it has nothing to extrapolate from, shade a frame first.
 
         Raises:
-            ArgumentError: it is of another method or display size; the history stays as it was.
+            ArgumentError: it is of another method, extrapolation or display size; the history stays as is.
         """
-        if state.method != self.model.info.method:
-            raise ArgumentError("state", got=f"of {state.method!r}", want=f"of {self.model.info.method!r}")
-        if self._display_size not in (None, state.display_size):
-            raise ArgumentError("state", got=f"at {state.display_size}", want=f"at {self._display_size}")
-        history = None
-        if state.history is not None and state.display_size and state.render_size:
-            history = self.model.load_history(state.display_size, state.render_size, state.history)
+        history = state.history_for(self.model, self._display_size)
+        shaded = self._extrapolation.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
-        self._history, self._spare = history, None
+        self._history, self._spare, self._extrapolation.past = history, None, shaded
         self._display_size = state.display_size
         self._checker.reset()
 
     def close(self) -> None:
         """Free the history, and end the recording; `step` raises afterwards."""
-        self._history = self._spare = None
+        self._history = self._spare = self._extrapolation.past = None
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -298,21 +307,39 @@ class Upscaler:
         self.close()
 
     def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+        self._check_open()
+        left = None if frame.color is None else self._extrapolation.after_shaded(frame)
+        return self._upscaled(frame, frame, left, out, want)
+
+    def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         started = time.perf_counter()
         self._check_open()
-        display_size = self._display_size or self._scaled(frame.size)
-        history = None if frame.reset else self._history
-        carried = None if history is None else history.carry
-        self.model.check(frame, display_size, want, carried)  # first: no frame is remembered and then refused
-        self._checker.check(frame, display_size, self.model.info.gbuffers)
-        fresh = history is None
-        history = history or self.model.first_history(display_size, frame.size)
+        drawn, left = self._extrapolation.draw(frame)
+        seconds = time.perf_counter() - started
+        image = self._upscaled(frame, drawn, left, out, want)
+        self.stats = self.stats.after_drawing(seconds)
+        return image
+
+    def _upscaled(
+        self,
+        given: Frame,
+        frame: Frame,
+        shaded: ShadedPast | None,
+        out: Float32 | None,
+        want: Collection[str],
+    ) -> Float32 | Result:
+        """Step on a frame that has colour, as it was `given` or drawn; both pasts change at its end alone."""
+        started = time.perf_counter()
+        history = self._history_for(frame.size, reset=frame.reset)
+        self.model.check(
+            frame, history.display_size, want, history.carry
+        )  # first: none is kept, then refused
+        self._checker.check(given, history.display_size, self.gbuffers)
         result, left = self.model.run_wanted(
             frame, history, want, out=out, history_out=self._spare, skip=self.skip
         )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, float(self.model.work(left).mean()), time.perf_counter() - started)
+        self._extrapolation.past = shaded
+        self._go_on(history, left, float(self.model.work(left).mean()), started)
         return result if want else result.image
 
     def _step_tensors(
@@ -325,66 +352,34 @@ class Upscaler:
     ) -> Tensor:
         started = time.perf_counter()
         self._check_open()
+        if self._extrapolation.infos:
+            hint = "What frames are drawn from is kept of arrays alone: use `step`."
+            raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
         if "color" not in tensors:
             raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
-        size = render_size_of(taken(tensors["color"], "color"))
-        display_size = self._display_size or self._scaled(size)
-        history = None if reset else self._history
-        fresh = history is None
-        history = history or self.model.first_history(display_size, size)
+        history = self._history_for(render_size_of(taken(tensors["color"], "color")), reset=reset)
         image, left = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
         )
-        self._display_size = display_size
-        self._history, self._spare = left, history
-        self._count(fresh, 1.0, time.perf_counter() - started)
+        self._go_on(history, left, 1.0, started)
         return image
+
+    def _history_for(self, size: Size, *, reset: bool) -> History:
+        """Return what a frame of this render size is stepped on."""
+        if self._history is not None and not reset:
+            return self._history
+        return self.model.first_history(self._display_size or self._scaled(size), size)
+
+    def _go_on(self, past: History, left: History, work: float, started: float) -> None:
+        """Remember what a step has left, and count it."""
+        fresh, seconds = past is not self._history, time.perf_counter() - started
+        self._display_size = past.display_size
+        self._history, self._spare = left, past
+        self.stats = self.stats.after_step(fresh=fresh, work=work, seconds=seconds)
 
     def _check_open(self) -> None:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
-    def _count(self, fresh: bool, work: float, seconds: float) -> None:
-        s, full = self.stats, work == 1.0
-        self.stats = Stats(
-            frames=s.frames + 1,
-            resets=s.resets + fresh,
-            seconds=s.seconds + seconds,
-            work=s.work + work,
-            full_frames=s.full_frames + full,
-            full_seconds=s.full_seconds + (seconds if full else 0.0),
-        )
-
-    def _setup(self) -> Setup:
-        return setup_here(
-            self.model,
-            display_size=self._display_size,
-            scale=self._scale,
-            skip=self.skip,
-            validate=self._checker.validate,
-        )
-
     def _scaled(self, render_size: Size) -> Size:
         return round(render_size[0] * self._scale), round(render_size[1] * self._scale)
-
-
-def _checked_skip(skip: Skip) -> Skip:
-    if skip in ("auto", "exact") or (isinstance(skip, (int, float)) and 0.0 <= skip <= 1.0):
-        return skip
-    raise ArgumentError("skip", got=repr(skip), want="'auto', 'exact' or a number in [0, 1]")
-
-
-def _checked_scale(scale: float) -> float:
-    if not 1.0 <= scale < float("inf"):
-        raise ArgumentError("scale", got=scale, want="a number >= 1: display size over render size")
-    return float(scale)
-
-
-def _checked_size(name: str, size: Size) -> Size:
-    try:
-        width, height = (int(n) for n in size)
-    except (TypeError, ValueError):
-        raise ArgumentError(name, got=repr(size), want="(width, height) in pixels") from None
-    if width < 1 or height < 1:
-        raise ArgumentError(name, got=(width, height), want="(width, height), each at least 1")
-    return width, height

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
 from supersampler.cli import app
-from supersampler.model_info import find_model
+from supersampler.model_info import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import describe, write_model_folder
@@ -87,7 +87,7 @@ def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
 
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
-    info = Model.load(name).info
+    info = read_model_info(find_model(name))
     graph = onnx.load(info.steps["fp32"]).graph
     inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
     assert [value.name for value in graph.input] == inputs

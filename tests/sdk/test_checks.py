@@ -50,6 +50,18 @@ def test_what_moves_before_something_else_is_fine() -> None:
     check_all([DiscOverPlane().frame(i, (128, 72), halton_jitter(i, 2.0)) for i in range(5)])
 
 
+def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
+    """A camera that shakes: between shaded frames, motion is to one that was not."""
+    scene, handed_in = Plane(checker, (2.0, 1.0)), [0, 2, 1, 3, 2, 4, 3]
+    frames = []
+    for number, (index, before) in enumerate(zip(handed_in, [0, *handed_in], strict=False)):
+        frame = scene.frame(index, (96, 54), halton_jitter(number, 2.0))
+        motion = frame.motion * np.float32(index - before)
+        color = frame.color if number % 2 == 0 else None
+        frames.append(replace(frame, motion=motion, color=color, reset=number == 0))
+    check_all(frames)
+
+
 @pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
 def test_pictures_that_tell_nothing_are_fine(frames: list[Frame], name: str) -> None:
     def change(frame: Frame) -> Frame:

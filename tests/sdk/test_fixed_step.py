@@ -18,7 +18,7 @@ from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ProviderError, Upscaler
 from supersampler.fixed_step import with_display_size
 from supersampler.graph_executor import GraphExecutor
-from supersampler.model_info import extents, find_model, model_names, read_model_info
+from supersampler.model_info import extents, extrapolation_names, find_model, model_names, read_model_info
 from supersampler.providers import NAMES, capturing
 from supersampler.recording.tensors import tensors_of_frame
 
@@ -177,7 +177,8 @@ def test_the_first_provider_is_told_to_capture_or_is_refused() -> None:
 
 
 def graphs() -> list[Any]:
-    infos = [read_model_info(find_model(name)) for name in model_names()]
+    names = [*model_names(), *extrapolation_names()]
+    infos = [read_model_info(find_model(name)) for name in names]
     return [
         pytest.param(path, id=f"{info.folder.name}-{kind}")
         for info in infos
@@ -188,12 +189,15 @@ def graphs() -> list[Any]:
 def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
     """What is left of a graph when ONNX Runtime hands its nodes out to providers."""
     sizes = extents(render=(32, 18), display=DISPLAY, previous=(32, 18))
+    sizes |= {"shaded_width": 32, "shaded_height": 18}  # of the last shaded frame
     options = ort.SessionOptions()
     for name, extent in sizes.items():
         options.add_free_dimension_override_by_name(name, extent)
     options.graph_optimization_level = ort.GraphOptimizationLevel.ORT_ENABLE_BASIC
     options.optimized_model_filepath = str(optimized)
-    graph = with_display_size(path.read_bytes(), DISPLAY)
+    graph = path.read_bytes()
+    if "display_size" in [value.name for value in onnx.load(path).graph.input]:
+        graph = with_display_size(graph, DISPLAY)
     ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     return onnx.load(optimized).graph
 

@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Literal, get_args
 
 from supersampler.checks.alone import mistakes_alone
@@ -82,7 +83,9 @@ def _examined(
 ) -> tuple[Memory, list[Mistake]]:
     light = None if frame.color is None else luminance(frame.color)
     found = [*mistakes_alone(frame, light), *mistakes_of_gbuffers(frame, gbuffers)]
-    if light is not None:
+    if light is None:
+        memory = replace(memory, light=None, depth=None)
+    else:
         memory = remembered(memory, frame, light, display_size)
         found += mistakes_between(memory, frame.size, display_size)
     return memory, found

@@ -30,7 +30,8 @@ class Memory:
     """What is kept of the frames since the last cut. Arrays are copies: engines reuse their buffers.
 
     Attributes:
-        light, depth, jitter: of the last shaded frame; None before it.
+        light, depth, jitter: of the frame before; None where there is none, or it was not shaded: motion does
+            not lead to the one that was.
         pairs: how many pairs of frames were compared.
         errors: for each reading, the sums over the pairs of (the frame's own error, that of the reading).
         surfaces: for each depth order, how many (closer, farther) surfaces places were uncovered by.

@@ -25,11 +25,14 @@ def info(
       supersampler info taau
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.model_info import find_model, model_names, read_model_info
+    from supersampler.model_info import extrapolation_names, find_model, model_names, read_model_info
 
+    models, extrapolations = model_names(), extrapolation_names()
     if what is None:
-        _print_rows({"models": ", ".join(model_names()), "shots": "plaza"})
-    elif what in model_names() or (Path(what) / "model.json").is_file():
+        _print_rows(
+            {"models": ", ".join(models), "extrapolation": ", ".join(extrapolations), "shots": "plaza"}
+        )
+    elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
         _print_rows(_model_rows(read_model_info(find_model(what))))
     elif (Path(what) / "dataset.json").is_file():
         _print_rows(import_module("supersampler_model.data.dataset.info").rows(Path(what)))
@@ -48,12 +51,15 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
     from supersampler.gbuffers import listed
 
     ratio = "only {}".format if model.only_ratio else "{} to {}".format
+    ratios = f"{ratio(*model.ratios)} (display over render size, each axis)"
+    if model.extrapolates:
+        ratios = "none: it draws frames that were not shaded, at render size"
     return {
         "method": model.method,
         "source": model.source,
         "folder": str(model.folder),
         "contract": str(model.contract),
-        "ratios": f"{ratio(*model.ratios)} (display over render size, each axis)",
+        "ratios": ratios,
         "inputs": "\n".join(map(_tensor_text, model.inputs)),
         "G-buffers": listed(model.gbuffers),
         "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",

@@ -28,6 +28,12 @@ def replay(
             help="A model folder, or a shipped model by name, whatever was recorded.", show_default="recorded"
         ),
     ] = None,
+    extrapolation: Annotated[
+        str | None,
+        typer.Option(
+            help="The same of the model that draws frames that were not shaded.", show_default="recorded"
+        ),
+    ] = None,
     executor: Annotated[
         ExecutorChoice | None,
         typer.Option(
@@ -64,6 +70,7 @@ def replay(
     replayed = Replay(
         open_recording(recording),
         model=model,
+        extrapolation=extrapolation,
         executor=None if executor is None else executor.value,
         precision=None if precision is None else precision.value,
         providers=None if providers is None else parse_providers(providers),

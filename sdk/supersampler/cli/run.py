@@ -60,6 +60,7 @@ _NOTES = (
 class UpscaleJob:
     """What to upscale, how, and to where; sizes are (width, height).
 
+    Frames of the shot that were not shaded are drawn by `extrapolation`, the name or folder of a model.
     Without `display_size` and `scale` the pictures are of the shot's display size; where it has none, 2x, or
     what the model's only ratio is.
     `record` is a file to record to, all frames from the first on; an earlier recording is replaced.
@@ -78,6 +79,7 @@ class UpscaleJob:
     precision: Precision = "auto"
     skip: Skip = "auto"
     preset: PresetName | None = None
+    extrapolation: str | Path | None = None
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
     overwrite: bool = False
@@ -123,6 +125,7 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
         threads=job.threads,
         precision=precision,
         skip=skip,
+        extrapolation=job.extrapolation,
         validate=job.validate,
         record=job.record,
     )
@@ -146,9 +149,14 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "executor": upscaler.model.executor,
         "precision": upscaler.model.precision,
         "skip": upscaler.skip,
+        "extrapolation": _files_of(job.extrapolation),
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
     }
+
+
+def _files_of(model: str | Path | None) -> dict[str, str] | None:
+    return None if model is None else dict(read_model_info(find_model(model)).files)
 
 
 def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) -> None:
@@ -159,7 +167,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     meter, began = ExposureMeter(), time.perf_counter()
     with _page(job, upscaler) as page, _progress(job.console) as progress:
         task = progress.add_task("", total=count - start)
-        for item in job.shot.frames(start, gbuffers=upscaler.model.info.gbuffers):
+        for item in job.shot.frames(start, gbuffers=upscaler.gbuffers):
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
             frame = item.frame
             with _named(job, item.index):
@@ -174,6 +182,9 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     stats, seconds = upscaler.stats, time.perf_counter() - began
     rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
     job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
+    if stats.extrapolated:
+        each = stats.extrapolation_seconds / stats.extrapolated
+        job.console.print(f"{stats.extrapolated} were not shaded; drawing one took {each:.2f} s")
     if stats.work < stats.frames:
         job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was left out: nothing moved.")
 
@@ -181,7 +192,8 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
 def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> Result:
     """Step, and ask for what the pictures and the page show."""
     maps = [*upscaler.model.info.maps, "work"] if job.maps else []
-    result = upscaler.step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
+    step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
+    result = step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
     return result if isinstance(result, Result) else Result(result)
 
 

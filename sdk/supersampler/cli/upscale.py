@@ -72,6 +72,14 @@ def upscale(
         PresetChoice | None,
         typer.Option(help="Sets method, precision and skip: what leads in time and error."),
     ] = None,
+    extrapolate: Annotated[
+        str | None,
+        typer.Option(
+            metavar="MODEL",
+            help="Draws frames of SHOT that were not shaded: guided-warp, or a model folder. "
+            "All frames need G-buffers.",
+        ),
+    ] = None,
     validate: Annotated[
         Validate,
         typer.Option(
@@ -116,6 +124,7 @@ def upscale(
         precision=precision.value,
         skip=parse_skip(skip),
         preset=None if preset is None else preset.value,
+        extrapolation=extrapolate,
         validate=validate.value,
         record=record,
         overwrite=overwrite,

@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeAlias, cast
+from typing import Any, Literal, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,18 +15,45 @@ from supersampler.state import State
 
 FORMAT = 1
 """Version of the records. One that a reader does not know is refused."""
+_SHADED = "shaded."  # before names of a state's arrays
 
 
 @dataclass(frozen=True, kw_only=True)
-class Setup:
-    """How an Upscaler was made, and where.
+class RecordedModel:
+    """Which model it was.
 
     Attributes:
-        contract: version of the meaning of a frame's inputs (docs/contract.md).
         folder: name of the model's folder, without those it lies in.
         method: of the model.
         files: sha256 of the model's files, by name.
         config: the method's constants.
+    """
+
+    folder: str
+    method: str
+    files: Mapping[str, str]
+    config: Mapping[str, Any]
+
+    @staticmethod
+    def of(model: ModelInfo) -> "RecordedModel":
+        """Return which model this is."""
+        return RecordedModel(
+            folder=model.folder.name, method=model.method, files=model.files, config=model.config
+        )
+
+    def is_of(self, model: ModelInfo) -> bool:
+        """Tell whether it was this model."""
+        there = (self.method, dict(self.files), dict(self.config))
+        return there == (model.method, dict(model.files), dict(model.config))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Setup(RecordedModel):
+    """How an Upscaler was made, of which model, and where.
+
+    Attributes:
+        contract: version of the meaning of a frame's inputs (docs/contract.md).
+        extrapolation: the model that draws frames that were not shaded; None where there was none.
         executor: "graph" or "host".
         precision: of what is learned, "fp32" or "int8".
         providers: of ONNX Runtime.
@@ -39,10 +66,7 @@ class Setup:
     """
 
     contract: int
-    folder: str
-    method: str
-    files: Mapping[str, str]
-    config: Mapping[str, Any]
+    extrapolation: RecordedModel | None
     executor: str
     precision: str
     providers: tuple[str, ...]
@@ -54,21 +78,17 @@ class Setup:
     versions: Mapping[str, str]
     machine: Mapping[str, Any]
 
-    def is_of(self, model: ModelInfo) -> bool:
-        """Tell whether it was this model."""
-        there = (self.method, dict(self.files), dict(self.config))
-        return there == (model.method, dict(model.files), dict(model.config))
-
 
 @dataclass(frozen=True, eq=False)
 class StepCall:
-    """`Upscaler.step`, or `step_tensors`.
+    """`Upscaler.step`, `extrapolate` or `step_tensors`.
 
     Attributes:
         index: how many steps were before it, those that were refused included.
         frame: as it was handed in, but for G-buffers that the model does not read.
         want: what else than the image was asked for.
         tensors: whether the frame came as tensors on a device, whose pixels nothing checks.
+        extrapolated: whether its colour was to be drawn.
         outcome: what came of it; None where the process ended within the step, or just after it.
     """
 
@@ -76,6 +96,7 @@ class StepCall:
     frame: Frame
     want: tuple[str, ...]
     tensors: bool
+    extrapolated: bool
     outcome: Outcome | None
 
 
@@ -107,7 +128,9 @@ Call: TypeAlias = StepCall | ResetCall | LoadStateCall | CloseCall
 
 def setup_record(setup: Setup) -> Record:
     """The first record of a file."""
-    return Record("setup", {"format": FORMAT, **{f.name: getattr(setup, f.name) for f in fields(Setup)}})
+    values = {f.name: getattr(setup, f.name) for f in fields(Setup)}
+    values["extrapolation"] = None if setup.extrapolation is None else vars(setup.extrapolation)
+    return Record("setup", {"format": FORMAT, **values})
 
 
 def setup_of(record: Record) -> Setup:
@@ -116,12 +139,13 @@ def setup_of(record: Record) -> Setup:
     Raises:
         KeyError, TypeError, ValueError: something is missing or of a wrong type.
     """
-    values: dict[str, Any] = {f.name: record.values[f.name] for f in fields(Setup)}
-    size, skip = values["display_size"], values["skip"]
+    given = {"extrapolation": None, **record.values}  # which recordings that are older lack
+    values: dict[str, Any] = {f.name: given[f.name] for f in fields(Setup)}
+    size, skip, extrapolation = values["display_size"], values["skip"], values["extrapolation"]
     values |= {
+        **_model_of(values),
         "contract": int(values["contract"]),
-        "files": {str(name): str(digest) for name, digest in dict(values["files"]).items()},
-        "config": dict(values["config"]),
+        "extrapolation": None if extrapolation is None else RecordedModel(**_model_of(extrapolation)),
         "providers": tuple(map(str, values["providers"])),
         "threads": int(values["threads"]),
         "display_size": None if size is None else _size(size),
@@ -130,14 +154,25 @@ def setup_of(record: Record) -> Setup:
         "versions": dict(values["versions"]),
         "machine": dict(values["machine"]),
     }
-    for name in ("folder", "method", "executor", "precision", "validate"):
+    for name in ("executor", "precision", "validate"):
         values[name] = str(values[name])
     if values["threads"] < 0:
         raise ValueError(f"{values['threads']} threads")
     return Setup(**values)
 
 
-def step_record(frame: Frame, want: Collection[str], *, tensors: bool = False) -> Record:
+def _model_of(values: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "folder": str(values["folder"]),
+        "method": str(values["method"]),
+        "files": {str(name): str(digest) for name, digest in dict(values["files"]).items()},
+        "config": dict(values["config"]),
+    }
+
+
+def step_record(
+    frame: Frame, want: Collection[str], *, tensors: bool = False, extrapolated: bool = False
+) -> Record:
     """A frame: what is no array as JSON, arrays by their field, those of a mapping as field.key."""
     values: dict[str, Any] = {}
     arrays: dict[str, NDArray[Any]] = {}
@@ -150,7 +185,8 @@ def step_record(frame: Frame, want: Collection[str], *, tensors: bool = False) -
             arrays |= {f"{field.name}.{key}": array for key, array in value.items()}
         else:
             values[field.name] = value
-    return Record("step", {"frame": values, "want": list(map(str, want)), "tensors": tensors}, arrays)
+    asked = {"want": list(map(str, want)), "tensors": tensors, "extrapolated": extrapolated}
+    return Record("step", {"frame": values, **asked}, arrays)
 
 
 def frame_of(record: Record) -> Frame:
@@ -170,14 +206,16 @@ def frame_of(record: Record) -> Frame:
 
 
 def state_record(state: State) -> Record:
-    """A state: its history's arrays by name."""
+    """A state: its history's arrays by name, those of the last shaded frame as shaded.name."""
     values = {
         "method": state.method,
         "display_size": state.display_size,
         "render_size": state.render_size,
         "past": state.history is not None,
+        "shaded": state.shaded is not None,
     }
-    return Record("load_state", values, state.history or {})
+    shaded = {f"{_SHADED}{name}": array for name, array in (state.shaded or {}).items()}
+    return Record("load_state", values, {**(state.history or {}), **shaded})
 
 
 def state_of(record: Record) -> State:
@@ -188,8 +226,15 @@ def state_of(record: Record) -> State:
     """
     sizes = [record.values[name] for name in ("display_size", "render_size")]
     display, render = (None if size is None else _size(size) for size in sizes)
-    past = cast("bool", record.values["past"])
-    return State(str(record.values["method"]), display, render, record.arrays if past else None)
+    history = {name: a for name, a in record.arrays.items() if not name.startswith(_SHADED)}
+    shaded = {name.removeprefix(_SHADED): a for name, a in record.arrays.items() if name not in history}
+    return State(
+        str(record.values["method"]),
+        display,
+        render,
+        history if record.values["past"] else None,
+        shaded if record.values.get("shaded") else None,
+    )
 
 
 def _size(numbers: Any) -> Size:

@@ -1,7 +1,7 @@
 """`Recorder`: writes down what an Upscaler is asked and what it answers, while it is asked."""
 
 import platform
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar
 
@@ -13,8 +13,8 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.gbuffers import only_gbuffers
 from supersampler.history import Result
 from supersampler.machine import installed_versions, machine
-from supersampler.model_info import CONTRACT
-from supersampler.recording.calls import Setup, setup_record, state_record, step_record
+from supersampler.model_info import CONTRACT, ModelInfo
+from supersampler.recording.calls import RecordedModel, Setup, setup_record, state_record, step_record
 from supersampler.recording.format import Record, RecordWriter
 from supersampler.recording.outcome import Outcome, outcome_record, raised, returned
 from supersampler.recording.tensors import frame_of_tensors, image_of_tensor
@@ -37,7 +37,7 @@ class Recorder:
     Args:
         path: the file, which must not be there yet.
         setup: how the Upscaler was made.
-        inputs: names of the tensors that its model reads; no other G-buffers are recorded.
+        inputs: names of the tensors that its models read; no other G-buffers are recorded.
 
     Raises:
         RecordingError: the file is there already, or cannot be written.
@@ -52,9 +52,14 @@ class Recorder:
         self._write(setup_record(setup))
 
     def step(
-        self, frame: Frame, want: Collection[str], run: Callable[[], Float32 | Result]
+        self,
+        frame: Frame,
+        want: Collection[str],
+        run: Callable[[], Float32 | Result],
+        *,
+        extrapolated: bool = False,
     ) -> Float32 | Result:
-        """Carry out a step by `run`, and record it.
+        """Carry out a step by `run`, of a frame whose colour is to be drawn if `extrapolated`, and record it.
 
         The frame is written first, so that one in which the process ends is there. What is refused for an
         argument of the call, and what Ctrl-C stops, changes nothing and is no part of the recording.
@@ -63,7 +68,7 @@ class Recorder:
             RecordingError: it, or the outcome of the step before, cannot be written; nothing was done.
         """
         kept = only_gbuffers(frame, self._inputs)
-        return self._around(run, lambda: step_record(kept, want), _as_result)
+        return self._around(run, lambda: step_record(kept, want, extrapolated=extrapolated), _as_result)
 
     def step_tensors(
         self,
@@ -162,19 +167,27 @@ def _as_result(made: Float32 | Result) -> Result:
 
 def setup_here(
     model: "Model",
+    extrapolation: Sequence[ModelInfo],
     *,
     display_size: Size | None,
     scale: float,
     skip: "Skip",
     validate: Literal["off", "warn", "strict"],
 ) -> Setup:
-    """Return how an Upscaler is made, with all that its pictures depend on."""
+    """Return how an Upscaler is made, with all that its pictures depend on.
+
+    Args:
+        model: of the Upscaler.
+        extrapolation: of the one model that draws frames that were not shaded, if any.
+        display_size: see `Setup`, as what follows.
+        scale: see there.
+        skip: see there.
+        validate: see there.
+    """
     return Setup(
         contract=CONTRACT,
-        folder=model.info.folder.name,
-        method=model.info.method,
-        files=model.info.files,
-        config=model.info.config,
+        **vars(RecordedModel.of(model.info)),
+        extrapolation=next(map(RecordedModel.of, extrapolation), None),
         executor=model.executor,
         precision=model.precision,
         providers=tuple(model.providers),

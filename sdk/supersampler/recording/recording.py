@@ -63,7 +63,8 @@ class Recording:
                 case "step":
                     told = None if outcome is None else outcome_of(outcome)
                     want, tensors = tuple(record.values["want"]), bool(record.values["tensors"])
-                    return StepCall(index, frame_of(record), want, tensors, told)
+                    extrapolated = bool(record.values.get("extrapolated"))
+                    return StepCall(index, frame_of(record), want, tensors, extrapolated, told)
                 case "load_state":
                     return LoadStateCall(state_of(record))
                 case "reset":

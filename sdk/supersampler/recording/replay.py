@@ -11,9 +11,22 @@ from supersampler.display import ExposureMeter, display_transform
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import Result
 from supersampler.model import ExecutorName, Model, Precision
-from supersampler.model_info import find_model, model_names, read_model_info, shipped_model
+from supersampler.model_info import (
+    extrapolation_names,
+    find_model,
+    model_names,
+    read_model_info,
+    shipped_model,
+)
 from supersampler.providers import resolve_providers
-from supersampler.recording.calls import Call, LoadStateCall, ResetCall, Setup, StepCall
+from supersampler.recording.calls import (
+    Call,
+    LoadStateCall,
+    RecordedModel,
+    ResetCall,
+    Setup,
+    StepCall,
+)
 from supersampler.recording.outcome import Outcome, raised, returned
 from supersampler.recording.recording import Recording
 from supersampler.recording.tensors import image_of_tensor, tensors_of_frame
@@ -77,6 +90,7 @@ class Replay:
     Args:
         recording: the recording.
         model: a model's name or folder, whatever was recorded; None takes the recorded one, if it ships.
+        extrapolation: the same of the model that draws frames that were not shaded.
         executor: see `Model.load`. Where none of these three is given, and the model is the recorded one, it
             runs as it did there; else what is not given is "auto".
         precision: see `Model.load`.
@@ -85,7 +99,7 @@ class Replay:
     Attributes:
         recording: the recording.
         model: that steps.
-        is_recorded_model: whether it is the one that was recorded.
+        is_recorded_model: whether it is the one that was recorded, and so is the extrapolation.
         tolerance: within which pictures that are not the same are taken for it.
 
     Raises:
@@ -98,13 +112,18 @@ class Replay:
         recording: Recording,
         *,
         model: str | Path | None = None,
+        extrapolation: str | Path | None = None,
         executor: ExecutorName | None = None,
         precision: Precision | None = None,
         providers: str | Sequence[str] | None = None,
     ) -> None:
         setup = recording.setup
-        folder = _recorded_model(recording) if model is None else find_model(model)
-        self.is_recorded_model = setup.is_of(read_model_info(folder))
+        folder = _recorded_model(recording, setup, "--model") if model is None else find_model(model)
+        if extrapolation is None and setup.extrapolation is not None:
+            extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolation")
+        self.is_recorded_model = setup.is_of(read_model_info(folder)) and _is_same(
+            setup.extrapolation, extrapolation
+        )
         asked = not self.is_recorded_model or (executor, precision, providers) != (None, None, None)
         self.recording = recording
         self.model = Model.load(
@@ -120,6 +139,7 @@ class Replay:
             display_size=setup.display_size,
             scale=setup.scale if setup.display_size is None else None,
             skip=setup.skip,
+            extrapolation=extrapolation,
             validate=setup.validate,
         )
         self._meter = ExposureMeter()
@@ -171,7 +191,8 @@ class Replay:
                 tensors, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
             )
             return Result(image_of_tensor(image))
-        made = upscaler.step(frame, want=call.want)
+        step = upscaler.extrapolate if call.extrapolated else upscaler.step
+        made = step(frame, want=call.want)
         return made if isinstance(made, Result) else Result(made)
 
 
@@ -246,23 +267,28 @@ def _difference(here: Outcome, there: Outcome, exposure: float) -> Difference:
     return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
 
 
-def _recorded_model(recording: Recording) -> Path:
-    """Folder of the model that was recorded, among those that ship.
+def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
+    if recorded is None or used is None:
+        return recorded is None and used is None
+    return recorded.is_of(read_model_info(find_model(used)))
+
+
+def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:
+    """Folder of a model that was recorded, among those that ship; `option` hands in another.
 
     Raises:
         RecordingError: it is not among them.
     """
-    setup = recording.setup
-    hint = "Hand in the recorded one's folder: --model FOLDER."
-    if setup.folder not in model_names():
-        problem = f"was recorded with the model {setup.folder!r} ({setup.method}), which does not ship"
+    hint = f"Hand in the recorded one's folder: {option} FOLDER."
+    if model.folder not in [*model_names(), *extrapolation_names()]:
+        problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"
         raise RecordingError(recording.path, problem, hint)
-    folder = shipped_model(setup.folder)
+    folder = shipped_model(model.folder)
     here = read_model_info(folder)
-    if not setup.is_of(here):
-        name = next((name for name in setup.files if setup.files[name] != here.files.get(name)), "model.json")
-        there, version = setup.files.get(name, "")[:12], setup.versions.get("supersampler")
-        problem = f"was recorded with another {setup.folder!r}: {name} differs (sha256 {there}... there)"
+    if not model.is_of(here):
+        name = next((name for name in model.files if model.files[name] != here.files.get(name)), "model.json")
+        there, version = model.files.get(name, "")[:12], recording.setup.versions.get("supersampler")
+        problem = f"was recorded with another {model.folder!r}: {name} differs (sha256 {there}... there)"
         raise RecordingError(recording.path, f"{problem}, of supersampler {version}", hint)
     return folder
 

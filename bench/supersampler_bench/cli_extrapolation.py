@@ -1,0 +1,60 @@
+"""`supersampler bench extrapolation`."""
+
+from typing import Annotated
+
+import typer
+from rich.progress import Progress
+
+from supersampler_bench.cli_shared import ERRORS, JSON, UPDATE, check_page, listed, publish, warn
+from supersampler_bench.cli_shots import CACHE, RATIO, SHOT, opened_shots
+
+
+def extrapolation(
+    shot: SHOT,
+    methods: Annotated[
+        str, typer.Option(help="That upscale: shipped models or model folders, with commas between.")
+    ] = "classifier,taau",
+    model: Annotated[
+        str, typer.Option(help="That draws hidden frames: a shipped model or a model folder.")
+    ] = "guided-warp",
+    alternation: Annotated[
+        str, typer.Option(help="Hidden frames to a shaded one, with commas between.")
+    ] = "1:1,2:1",
+    ratio: RATIO = "2",
+    cache: CACHE = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Hide the colour of every second frame, or of two of three, and hold what is shown against references.
+
+    Shown are the last picture, warped by motion; the same, where what was hidden shows the nearest
+    background; what the methods make of colours that the model draws; and, as the bar, of all frames shaded.
+    Figures are of hidden frames alone, but for tPSNR. Frames need the G-buffers that the model reads.
+
+    \b
+    Examples:
+      supersampler bench extrapolation test-shots --update docs/methods.md
+      supersampler bench extrapolation my_shot --methods taau --alternation 2:1 --json mine.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.extrapolation import extrapolation_record, markdown_table, measure_extrapolation
+
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"extrapolation {name}": markdown_table}
+    check_page(update, tables)
+    upscalers, alternations = listed(methods), listed(alternation)
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
+        total = len(alternations) * sum(len(one) for one, _ in opened)
+        task = progress.add_task("frames", total=total)
+        measured = [
+            measure_extrapolation(
+                one,
+                upscalers,
+                model,
+                alternations,
+                origin=origin,
+                on_left_out=warn,
+                on_frame=lambda _: progress.advance(task),
+            )
+            for one, origin in opened
+        ]
+    publish(extrapolation_record(measured, model), tables, json, update)

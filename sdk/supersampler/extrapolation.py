@@ -1,0 +1,213 @@
+"""The colour of frames that were not shaded, drawn from the last one that was (docs/contract.md)."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnxruntime as ort
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError, FrameError, ModelError
+from supersampler.frame import Float32, Frame
+from supersampler.gbuffers import check_gbuffers
+from supersampler.graph_session import frame_inputs, open_session, pixels_of, session_options
+from supersampler.model_info import TensorInfo, extrapolation_names, find_model, read_model_info
+from supersampler.providers import check_provider_in_use, device_of
+
+MOTION = "history.motion"
+"""From the frame last handed in back to the last shaded one."""
+_SAME_NAME = ("color", "depth", "jitter")  # of inputs; those of G-buffers begin with their group
+
+
+@dataclass(frozen=True, eq=False)
+class ShadedPast:
+    """What frames that are not shaded are drawn from: the last shaded one, and how things have moved since.
+
+    Attributes:
+        tensors: by their names in the graph; nothing writes to them.
+    """
+
+    tensors: Mapping[str, ort.OrtValue]
+
+
+class Extrapolator:
+    """A model that draws frames that were not shaded, ready to run. Pure: it remembers nothing between calls.
+
+    Args:
+        name_or_path: of a shipped model, or a model folder.
+        providers: names of execution providers of ONNX Runtime, in order.
+        threads: on the CPU; 0 takes every core.
+
+    Attributes:
+        info: what its model.json says.
+
+    Raises:
+        ModelError: there is no such model, it is damaged, or it is one that upscales.
+        ProviderError: a provider could not start.
+    """
+
+    def __init__(self, name_or_path: str | Path, providers: Sequence[str], threads: int) -> None:
+        self.info = read_model_info(find_model(name_or_path))
+        if not self.info.extrapolates:
+            raise ModelError(
+                f"{self.info.method!r} upscales, and draws no frames that were not shaded; "
+                f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
+            )
+        self._session = open_session(self.info.steps["fp32"], session_options(threads), providers)
+        used = self._session.get_providers()
+        check_provider_in_use(providers[0], used)
+        self._device = device_of(used[0])
+
+    def after_shaded(self, frame: Frame) -> ShadedPast:
+        """Return what a shaded frame leaves: copies of its own arrays, and no motion.
+
+        Raises:
+            FrameError: it lacks a G-buffer that the model reads.
+        """
+        check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
+        tensors = {}
+        for history in self.info.history:
+            name = history.input.name.removeprefix("history.")
+            if history.input.name == MOTION:
+                array: NDArray[Any] = np.zeros((1, 2, *frame.size[::-1]), np.float32)
+            else:
+                source = "jitter" if name == "motion_jitter" else name
+                source = source if source in _SAME_NAME else f"gbuffer_{source}"
+                array = frame_inputs(frame, frame.size, (source,))[source]
+                array = array if array.base is None else array.copy()  # engines use their buffers again
+            tensors[history.input.name] = self._placed(array)
+        return ShadedPast(tensors)
+
+    def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Float32, ShadedPast]:
+        """Draw the colour of a frame that was not shaded.
+
+        Args:
+            frame: without colour, and not the first after a cut.
+            past: what the frame before left; not changed. None where no frame was shaded yet.
+
+        Returns:
+            (h, w, 3) float32 linear RGB, finite and >= 0, and what this frame leaves.
+
+        Raises:
+            FrameError: the frame has colour, has no past, or lacks a G-buffer that the model reads.
+        """
+        past = _checked(frame, past)
+        check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
+        inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self.info.inputs])
+        planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
+        binding = self._session.io_binding()
+        for name, array in inputs.items():
+            binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
+        for name, value in past.tensors.items():
+            binding.bind_ortvalue_input(name, value)
+        for history in self.info.history:
+            binding.bind_output(history.output, self._device)
+        binding.bind_ortvalue_output(self.info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
+        binding.synchronize_inputs()
+        self._session.run_with_iobinding(binding)
+        binding.synchronize_outputs()
+        names = [history.input.name for history in self.info.history]
+        left = dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
+        return pixels_of(planes), ShadedPast(left)
+
+    def save(self, past: ShadedPast) -> dict[str, NDArray[Any]]:
+        """Copies of what a frame left, by the names of the contract."""
+        return {name: np.array(value.numpy()) for name, value in past.tensors.items()}
+
+    def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedPast:
+        """Undo `save`.
+
+        Raises:
+            ArgumentError: they are of another model, or of sizes that do not go together.
+        """
+        sizes: dict[str, int] = {}
+        for history in self.info.history:
+            name = history.input.name
+            if name not in arrays or not _fits(history.input, arrays[name], sizes):
+                got, want = f"without a fitting {name!r} to extrapolate from", f"one of {self.info.method!r}"
+                raise ArgumentError("state", got=got, want=want)
+        names = [history.input.name for history in self.info.history]
+        return ShadedPast({name: self._placed(np.array(arrays[name], np.float32)) for name in names})
+
+    def _placed(self, array: NDArray[Any]) -> ort.OrtValue:
+        """Put an array that nobody else has on the device."""
+        return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
+
+
+class Extrapolation:
+    """What one view needs for frames that are not shaded: an `Extrapolator`, if any, and its past.
+
+    Args:
+        name_or_path: see `Extrapolator`; None keeps nothing, and draws nothing.
+        providers: see `Extrapolator`.
+        threads: see `Extrapolator`.
+
+    Attributes:
+        infos: of the model; empty where there is none.
+        past: what the next frame is drawn from; whoever steps sets it. None where no frame was shaded yet.
+
+    Raises:
+        ModelError, ProviderError: see `Extrapolator`.
+    """
+
+    def __init__(self, name_or_path: str | Path | None, providers: Sequence[str], threads: int) -> None:
+        self._model = None if name_or_path is None else Extrapolator(name_or_path, providers, threads)
+        self.infos = [] if self._model is None else [self._model.info]
+        self.past: ShadedPast | None = None
+
+    def after_shaded(self, frame: Frame) -> ShadedPast | None:
+        """Return what a shaded frame leaves; see `Extrapolator`."""
+        return None if self._model is None else self._model.after_shaded(frame)
+
+    def draw(self, frame: Frame) -> tuple[Frame, ShadedPast]:
+        """Return a frame with its colour drawn, and what it leaves; see `Extrapolator`.
+
+        Raises:
+            ArgumentError: there is no model.
+            FrameError: see `Extrapolator`.
+        """
+        if self._model is None:
+            hint = "Upscaler(extrapolation='guided-warp') draws frames that were not shaded."
+            raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
+        color, left = self._model.draw(frame, self.past)
+        return replace(frame, color=color), left
+
+    def warm_up(self, frame: Frame) -> None:
+        """Run once, on a shaded frame; the past is untouched."""
+        if self._model is not None:
+            self._model.draw(replace(frame, color=None), self._model.after_shaded(frame))
+
+    def save(self) -> dict[str, NDArray[Any]] | None:
+        """Copies of the past; None where there is none."""
+        return None if self._model is None or self.past is None else self._model.save(self.past)
+
+    def load(self, arrays: Mapping[str, NDArray[Any]] | None) -> ShadedPast | None:
+        """Return what `save` copied as a past, which is None without a model.
+
+        Raises:
+            ArgumentError: see `Extrapolator`.
+        """
+        return None if self._model is None or arrays is None else self._model.load(arrays)
+
+
+def _checked(frame: Frame, past: ShadedPast | None) -> ShadedPast:
+    if frame.color is not None:
+        hint = "`step` takes shaded frames."
+        raise FrameError("color", got=frame.color.shape, want="None, as it is to be drawn", hint=hint)
+    if frame.reset:
+        hint = "There is nothing to draw it from: shade the first frame after a cut."
+        raise FrameError("reset", got="True on a frame that was not shaded", want="False", hint=hint)
+    if past is None:
+        hint = "After a start or a reset there is nothing to draw from: shade a frame, and `step` it."
+        raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
+    return past
+
+
+def _fits(tensor: TensorInfo, array: NDArray[Any], sizes: dict[str, int]) -> bool:
+    """Whether an array has a tensor's shape; `sizes` has what its names stand for so far, and takes more."""
+    return array.ndim == len(tensor.shape) and all(
+        got == (sizes.setdefault(want, got) if isinstance(want, str) else want)
+        for got, want in zip(array.shape, tensor.shape, strict=True)
+    )

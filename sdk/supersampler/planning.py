@@ -1,0 +1,41 @@
+"""What an `Upscaler` will need, before one is made."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from supersampler.checked import checked_size
+from supersampler.frame import Size
+from supersampler.model import ExecutorName, Model, Precision
+from supersampler.plan import Plan
+
+
+def plan(
+    render_size: Size,
+    display_size: Size,
+    model: str | Path = "classifier",
+    *,
+    providers: str | Sequence[str] = "auto",
+    threads: int = 0,
+    executor: ExecutorName = "auto",
+    precision: Precision = "auto",
+) -> Plan:
+    """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
+
+    >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
+    >>> megabytes = plan.history_bytes / 1e6
+
+    Args:
+        render_size: (width, height) of the frames.
+        display_size: (width, height) of the images.
+        model: see `Upscaler`; a `Model` has a `plan` of its own.
+        providers: see `Model.load`.
+        threads: see `Model.load`.
+        executor: see `Model.load`.
+        precision: see `Model.load`.
+
+    Raises:
+        FrameError: the method does not upscale by that much.
+        ModelError, ProviderError, ArgumentError: see `Model.load`.
+    """
+    loaded = Model.load(model, providers=providers, threads=threads, executor=executor, precision=precision)
+    return loaded.plan(checked_size("render_size", render_size), checked_size("display_size", display_size))

@@ -1,0 +1,238 @@
+"""What `guided-warp` promises, on scenes whose light is known, and what its parts compute."""
+
+import numpy as np
+import pytest
+import torch
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from torch import Tensor
+
+from lit_scene import LitScene, even
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Float32, Size
+from supersampler.graph_session import frame_inputs
+from supersampler_model.data.analytic import EXTENT, places
+from supersampler_model.method import Size as Extent
+from supersampler_model.methods.guided_warp import GuidedWarp, back_to_shaded, numbers_of_least, samples_at
+
+SIZE = (64, 36)
+INPUTS = ["color", *GuidedWarp.inputs()]
+HISTORY = list(GuidedWarp.history)
+
+
+def tensors(frame: Frame) -> dict[str, Tensor]:
+    names = INPUTS if frame.color is not None else GuidedWarp.inputs()
+    return {name: torch.from_numpy(array) for name, array in frame_inputs(frame, SIZE, names).items()}
+
+
+def drawn(frame: Frame, history: list[Tensor]) -> tuple[Float32, list[Tensor]]:
+    inputs, method = tensors(frame), GuidedWarp()
+    with torch.no_grad():
+        done = method.step(*(inputs[name] for name in method.inputs()), *history)
+    image: Float32 = done.image[0].numpy().transpose(1, 2, 0)
+    return image, done.history
+
+
+def after(frame: Frame) -> list[Tensor]:
+    return GuidedWarp.after_shaded(tensors(frame))
+
+
+def second_of(
+    scene: LitScene, jitters: tuple[tuple[float, float], ...] = ((0.0, 0.0), (0.0, 0.0))
+) -> Float32:
+    """Frame 1, drawn from frame 0."""
+    return drawn(scene.frame(1, SIZE, jitters[1]), after(scene.frame(0, SIZE, jitters[0])))[0]
+
+
+def off(image: Float32, frame: Frame) -> NDArray[np.float32]:
+    """Relative errors of a picture, (h, w)."""
+    assert frame.color is not None
+    return np.asarray((np.abs(image - frame.color) / np.maximum(frame.color, 0.05)).max(axis=-1))
+
+
+@pytest.mark.parametrize("velocity", [(0.0, 0.0), (0.4, -0.3), (5.3, 2.6)])
+def test_a_textured_plane_that_pans_is_reproduced(velocity: tuple[float, float]) -> None:
+    scene, jitters = LitScene(velocity=velocity), ((-0.25, 0.4), (0.45, -0.3))
+    now, then = scene.frame(1, SIZE, jitters[1]), scene.frame(0, SIZE, jitters[0])
+    inner = np.s_[9:-9, 9:-9]
+    assert off(second_of(scene, jitters), now)[inner].mean() < 0.06
+    assert then.color is not None
+    moved = np.roll(then.color, np.round(velocity).astype(int), axis=(1, 0))
+    assert off(moved, now)[inner].mean() > 0.4  # its texture is as fine as pixels
+
+
+@given(*(st.floats(-0.5, 0.5),) * 4, st.floats(-3.0, 3.0))
+@settings(max_examples=20)
+def test_light_is_read_where_the_sample_saw_it(x0: float, y0: float, x1: float, y1: float, v: float) -> None:
+    """Whatever the jitters: light that rises evenly tells the place that it was read at."""
+
+    def rising(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.stack([1.0 + x / 40.0, 1.0 + y / 40.0, np.ones_like(x)], axis=-1)
+
+    scene = LitScene(base=even, light=rising, velocity=(v, -0.5 * v))
+    image, now = second_of(scene, ((x0, y0), (x1, y1))), scene.frame(1, SIZE, (x1, y1))
+    assert now.color is not None
+    pixels_off = 80.0 * (image - now.color)[9:-9, 9:-9, :2]
+    assert np.abs(pixels_off).max() < 0.35  # four samples are not even around every place
+
+
+def test_what_was_hidden_is_lit_as_its_like_nearby_and_not_as_what_hid_it() -> None:
+    scene = LitScene(radius=8.0, disc_velocity=(4.0, 1.0))
+    uncovered = scene.uncovered(1)
+    assert uncovered.sum() > 40
+    image, now = second_of(scene), scene.frame(1, SIZE)
+    assert off(image, now)[uncovered].mean() < 0.12
+    before = scene.frame(0, SIZE).color
+    assert before is not None
+    assert off(before, now)[uncovered].mean() > 1.0
+
+
+def test_surfaces_that_differ_in_depth_alone_are_told_apart() -> None:
+    scene = LitScene(base=even, radius=8.0, disc_velocity=(4.0, 1.0), disc_normal=(0.0, 0.0, 1.0))
+    uncovered = scene.uncovered(1)
+    assert off(second_of(scene), scene.frame(1, SIZE))[uncovered].max() < 0.1
+    flat = LitScene(**{**vars(scene), "disc_depth": 0.01})
+    assert off(second_of(flat), flat.frame(1, SIZE))[uncovered].mean() > 0.5
+
+
+def test_what_was_off_screen_is_lit_as_its_like_inside() -> None:
+    scene = LitScene(velocity=(6.0, 0.0))
+    entered = off(second_of(scene), scene.frame(1, SIZE))[:, :6]
+    assert entered.mean() < 0.12
+    assert entered.max() < 0.5
+
+
+def test_the_sky_keeps_its_colour_and_takes_none_of_surfaces() -> None:
+    scene = LitScene(sky=12.0)
+    image = second_of(scene)
+    np.testing.assert_allclose(image[:11], np.broadcast_to((0.3, 0.6, 1.2), (11, 64, 3)), rtol=1e-5)
+    assert off(image, scene.frame(1, SIZE)).max() < 0.03
+
+
+def test_black_surfaces_keep_what_they_reflect_besides() -> None:
+    scene = LitScene(base=lambda x, y: 0.0 * even(x, y))
+    shade = np.full((36, 64, 3), 0.2, np.float32)
+    image, _ = drawn(scene.frame(1, SIZE), after(scene.frame(0, SIZE, color=shade)))
+    np.testing.assert_allclose(image, 0.2, rtol=1e-5)
+
+
+def test_without_a_shaded_frame_the_picture_is_black() -> None:
+    method, frame = GuidedWarp(), LitScene().frame(1, SIZE)
+    nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
+    assert drawn(frame, nothing)[0].max() == 0.0
+
+
+# --- motion over several frames ---
+
+
+def zoom(
+    index: int, size: Size, jitter: tuple[float, float], factors: tuple[float, ...]
+) -> NDArray[np.float32]:
+    """Motion of a picture that is zoomed about the middle by factors[index], (h, w, 2)."""
+    x, y = places(size, jitter)
+    away = np.stack([x - EXTENT[0] / 2, y - EXTENT[1] / 2], axis=-1)
+    return np.asarray(away * (factors[index] - 1.0) * np.array(size) / EXTENT, np.float32)
+
+
+@pytest.mark.parametrize("sizes", [(SIZE, SIZE, SIZE), ((48, 27), (96, 54), (64, 36))])
+def test_motion_adds_up_to_that_back_to_the_shaded_frame(sizes: tuple[Size, ...]) -> None:
+    factors, total = (0.0, 0.9, 1.04, 0.93), 1.0
+    jitters = [halton_jitter(index, 2.0) for index in range(4)]
+    motion, before = torch.zeros(1, 2, 27, 48), torch.tensor([jitters[0]], dtype=torch.float32)
+    for index in (1, 2, 3):
+        size, jitter = sizes[index - 1], torch.tensor([jitters[index]], dtype=torch.float32)
+        now = torch.from_numpy(zoom(index, size, jitters[index], factors).transpose(2, 0, 1).copy())[None]
+        motion, before, total = back_to_shaded(now, jitter, motion, before), jitter, total * factors[index]
+        expected = zoom(0, size, jitters[index], (total,))
+        found = motion[0].numpy().transpose(1, 2, 0)
+        inner = np.s_[5:-5, 8:-8]
+        np.testing.assert_allclose(found[inner], expected[inner], atol=2e-4)
+
+
+@pytest.mark.parametrize("gap", [2, 3])
+def test_several_unshaded_frames_in_a_row_show_the_scene_of_each(gap: int) -> None:
+    scene, history = LitScene(velocity=(2.3, -1.4)), None
+    for index in range(gap + 1):
+        frame = scene.frame(index, SIZE, halton_jitter(index, 2.0))
+        if history is None:
+            history = after(frame)
+            continue
+        image, history = drawn(frame, history)
+        assert off(image, frame)[9:-9, 9:-9].mean() < 0.07
+
+
+def test_frames_of_another_size_are_drawn_from_a_shaded_one() -> None:
+    scene = LitScene(velocity=(1.0, 0.5))
+    _, history = drawn(scene.frame(1, (96, 54), (0.2, 0.1)), after(scene.frame(0, SIZE)))
+    assert history[HISTORY.index("motion")].shape == (1, 2, 54, 96)
+    assert history[HISTORY.index("color")].shape == (1, 3, 36, 64)
+    image, _ = drawn(scene.frame(2, (80, 45), (-0.4, 0.3)), history)
+    assert off(image, scene.frame(2, (80, 45), (-0.4, 0.3)))[9:-9, 9:-9].mean() < 0.07
+
+
+def test_a_place_is_that_of_the_sample_that_was_taken() -> None:
+    motion = torch.full((1, 2, 4, 8), 0.25)
+    x, y = samples_at(motion, torch.tensor([[0.1, -0.2]]), Extent(8, 4), torch.tensor([[-0.3, 0.4]]))
+    torch.testing.assert_close(x[0, 0, 0], torch.arange(8) + 0.25 + 0.1 + 0.3)
+    torch.testing.assert_close(y[0, 0, :, 0], torch.arange(4) + 0.25 - 0.2 - 0.4)
+    x, _ = samples_at(0.0 * motion, torch.zeros(1, 2), Extent(16, 8), torch.zeros(1, 2))
+    torch.testing.assert_close(x[0, 0, 0], 2.0 * torch.arange(8) + 0.5)
+
+
+# --- bad values ---
+
+BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 131008.0)
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_bad_pixels_of_any_input_never_reach_a_picture_or_the_history(name: str) -> None:
+    scene = LitScene(velocity=(0.4, 0.2))
+    frames = [tensors(scene.frame(index, SIZE)) for index in range(3)]
+    method = GuidedWarp()
+    for spoilt in (0, 1):
+        inputs = [{key: value.clone() for key, value in frame.items()} for frame in frames]
+        if inputs[spoilt][name].ndim != 4:
+            continue
+        for place, bad in enumerate(BAD):
+            inputs[spoilt][name][:, :, 2 * place, 4:9] = bad
+        history = method.after_shaded(inputs[0])
+        for frame in inputs[1:]:
+            with torch.no_grad():
+                done = method.step(*(frame[key] for key in method.inputs()), *history)
+            history = done.history
+            for value in (done.image, *history):
+                assert value.isfinite().all()
+            assert done.image.min() >= 0.0
+            assert history[0].min() >= 0.0
+
+
+@pytest.mark.parametrize("name", ["color", "gbuffer_base_color", "gbuffer_normal", "depth"])
+def test_a_sample_that_is_no_number_is_not_taken_however_often_it_could_be(name: str) -> None:
+    frame = LitScene(base=even, light=lambda x, y: 2.0 * even(x, y)).frame(0, SIZE)
+    inputs, method = tensors(frame), GuidedWarp()
+    inputs[name] = inputs[name].clone()
+    inputs[name][:, :, 10, 10:14] = float("nan")
+    history = method.after_shaded(inputs)
+    for _ in range(3):
+        image, history = drawn(LitScene(base=even).frame(1, SIZE), history)
+        np.testing.assert_allclose(image, 0.5, rtol=1e-4)
+
+
+# --- choosing ---
+
+
+@given(
+    st.integers(1, 6).flatmap(
+        lambda n: st.lists(st.lists(st.integers(0, 9), min_size=n, max_size=n), min_size=4, max_size=33)
+    )
+)
+def test_the_least_are_found_and_of_equals_the_first(values: list[list[int]]) -> None:
+    steps = [torch.tensor(row, dtype=torch.float32) / 16.0 for row in values]
+    found = torch.stack(numbers_of_least(steps, 4)).numpy()
+    np.testing.assert_array_equal(found, np.argsort(np.array(values), axis=0, kind="stable")[:4])
+
+
+def test_far_too_large_values_are_equal_and_come_last() -> None:
+    numbers = numbers_of_least([torch.tensor([v]) for v in (1e30, 3.0, 1e20, 2.0)], 4)
+    assert [int(n) for n in numbers] == [3, 1, 0, 2]
