@@ -14,7 +14,7 @@ demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
 
 test: $(DEVELOPMENT)
-	.venv-dev/bin/pytest -q
+	.venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope
 
 check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .

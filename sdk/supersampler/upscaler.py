@@ -331,9 +331,8 @@ class Upscaler:
         """Step on a frame that has colour, as it was `given` or drawn; both pasts change at its end alone."""
         started = time.perf_counter()
         history = self._history_for(frame.size, reset=frame.reset)
-        self.model.check(
-            frame, history.display_size, want, history.carry
-        )  # first: none is kept, then refused
+        # first: no frame is remembered and then refused
+        self.model.check(frame, history.display_size, want, history.carry)
         self._checker.check(given, history.display_size, self.gbuffers)
         result, left = self.model.run_wanted(
             frame, history, want, out=out, history_out=self._spare, skip=self.skip
