@@ -14,7 +14,7 @@ CUDA_KERNELS = {
     **dict.fromkeys(("Abs", "Add", "Div", "Max", "Min", "Mul", "Neg", "Pow", "ReduceSum", "Sub"), _NUMBERS),
     **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
     **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MaxPool"), _FLOATS),
-    **dict.fromkeys(("Reciprocal", "Relu", "Sqrt"), _FLOATS),
+    **dict.fromkeys(("Reciprocal", "Relu", "Sigmoid", "Sqrt"), _FLOATS),
     "And": {"bool"},
     "Clip": {*_FLOATS, "int64"},
     "GridSample": {"float"},

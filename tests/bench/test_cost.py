@@ -1,12 +1,16 @@
 """The cost of a network is counted, not measured: what the layers say by hand."""
 
+import json
+import shutil
 from dataclasses import asdict
+from hashlib import sha256
 from pathlib import Path
 
 import pytest
 import torch
 
 from supersampler import ArgumentError
+from supersampler.model_info import find_model
 from supersampler_bench.cost import cost_record, markdown_table, measure_cost
 from supersampler_export.graph import export_fused
 from supersampler_model.methods.classifier_small import SmallClassifier
@@ -18,9 +22,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     fused = SmallClassifier().fused()
     assert fused is not None
     made = tmp_path_factory.mktemp("model") / "small"
-    made.mkdir()
-    (made / "network.onnx").write_bytes(export_fused(fused).SerializeToString())
-    (made / "model.json").write_text("{}")
+    shutil.copytree(find_model("classifier-small"), made)
+    network = export_fused(fused).SerializeToString()
+    (made / "network.onnx").write_bytes(network)
+    described = json.loads((made / "model.json").read_text())
+    described["files"]["network.onnx"] = sha256(network).hexdigest()
+    (made / "model.json").write_text(json.dumps(described))
     return made
 
 

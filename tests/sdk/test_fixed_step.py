@@ -188,7 +188,9 @@ def graphs() -> list[Any]:
 
 def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
     """What is left of a graph when ONNX Runtime hands its nodes out to providers."""
-    sizes = extents(render=(32, 18), display=DISPLAY, previous=(32, 18))
+    ratio = read_model_info(path.parent).only_ratio
+    display = DISPLAY if ratio is None else (round(32 * ratio), round(18 * ratio))
+    sizes = extents(render=(32, 18), display=display, previous=(32, 18))
     sizes |= {"shaded_width": 32, "shaded_height": 18}  # of the last shaded frame
     options = ort.SessionOptions()
     for name, extent in sizes.items():
@@ -197,7 +199,7 @@ def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
     options.optimized_model_filepath = str(optimized)
     graph = path.read_bytes()
     if "display_size" in [value.name for value in onnx.load(path).graph.input]:
-        graph = with_display_size(graph, DISPLAY)
+        graph = with_display_size(graph, display)
     ort.InferenceSession(graph, options, providers=["CPUExecutionProvider"])
     return onnx.load(optimized).graph
 
