@@ -128,9 +128,13 @@ def extrapolation_names() -> list[str]:
 
 
 def _names(*, extrapolate: bool) -> list[str]:
-    described = {path.parent.name: path for path in _shipped().glob("*/model.json")}
-    shapes = {name: json.loads(path.read_text("utf-8"))["image"]["shape"] for name, path in described.items()}
-    return sorted(name for name, shape in shapes.items() if _of_render_size(shape) is extrapolate)
+    read = {name: json.loads(path.read_text("utf-8")) for name, path in _described().items()}
+    return sorted(n for n, data in read.items() if _of_render_size(data["image"]["shape"]) is extrapolate)
+
+
+def _described() -> dict[str, Path]:
+    """Each shipped model's model.json, by the model's name."""
+    return {path.parent.name: path for path in _shipped().glob("*/model.json")}
 
 
 def _of_render_size(shape: Sequence[int | str]) -> bool:
@@ -146,11 +150,11 @@ def find_model(name_or_path: str | Path) -> Path:
     path = Path(name_or_path)
     if (path / "model.json").is_file():
         return path
-    known = [*model_names(), *extrapolation_names()]
-    if str(name_or_path) in known:
+    if str(name_or_path) in _described():
         return shipped_model(str(name_or_path))
+    known = ", ".join([*model_names(), *extrapolation_names()])
     raise ModelError(
-        f"no model {str(name_or_path)!r}: it is neither one of {', '.join(known)} "
+        f"no model {str(name_or_path)!r}: it is neither one of {known} "
         "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
     )
 
