@@ -27,11 +27,14 @@ class GBufferWeights(PictureWeights):
     """Weights of the terms; see `PictureWeights`.
 
     Attributes:
+        rms: more than elsewhere: what G-buffers leave to be guessed is edges, where the mean of what may be
+            there is wanted, to which squares lead, not the median.
         reflective: of the picture's error where light is reflected like by a mirror, beside that everywhere.
         structure: of the structural dissimilarity, 1 - SSIM.
         reflective_structure: as `reflective`, of the dissimilarity.
     """
 
+    rms: float = 3.0
     reflective: float = 0.5
     structure: float = 0.1
     reflective_structure: float = 0.75
