@@ -86,6 +86,8 @@ class Method(nn.Module):
         image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
             sizes are exactly that many times the render size, and a graph is traced so.
+        only_drawn: whether it steps on frames whose colour was drawn alone, beside a method that has it
+            `on_drawn`.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
@@ -96,6 +98,7 @@ class Method(nn.Module):
     maps: ClassVar[Mapping[str, MapOf]] = {}
     image: ClassVar[Shape] = TENSORS["image"]
     ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
+    only_drawn: ClassVar[bool] = False
     learned: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
@@ -120,6 +123,10 @@ class Method(nn.Module):
 
     def fused(self) -> Fused | None:
         """Return the learned part; None where nothing is learned, or not all of it is in one place."""
+        return None
+
+    def on_drawn(self) -> "Method | None":
+        """Return what steps on frames whose colour was drawn, on the same history; None: this does."""
         return None
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:

@@ -106,9 +106,18 @@ class ClassifierNetwork(nn.Module):
         Returns:
             Logits of CLASSES (n, 6, h, w), and (n, 4 m, h, w), packed, of the pixels.
         """
-        features = self.decoder(cut_to(self.encoder(padded(torch.cat([packed, carried], dim=1))), packed))
+        return self.decode(packed, encode(self.encoder, packed, carried))
+
+    def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Say the same of what an encoder has found."""
+        features = self.decoder(features)
         mixing = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
         return self.classes(features), mixing
+
+
+def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
+    """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
+    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), inputs[0])
 
 
 def padded(image: Tensor) -> Tensor:

@@ -15,7 +15,7 @@ from supersampler.files import replacing
 from supersampler.frame import Float32
 from supersampler.image_io import write_png
 
-_SCORES = ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")
+_SCORES = ("psnr", "tpsnr", "psnr_shaded", "psnr_hidden", "psnr_taau", "tpsnr_taau")
 
 
 class RunLog:
