@@ -7,7 +7,7 @@ history in the order of `history`, then what else it tells, in the order of `tol
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -114,6 +114,29 @@ class Method(nn.Module):
     def extrapolates(cls) -> bool:
         """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
         return cls.image[2:] == RENDER
+
+    @classmethod
+    def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:
+        """Return the history that a shaded frame leaves to a method that extrapolates (docs/contract.md).
+
+        It is that frame, by copying: such methods take no step on it.
+
+        Args:
+            frame: the inputs of the step and `color`, by name.
+            past: the history that the frame before left; None after a start or a cut.
+        """
+        before = None if past is None else dict(zip(cls.history, past, strict=True))
+        left: dict[str, Tensor] = {}
+        for name in cls.history:
+            own = name.removeprefix("earlier_")
+            if own != name:
+                left[name] = left[own] if before is None else before[own]
+            elif name == "motion" or (name == "shaded_motion" and before is None):
+                left[name] = torch.zeros_like(frame["motion"])
+            else:
+                source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
+                left[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
+        return list(left.values())
 
     def step(self, *arguments: Tensor) -> Outputs:
         """Return what `forward` does, told apart."""

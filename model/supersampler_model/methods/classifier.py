@@ -216,7 +216,8 @@ class Classifier(LearnedMethod):
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        return self.left(gathered, *self.net(*self.seen(gathered)), jitter)
+        logits, mixing = self.net(*self.seen(gathered))
+        return self.left(gathered, logits, mixing, jitter)
 
     def left(self, gathered: Gathered, logits: Tensor, mixing: Tensor, jitter: Tensor) -> tuple[Tensor, ...]:
         """Return what `forward` does, of what the network has said."""

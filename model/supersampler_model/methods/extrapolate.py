@@ -108,8 +108,8 @@ class DrawnExtrapolate(TwoEncoders):
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        said = self.net(*self.seen(gathered), surface_of(gbuffer_base_color, now))
-        return self.left(gathered, *said, jitter)
+        logits, mixing = self.net(*self.seen(gathered), surface_of(gbuffer_base_color, now))
+        return self.left(gathered, logits, mixing, jitter)
 
 
 def surface_of(base_color: Tensor, view: View) -> Tensor:

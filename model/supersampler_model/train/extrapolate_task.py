@@ -121,10 +121,11 @@ class ExtrapolateTask(ClassifierTask):
         drawing = self._drawing.to(sample.color.device)
         given = {**sample.gbuffer, "jitter": sample.view.jitter}
         given |= {name: getattr(sample, name) for name in ("color", "depth", "motion", "exposure")}
-        shaded = [torch.tensor(0), *drawing.after_shaded(given)]
-        if since < 0:
+        known = None if since < 0 else drawn_from
+        shaded = [torch.tensor(0), *drawing.after_shaded(given, known)]
+        if known is None:
             return Crop(sample, hidden=False, twin=None, left=shaded)
-        image, left, _ = drawing.step(*(given[name] for name in drawing.inputs()), *drawn_from)
+        image, left, _ = drawing.step(*(given[name] for name in drawing.inputs()), *known)
         drawn = sample._replace(color=image)
         if since < sample.hidden:
             return Crop(drawn, hidden=True, twin=None, left=[since + 1, *left])
@@ -140,7 +141,9 @@ class ExtrapolateTask(ClassifierTask):
             if of:
                 packed, carried = (torch.cat(parts) for parts in zip(*(seen[i] for i in of), strict=True))
                 surface = torch.cat([s for s in surfaces if s is not None]) if drawn else None
-                found |= zip(of, self.method.net.encode(packed, carried, surface).split(1), strict=True)
+                found |= zip(
+                    of, torch.split(self.method.net.encode(packed, carried, surface), 1), strict=True
+                )
         return [found[i] for i in range(len(seen))]
 
 

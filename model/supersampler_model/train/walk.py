@@ -50,17 +50,18 @@ class AlternatingWalk(Walk):
     def __init__(self, method: Method, display: Size, drawing: Method) -> None:
         super().__init__(method, display)
         self._on_drawn, self._drawing = method.on_drawn() or method, drawing
-        self._past: list[Tensor] = []  # what the next frame is drawn from
+        self._past: list[Tensor] | None = None  # what the next frame is drawn from
 
     def _image(self, frame: TrainingFrame) -> Tensor:
-        self.hidden = not (frame.reset or self.hidden or not self._past)
+        past = None if frame.reset else self._past
+        self.hidden = past is not None and not self.hidden
         names = ["color", "depth", "motion", "jitter", "exposure", "display_size", *gbuffers(frame)]
         given = dict(zip(names, frame_inputs(frame, names), strict=True))
         method = self._method
-        if self.hidden:
-            drawn = self._drawing.step(*(given[name] for name in self._drawing.inputs()), *self._past)
+        if past is not None and self.hidden:
+            drawn = self._drawing.step(*(given[name] for name in self._drawing.inputs()), *past)
             given["color"], self._past, method = drawn.image, drawn.history, self._on_drawn
         else:
-            self._past = self._drawing.after_shaded(given)
+            self._past = self._drawing.after_shaded(given, past)
         image, self.history, _ = method.step(*(given[name] for name in method.inputs()), *self.history)
         return image
