@@ -67,7 +67,7 @@ class Extrapolate(TwoEncoders):
         """Return what steps on drawn frames, with these weights."""
         drawn = DrawnExtrapolate(self.config)
         drawn.load_state_dict(self.state_dict())
-        drawn.learned = self.learned
+        drawn.learned = dict(self.learned)
         return drawn.eval()
 
 

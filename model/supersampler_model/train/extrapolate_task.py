@@ -27,6 +27,10 @@ from supersampler_model.train.windows import Sample, Stream
 from supersampler_model.trained import load_trained, shipped_weights
 
 
+DRAWN = 3
+"""Crops of which frames are hidden, to one of a set's own frames, which may be of other ratios."""
+
+
 @dataclass(frozen=True)
 class ExtrapolateWeights(ClassifierWeights):
     """Weights of the terms; see `ClassifierWeights`.
@@ -75,10 +79,12 @@ class ExtrapolateTask(ClassifierTask):
         return hidden_set(dataset, self.method.ratios)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Crops anywhere. The sets' own frames, without G-buffers of render size, are among them: shaded."""
+        """Crops anywhere. Those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
         ratios = self.method.ratios
-        return Stream([*datasets, *own], ratios=ratios, size=size, seed=seed, draw=draw_hidden_cut)
+        return Stream(
+            [*(DRAWN * list(datasets)), *own], ratios=ratios, size=size, seed=seed, draw=draw_hidden_cut
+        )
 
     def walk(self, method: Method, display: Size) -> Walk:
         """Every second frame is hidden, and drawn."""
@@ -141,9 +147,8 @@ class ExtrapolateTask(ClassifierTask):
             if of:
                 packed, carried = (torch.cat(parts) for parts in zip(*(seen[i] for i in of), strict=True))
                 surface = torch.cat([s for s in surfaces if s is not None]) if drawn else None
-                found |= zip(
-                    of, torch.split(self.method.net.encode(packed, carried, surface), 1), strict=True
-                )
+                features = self.method.net.encode(packed, carried, surface)
+                found |= zip(of, torch.split(features, 1), strict=True)
         return [found[i] for i in range(len(seen))]
 
 
