@@ -26,7 +26,6 @@ from supersampler_model.train.walk import AlternatingWalk, Walk
 from supersampler_model.train.windows import Sample, Stream
 from supersampler_model.trained import load_trained, shipped_weights
 
-
 DRAWN = 3
 """Crops of which frames are hidden, to one of a set's own frames, which may be of other ratios."""
 
@@ -81,10 +80,8 @@ class ExtrapolateTask(ClassifierTask):
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Crops anywhere. Those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
-        ratios = self.method.ratios
-        return Stream(
-            [*(DRAWN * list(datasets)), *own], ratios=ratios, size=size, seed=seed, draw=draw_hidden_cut
-        )
+        every, ratios = [*(DRAWN * list(datasets)), *own], self.method.ratios
+        return Stream(every, ratios=ratios, size=size, seed=seed, draw=draw_hidden_cut)
 
     def walk(self, method: Method, display: Size) -> Walk:
         """Every second frame is hidden, and drawn."""
