@@ -45,7 +45,7 @@ def brightened(model: onnx.ModelProto) -> onnx.ModelProto:
         for number, name in enumerate(node.input):
             if name == "image":
                 node.input[number] = "plain"
-    shape = [1, 3, "render_height", "render_width"]
+    shape = (1, 3, "render_height", "render_width")
     graph.input.append(helper.make_tensor_value_info(SURFACE, TensorProto.FLOAT, shape))
     graph.node.append(helper.make_node("ReduceMean", [SURFACE], ["mean"], keepdims=1))
     graph.node.append(helper.make_node("Add", ["plain", "mean"], ["image"]))

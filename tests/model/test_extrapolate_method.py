@@ -22,7 +22,8 @@ from supersampler_model.trained import Trained, load_trained, shipped_weights
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
-State, Sizes = list[Tensor], tuple[int, int]
+State = list[Tensor]
+Sizes = tuple[int, int]
 
 
 @pytest.fixture(scope="module")

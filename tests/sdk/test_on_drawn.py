@@ -119,18 +119,18 @@ def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> No
 
 
 def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Model) -> None:
-    made = []
-    for upscaler in (make(joint), make(classifier)):
-        for index in range(4):
-            carry = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
-            frame = shaded(index, carry=carry, **({"color": None} if index % 2 else {}))
-            step = upscaler.extrapolate if index % 2 else upscaler.step
-            result = step(frame, want=("weight", "carry"))
-            assert isinstance(result, Result)
-        made.append((result.weight, result.carry))
-    for one, other in zip(*made, strict=True):
-        assert one is not None
-        np.testing.assert_array_equal(one, other)
+    ours, theirs = make(joint), make(classifier)
+    for index in range(4):
+        carry = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
+        frame = shaded(index, carry=carry, **({"color": None} if index % 2 else {}))
+        made = [
+            (u.extrapolate if index % 2 else u.step)(frame, want=("weight", "carry")) for u in (ours, theirs)
+        ]
+        one, other = (result for result in made if isinstance(result, Result))
+        assert one.carry is not None
+        assert one.weight is not None
+        np.testing.assert_array_equal(one.carry, other.carry)
+        np.testing.assert_array_equal(one.weight, other.weight)
 
 
 # --- what is refused ---
