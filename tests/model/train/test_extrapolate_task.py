@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from typer.testing import CliRunner
 
 from gbuffer_sets import DISPLAY, gbuffer_data
+from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
@@ -193,3 +195,16 @@ def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> Non
 def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
     with pytest.raises(ArgumentError, match=r"drawing is '?(taau|nothing)'?; want one of guided-warp"):
         ExtrapolateTask(Extrapolate(SMALL), drawing=name)
+
+
+def test_the_command_begins_with_the_shipped_classifier_and_tells_both_kinds_apart(
+    data: Dataset, tmp_path: Path
+) -> None:
+    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", "shipped"]
+    done = CliRunner().invoke(
+        app, ["train", "extrapolate", "--data", str(data.folder), "-o", str(tmp_path), *made]
+    )
+    assert done.exit_code == 0, done.output
+    facts = load_trained(tmp_path / "weights.safetensors").facts
+    assert facts["init"]["data"] == load_trained(shipped_weights("classifier")).facts["data"]
+    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_hidden"}
