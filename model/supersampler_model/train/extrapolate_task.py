@@ -20,7 +20,7 @@ from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.sampling import sum_of
 from supersampler_model.train.class_loss import ClassifierWeights
 from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.hidden_windows import draw_hidden_cut, hidden_set
+from supersampler_model.train.hidden_windows import HiddenStream, draw_render_cut, hidden_set
 from supersampler_model.train.task import State, Stepped
 from supersampler_model.train.walk import AlternatingWalk, Walk
 from supersampler_model.train.windows import Sample, Stream
@@ -49,14 +49,13 @@ class Crop(NamedTuple):
     sample: Sample  # its colour is drawn where it is hidden
     hidden: bool
     twin: Sample | None  # a shaded frame, drawn; None where there is nothing to draw it from
-    left: State  # frames since the last shaded one, and what the next is drawn from
+    left: State  # what the next is drawn from
 
 
 class ExtrapolateTask(ClassifierTask):
     """Pictures and classes of frames of both kinds, and that both encoders find the same in one frame.
 
-    States are in the order of `Classifier.history`, then the number of frames since the last shaded one, -1
-    before any, then what frames are drawn from.
+    States are in the order of `Classifier.history`, then what frames are drawn from, if anything.
 
     Args:
         method: to be trained.
@@ -81,15 +80,11 @@ class ExtrapolateTask(ClassifierTask):
         """Crops anywhere. Those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
         every, ratios = [*(DRAWN * list(datasets)), *own], self.method.ratios
-        return Stream(every, ratios=ratios, size=size, seed=seed, draw=draw_hidden_cut)
+        return HiddenStream(every, ratios=ratios, size=size, seed=seed, draw=draw_render_cut)
 
     def walk(self, method: Method, display: Size) -> Walk:
         """Every second frame is hidden, and drawn."""
         return AlternatingWalk(method, display, self._drawing.to("cpu"))
-
-    def first_state(self, sample: Sample) -> State:
-        """As `ClassifierTask`'s, and nothing to draw from."""
-        return [*super().first_state(sample), torch.tensor(-1)]
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """Step every crop, as `ClassifierTask` does; what is drawn takes no gradients."""
@@ -118,20 +113,18 @@ class ExtrapolateTask(ClassifierTask):
     @torch.no_grad()
     def _crop(self, sample: Sample, past: State) -> Crop:
         """Draw a frame, and leave what the next one is drawn from."""
-        since, *drawn_from = past
         if not sample.gbuffer:
-            return Crop(sample, hidden=False, twin=None, left=[torch.tensor(-1)])
+            return Crop(sample, hidden=False, twin=None, left=[])
         drawing = self._drawing.to(sample.color.device)
         given = {**sample.gbuffer, "jitter": sample.view.jitter}
         given |= {name: getattr(sample, name) for name in ("color", "depth", "motion", "exposure")}
-        known = None if since < 0 else drawn_from
-        shaded = [torch.tensor(0), *drawing.after_shaded(given, known)]
-        if known is None:
+        shaded = drawing.after_shaded(given, past or None)
+        if not past:
             return Crop(sample, hidden=False, twin=None, left=shaded)
-        image, left, _ = drawing.step(*(given[name] for name in drawing.inputs()), *known)
+        image, left, _ = drawing.step(*(given[name] for name in drawing.inputs()), *past)
         drawn = sample._replace(color=image)
-        if since < sample.hidden:
-            return Crop(drawn, hidden=True, twin=None, left=[since + 1, *left])
+        if sample.hidden:
+            return Crop(drawn, hidden=True, twin=None, left=left)
         return Crop(sample, hidden=False, twin=drawn, left=shaded)
 
     def _features(

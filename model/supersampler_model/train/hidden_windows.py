@@ -1,6 +1,7 @@
 """Crops at any ratio of which some frames are to be drawn, with the G-buffers of render size that takes."""
 
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
@@ -9,38 +10,40 @@ from supersampler.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.train.gbuffer_windows import SurfaceCut, draw_world
-from supersampler_model.train.windows import Sample, draw_cut
+from supersampler_model.train.windows import Sample, Stream, draw_cut
 
 TWO = 0.25
-"""Share of the crops that hide two frames after each shaded one; the others hide one."""
+"""Share of the crops of which two frames are hidden after each shaded one; of the others one is."""
 
 
-@dataclass(frozen=True, eq=False)
-class HiddenCut(SurfaceCut):
-    """A cut with G-buffers of render size, of the samples that its colour has.
-
-    Attributes:
-        hidden: how many frames are hidden after each shaded one; none is of frames without G-buffers.
-    """
-
-    hidden: int = 0
+class RenderCut(SurfaceCut):
+    """A cut with G-buffers of render size, of the samples that its colour has."""
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
         """Cut the crop out of one frame."""
         across, down = self._seen(frame)
         found = self._surfaces(frame, across, down)
         gbuffer = {name: buffer for name, buffer in found.items() if not GBUFFERS[name].of_display}
-        hidden = self.hidden if gbuffer else 0
-        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer, hidden=hidden)
+        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
 
 
-def draw_hidden_cut(
+class HiddenStream(Stream):
+    """Crops of which every second frame is hidden, of some two of three, of those without G-buffers none."""
+
+    def __iter__(self) -> Iterator[Sample]:
+        for sample in super().__iter__():
+            random = np.random.default_rng([*self._seed, self.place.window, 0, 1])
+            hidden = 2 if random.random() < TWO else 1
+            number = self.place.frame - 1  # this frame is counted already
+            hides = number % (hidden + 1) > 0 and bool(sample.gbuffer) and not sample.reset
+            yield sample._replace(hidden=hides)
+
+
+def draw_render_cut(
     random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
-) -> HiddenCut:
-    """Draw a crop of a sequence: turned and coloured at random, its world turned, some frames hidden."""
-    cut = draw_cut(random, entry, display_size, size)
-    hidden = 2 if random.random() < TWO else 1
-    return HiddenCut(**vars(cut), world=draw_world(random), hidden=hidden)
+) -> RenderCut:
+    """Draw a crop of a sequence: turned and coloured at random, and its world turned."""
+    return RenderCut(**vars(draw_cut(random, entry, display_size, size)), world=draw_world(random))
 
 
 def hidden_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:

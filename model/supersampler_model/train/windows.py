@@ -43,7 +43,7 @@ class Sample(NamedTuple):
     ghost: Tensor  # (1, H, W) int64
     alias: Tensor  # (1, H, W) int64
     gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
-    hidden: int = 0  # how many frames are not shaded after each one that is; for methods that draw them
+    hidden: bool = False  # whether it is to be drawn without its colour
 
 
 def on(device: torch.device, sample: Sample) -> Sample:
