@@ -115,11 +115,6 @@ class ClassifierNetwork(nn.Module):
         return self.classes(features), mixing
 
 
-def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
-    """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
-    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), inputs[0])
-
-
 def padded(image: Tensor) -> Tensor:
     """Repeat the last row and column up to a multiple of ALIGNED."""
     for axis in (2, 3):
@@ -132,6 +127,11 @@ def padded(image: Tensor) -> Tensor:
 def cut_to(image: Tensor, like: Tensor) -> Tensor:
     """Undo `padded`."""
     return image[:, :, : like.shape[2], : like.shape[3]]
+
+
+def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
+    """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
+    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), inputs[0])
 
 
 def pack(image: Tensor) -> Tensor:
