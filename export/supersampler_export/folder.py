@@ -12,7 +12,7 @@ import onnx
 import torch
 
 from supersampler import __version__
-from supersampler.model_info import CONTRACT
+from supersampler.model_info import CONTRACT, DRAWN
 from supersampler_export.count import multiply_adds
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -34,6 +34,7 @@ _FILES = {
     "network.onnx": "is the learned part alone.",
     "step.fp16.onnx": "is the step with the learned part in half precision.",
     "network.npz": "is it in bytes, for the host executor.",
+    f"{DRAWN}/model.json": "describes what steps on frames whose colour was drawn, on the same history.",
 }
 """What a model card says of files that not all folders have."""
 
@@ -41,9 +42,21 @@ _FILES = {
 def write_model_folder(method: Method, folder: Path) -> None:
     """Export `method`, check it against torch, then write the folder, model.json last.
 
+    What steps on drawn frames, where that is another graph, is a folder in the folder.
+
     Raises:
         ExportError: opset, operators or parity are not as they must be; nothing is written.
     """
+    drawn = method.on_drawn()
+    inner = {} if drawn is None else {f"{DRAWN}/{name}": made for name, made in _made(drawn, {}).items()}
+    content = {**inner, **_made(method, inner)}
+    (folder / DRAWN if inner else folder).mkdir(parents=True, exist_ok=True)
+    for name, made in content.items():
+        _replace(folder / name, made)
+
+
+def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
+    """Return all files of a folder by name, model.json last; it knows the folder in it by its model.json."""
     described = describe(method)
     graph = _labelled(export_graph(method), described)
     files = {"step.onnx": _serialized(graph)}
@@ -62,13 +75,12 @@ def write_model_folder(method: Method, folder: Path) -> None:
     host = host_network(method)
     if host is not None:
         files["network.npz"] = host
-    described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in files.items()}
+    known = files | {name: content for name, content in inner.items() if name == f"{DRAWN}/model.json"}
+    described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in known.items()}
     described["parity"] = _parity_record(parity)
-    folder.mkdir(parents=True, exist_ok=True)
-    for name, content in files.items():
-        _replace(folder / name, content)
-    _replace(folder / "MODEL_CARD.md", model_card(described, graph, parity).encode())
-    _replace(folder / "model.json", (json.dumps(described, indent=1) + "\n").encode())
+    files["MODEL_CARD.md"] = model_card(described, graph, parity).encode()
+    files["model.json"] = (json.dumps(described, indent=1) + "\n").encode()
+    return files
 
 
 def _labelled(graph: onnx.ModelProto, described: Mapping[str, Any]) -> onnx.ModelProto:
@@ -93,6 +105,7 @@ def describe(method: Method) -> dict[str, Any]:
         "ratios": list(method.ratios),
         "opset": OPSET,
         "inputs": [_tensor(name, TENSORS[name]) for name in method.inputs()],
+        **({"only_drawn": True} if method.only_drawn else {}),
         "history": [
             {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
             for name, shape in method.history.items()
@@ -156,6 +169,10 @@ def _draws(described: Mapping[str, Any]) -> str:
         return (
             "Draws the colour of a frame that was not shaded, at render size, for an upscaler to step on. "
             "After a shaded frame the history is that frame."
+        )
+    if described.get("only_drawn"):
+        return (
+            "Steps only on frames whose colour was drawn, on the history of the model whose folder it is in."
         )
     if low == high:
         return f"A ratio of display to render size of exactly {low:g}, on both axes."

@@ -21,7 +21,7 @@ CONSTANTS = (
 
 def host_network(method: Method) -> bytes | None:
     """Return the network in bytes, or None where there are no kernels for the method as it is configured."""
-    if not isinstance(method, Classifier) or not isinstance(method.net, ClassifierNetwork):
+    if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
         return None
     constants = {name: getattr(method.config, name) for name in CONSTANTS}
     if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):

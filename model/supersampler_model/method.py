@@ -7,7 +7,7 @@ history in the order of `history`, then what else it tells, in the order of `tol
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -86,6 +86,8 @@ class Method(nn.Module):
         image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
             sizes are exactly that many times the render size, and a graph is traced so.
+        only_drawn: whether it steps on frames whose colour was drawn alone, beside a method that has it
+            `on_drawn`.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
@@ -96,6 +98,7 @@ class Method(nn.Module):
     maps: ClassVar[Mapping[str, MapOf]] = {}
     image: ClassVar[Shape] = TENSORS["image"]
     ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
+    only_drawn: ClassVar[bool] = False
     learned: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
@@ -112,6 +115,29 @@ class Method(nn.Module):
         """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
         return cls.image[2:] == RENDER
 
+    @classmethod
+    def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:
+        """Return the history that a shaded frame leaves to a method that extrapolates (docs/contract.md).
+
+        It is that frame, by copying: such methods take no step on it.
+
+        Args:
+            frame: the inputs of the step and `color`, by name.
+            past: the history that the frame before left; None after a start or a cut.
+        """
+        before = None if past is None else dict(zip(cls.history, past, strict=True))
+        left: dict[str, Tensor] = {}
+        for name in cls.history:
+            own = name.removeprefix("earlier_")
+            if own != name:
+                left[name] = left[own] if before is None else before[own]
+            elif name == "motion" or (name == "shaded_motion" and before is None):
+                left[name] = torch.zeros_like(frame["motion"])
+            else:
+                source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
+                left[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
+        return list(left.values())
+
     def step(self, *arguments: Tensor) -> Outputs:
         """Return what `forward` does, told apart."""
         image, *rest = self(*arguments)
@@ -120,6 +146,10 @@ class Method(nn.Module):
 
     def fused(self) -> Fused | None:
         """Return the learned part; None where nothing is learned, or not all of it is in one place."""
+        return None
+
+    def on_drawn(self) -> "Method | None":
+        """Return what steps on frames whose colour was drawn, on the same history; None: this does."""
         return None
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:

@@ -39,16 +39,24 @@ class Model:
         providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
             step, and counts as the CPU's.
         threads: on the CPU, as they were asked for; 0 takes every core.
+        on_drawn: what steps on frames whose colour was drawn, on the same histories; mostly the model itself.
     """
 
     def __init__(
-        self, info: ModelInfo, executor: Executor, carrier: Carrier, providers: list[str], threads: int
+        self,
+        info: ModelInfo,
+        executor: Executor,
+        carrier: Carrier,
+        providers: list[str],
+        threads: int,
+        on_drawn: "Model | None" = None,
     ) -> None:
         self.info = info
         self.providers = providers
         self.threads = threads
         self._carrier = carrier
         self._executor = executor
+        self.on_drawn = on_drawn or self
 
     @classmethod
     def load(
@@ -88,6 +96,11 @@ class Model:
                 f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
                 f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
             )
+        if info.only_drawn:
+            raise ModelError(
+                f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
+                f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
+            )
         names = resolve_providers(providers)
         carrier = Carrier(info, session_options(threads))
         if executor != "graph" and not capture and list(names) == [CPU]:
@@ -100,7 +113,8 @@ class Model:
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
         graph = GraphExecutor(info, threads, names, kind, capture=capture)
-        return cls(info, graph, carrier, graph.providers, threads)
+        on_drawn = None if info.drawn is None else _on_drawn(info.drawn, kind, graph.providers, threads)
+        return cls(info, graph, carrier, graph.providers, threads, on_drawn)
 
     @property
     def executor(self) -> str:
@@ -354,6 +368,12 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers)
         return self.first_history(display, render)
+
+
+def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
+    info = read_model_info(folder)
+    graph = GraphExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
+    return Model(info, graph, Carrier(info, session_options(threads)), graph.providers, threads)
 
 
 def _tolerance(skip: Skip, want: Collection[str]) -> float | None:

@@ -15,6 +15,8 @@ from supersampler.ratios import only_ratio
 
 CONTRACT = 1
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
+DRAWN = "drawn"
+"""Folder in a model's folder, of what steps on frames whose colour was drawn."""
 
 
 @dataclass(frozen=True)
@@ -75,6 +77,12 @@ class ModelInfo:
     licence: str
     attributions: tuple[str, ...]
     versions: Mapping[str, str]
+    only_drawn: bool  # steps on frames whose colour was drawn alone, for the model whose folder this is in
+
+    @property
+    def drawn(self) -> Path | None:
+        """Folder of the model that steps on frames whose colour was drawn; None where this one does."""
+        return self.folder / DRAWN if f"{DRAWN}/model.json" in self.files else None
 
     @property
     def steps(self) -> Mapping[str, Path]:
@@ -217,6 +225,7 @@ def _parse(folder: Path, data: Mapping[str, Any]) -> ModelInfo:
         licence=data["licence"],
         attributions=tuple(data["attributions"]),
         versions=data["versions"],
+        only_drawn=data.get("only_drawn", False),
     )
 
 

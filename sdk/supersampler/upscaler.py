@@ -49,7 +49,8 @@ class Upscaler:
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
         extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp", or a
-            model folder. It runs as `model` does. None keeps nothing for it.
+            model folder. It runs as `model` does, and so does what `model` has for drawn frames, if anything.
+            None keeps nothing for it.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
         record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
@@ -105,7 +106,8 @@ class Upscaler:
         if self._render_size is not None and self._display_size is None:
             self._display_size = self._scaled(self._render_size)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads)
-        infos = (self.model.info, *self._extrapolation.infos)
+        self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
+        infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._history: History | None = None
@@ -260,6 +262,8 @@ class Upscaler:
         self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
+        if self._on_drawn is not self.model:
+            self._on_drawn.run(frame, history)
         if self.model.capture:
             tensors = tensors_of_frame(frame, self.model.device)
             self.model.run_tensors(tensors, history, jitter=frame.jitter)
@@ -309,19 +313,20 @@ class Upscaler:
     def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         self._check_open()
         left = None if frame.color is None else self._extrapolation.after_shaded(frame)
-        return self._upscaled(frame, frame, left, out, want)
+        return self._upscaled(self.model, frame, frame, left, out, want)
 
     def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         started = time.perf_counter()
         self._check_open()
         drawn, left = self._extrapolation.draw(frame)
         seconds = time.perf_counter() - started
-        image = self._upscaled(frame, drawn, left, out, want)
+        image = self._upscaled(self._on_drawn, frame, drawn, left, out, want)
         self.stats = self.stats.after_drawing(seconds)
         return image
 
     def _upscaled(
         self,
+        model: Model,
         given: Frame,
         frame: Frame,
         shaded: ShadedPast | None,
@@ -332,13 +337,13 @@ class Upscaler:
         started = time.perf_counter()
         history = self._history_for(frame.size, reset=frame.reset)
         # first: no frame is remembered and then refused
-        self.model.check(frame, history.display_size, want, history.carry)
+        model.check(frame, history.display_size, want, history.carry)
         self._checker.check(given, history.display_size, self.gbuffers)
-        result, left = self.model.run_wanted(
+        result, left = model.run_wanted(
             frame, history, want, out=out, history_out=self._spare, skip=self.skip
         )
         self._extrapolation.past = shaded
-        self._go_on(history, left, float(self.model.work(left).mean()), started)
+        self._go_on(history, left, float(model.work(left).mean()), started)
         return result if want else result.image
 
     def _step_tensors(

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from joint_folder import joint_folder
 from lit_scene import LitScene, even
 from supersampler import ArgumentError, Frame, Shot, ShotError, ShotWriter, halton_jitter
 from supersampler.cli import app
@@ -211,3 +212,12 @@ def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
         measure_extrapolation(Shot.open(tmp_path / "bare"), ["taau"], "guided-warp", ["1:1"])
     with pytest.raises(ArgumentError, match="--methods"):
         measure_extrapolation(plain, ["guided-warp"], "guided-warp", ["1:1"])
+
+
+def test_an_upscaler_may_have_its_own_graph_for_drawn_frames(folder: Path, tmp_path: Path) -> None:
+    joint = str(joint_folder(tmp_path / "joint"))
+    found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], "guided-warp", ["1:1"])
+    by_way = {s.method: s.summary(warm=False)["psnr"] for s in found.alternations["1:1"]}
+    for way in ("shaded", "warp", "warp, filled"):
+        assert by_way[f"{joint}, {way}"] == pytest.approx(by_way[f"classifier:fp32, {way}"], abs=0.01)
+    assert by_way[f"{joint}, guided-warp"] < by_way["classifier:fp32, guided-warp"] - 1.0  # it is brighter

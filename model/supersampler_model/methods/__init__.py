@@ -6,6 +6,7 @@ from supersampler_model.method import Method
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
@@ -20,7 +21,7 @@ METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Ta
 LEARNED: Mapping[str, type[LearnedMethod]] = {
     m.name: m
     for m in (
-        Classifier, SmallClassifier, PaperClassifier,
+        Classifier, SmallClassifier, PaperClassifier, Extrapolate,
         GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
     )
 }  # fmt: skip

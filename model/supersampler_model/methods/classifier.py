@@ -217,6 +217,10 @@ class Classifier(LearnedMethod):
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
         logits, mixing = self.net(*self.seen(gathered))
+        return self.left(gathered, logits, mixing, jitter)
+
+    def left(self, gathered: Gathered, logits: Tensor, mixing: Tensor, jitter: Tensor) -> tuple[Tensor, ...]:
+        """Return what `forward` does, of what the network has said."""
         done = self.finish(gathered, logits, mixing)
         surfaces, exposure = gathered.surfaces, gathered.exposure
         left = (done.image, done.state, done.classes, surfaces, jitter * 1.0, exposure)

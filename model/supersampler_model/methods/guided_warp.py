@@ -8,7 +8,7 @@ hid it (Wu et al. 2023, section 4.2). The picture has this frame's samples and j
 as on a shaded frame.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import reduce
 from typing import ClassVar, NamedTuple
@@ -112,12 +112,6 @@ class GuidedWarp(Method):
     def __init__(self, config: GuidedWarpConfig | None = None) -> None:
         super().__init__()
         self.config = config or GuidedWarpConfig()
-
-    @staticmethod
-    def after_shaded(frame: Mapping[str, Tensor]) -> list[Tensor]:
-        """Return what a shaded frame leaves: its own tensors, by the names of inputs, and no motion."""
-        names = ("color", "gbuffer_base_color", "gbuffer_normal", "depth", "jitter")
-        return [*(frame[name] for name in names), torch.zeros_like(frame["motion"]), frame["jitter"]]
 
     def forward(
         self,

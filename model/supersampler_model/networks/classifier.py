@@ -106,7 +106,11 @@ class ClassifierNetwork(nn.Module):
         Returns:
             Logits of CLASSES (n, 6, h, w), and (n, 4 m, h, w), packed, of the pixels.
         """
-        features = self.decoder(cut_to(self.encoder(padded(torch.cat([packed, carried], dim=1))), packed))
+        return self.decode(packed, encode(self.encoder, packed, carried))
+
+    def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
+        """Say the same of what an encoder has found."""
+        features = self.decoder(features)
         mixing = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
         return self.classes(features), mixing
 
@@ -123,6 +127,11 @@ def padded(image: Tensor) -> Tensor:
 def cut_to(image: Tensor, like: Tensor) -> Tensor:
     """Undo `padded`."""
     return image[:, :, : like.shape[2], : like.shape[3]]
+
+
+def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
+    """Run an `Encoder` on inputs of any size: (n, c, h, w) each to (n, out_channels, h, w)."""
+    return cut_to(encoder(padded(torch.cat(inputs, dim=1))), inputs[0])
 
 
 def pack(image: Tensor) -> Tensor:

@@ -43,14 +43,32 @@ class ClassifierTask(Task):
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """Step every crop; from frame to frame gradients flow through the colour of the history alone."""
         method = self.method
-        gathered = [self._gather(sample, state) for sample, state in zip(samples, states, strict=True)]
+        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         packed, carried = (
             torch.cat(parts) for parts in zip(*(method.seen(g) for g in gathered), strict=True)
         )
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
             logits, mixing = method.net(packed, carried)
-        logits, mixing = logits.float(), mixing.float()
-        images, after = [], []
+        return self.stepped(samples, gathered, logits.float(), mixing.float(), self.losses.ghost)
+
+    def stepped(
+        self,
+        samples: list[Sample],
+        gathered: list[Gathered],
+        logits: Tensor,
+        mixing: Tensor,
+        ghost_weight: Tensor | float,
+    ) -> Stepped:
+        """Finish every crop by what the network has said.
+
+        Args:
+            samples: the crops.
+            gathered: what is known of each.
+            logits: (n, 6, H / 2, W / 2).
+            mixing: (n, 4 m, H / 2, W / 2).
+            ghost_weight: (n, 1, 1, 1) of the error where the past is of no use, or one for all.
+        """
+        method, images, after = self.method, [], []
         for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
             done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
             images.append(done.image)
@@ -61,11 +79,12 @@ class ClassifierTask(Task):
         return Stepped(
             images=torch.cat(images),
             states=after,
-            weight=1.0 + self.losses.ghost * useless,
+            weight=1.0 + ghost_weight * useless,
             terms={"classes": class_loss(logits, ghost, alias, self.losses)},
         )
 
-    def _gather(self, sample: Sample, state: State) -> Gathered:
+    def gather(self, sample: Sample, state: State) -> Gathered:
+        """What one crop's frame and its past tell before the network speaks."""
         color, counted, classes, depth, jitter, exposure = state
         history = History(color, counted, classes, depth, exposure)
         before = sample.view._replace(jitter=jitter)  # a crop stays where it is until its stream's next one

@@ -17,7 +17,7 @@ from supersampler_model.data.dataset.description import Split
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
-from supersampler_model.train.tasks import TASKS
+from supersampler_model.train.tasks import BEGUN_BY, TASKS
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
 from supersampler_model.trained import load_trained, save_trained, shipped_weights
@@ -83,7 +83,7 @@ def train(
         trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
         if trainer.rank == 0:
-            found = validate(trainer.average.eval(), entries) if entries else None
+            found = validate(trainer.average.eval(), entries, task.walk) if entries else None
             _report(trainer, output, updates, found, taau, {"attributions": named, "init": begun})
         updates.clear()
         if dist.is_initialized():
@@ -91,7 +91,11 @@ def train(
 
 
 def _weights(name: str, init: str) -> Path:
-    return shipped_weights(name) if init == "shipped" else Path(init)
+    """Where the weights to begin with are; a method whose own do not ship yet may begin with another's."""
+    own = shipped_weights(name)
+    if init == "shipped":
+        return own if own.exists() else shipped_weights(BEGUN_BY.get(name, name))
+    return Path(init)
 
 
 def _report(
@@ -103,7 +107,9 @@ def _report(
     facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
-    scores = {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.overlap}
+    scores = (
+        {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.kinds, **found.overlap}
+    )
     bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
     means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))

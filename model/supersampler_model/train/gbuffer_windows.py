@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
@@ -21,8 +22,8 @@ from supersampler_model.train.windows import Cut, Sample, Stream, draw_cut
 
 
 @dataclass(frozen=True, eq=False)
-class GBufferCut(Cut):
-    """A cut whose corner and size are multiples of its ratio, a whole number and the same for both axes.
+class SurfaceCut(Cut):
+    """A cut of frames with G-buffers.
 
     Attributes:
         world: (3, 3) orthogonal: turns, and may mirror, the world that normals are in. What they tell is how
@@ -31,16 +32,13 @@ class GBufferCut(Cut):
 
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
 
-    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
-        """Cut the crop out of one frame, with all G-buffers that it has."""
-        ratio = round(self.ratio[0])
-        across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
+    def _surfaces(self, frame: TrainingFrame, across: slice, down: slice) -> dict[str, Tensor]:
+        """All G-buffers that the frame has, cut out; those of render size with these columns and rows."""
         parts = {
             name: image[self.display if GBUFFERS[name].of_display else (down, across)]
             for name, image in gbuffers(frame).items()
         }
-        gbuffer = {name: planes(self.turn(self._varied(name, part))) for name, part in parts.items()}
-        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
+        return {name: planes(self.turn(self._varied(name, part))) for name, part in parts.items()}
 
     def _varied(self, name: str, image: NDArray[Any]) -> NDArray[Any]:
         if name.endswith("base_color"):
@@ -50,14 +48,29 @@ class GBufferCut(Cut):
         return image
 
 
+class GBufferCut(SurfaceCut):
+    """Of which corner and size are multiples of its ratio, a whole number and the same for both axes."""
+
+    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
+        """Cut the crop out of one frame, with all G-buffers that it has."""
+        ratio = round(self.ratio[0])
+        across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
+        gbuffer = self._surfaces(frame, across, down)
+        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
+
+
 def draw_gbuffer_cut(
     random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
 ) -> GBufferCut:
     """Draw a crop of a sequence at a whole ratio: turned and coloured at random, and its world turned."""
     cut = draw_cut(random, entry, display_size, size, step=round(entry.ratio))
+    return GBufferCut(**vars(cut), world=draw_world(random))
+
+
+def draw_world(random: np.random.Generator) -> Float32:
+    """Draw a (3, 3) orthogonal matrix; all are as likely (Mezzadri 2007)."""
     q, r = np.linalg.qr(random.normal(size=(3, 3)))
-    world = q * np.sign(np.diag(r))  # all orthogonal matrices are as likely (Mezzadri 2007)
-    return GBufferCut(**vars(cut), world=world.astype(np.float32))
+    return (q * np.sign(np.diag(r))).astype(np.float32)
 
 
 def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: Sequence[int]) -> Stream:

@@ -8,8 +8,9 @@ from typing import Any, NamedTuple
 from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.method import Method
+from supersampler_model.method import Method, Size
 from supersampler_model.train.losses import PictureWeights
+from supersampler_model.train.walk import Walk
 from supersampler_model.train.windows import Sample, Stream
 
 State = list[Tensor]
@@ -51,6 +52,10 @@ class Task(ABC):
             ArgumentError: it lacks what the method reads.
         """
         return dataset
+
+    def walk(self, method: Method, display: Size) -> Walk:
+        """Return how `method`, of this task, goes through whole sequences to be validated."""
+        return Walk(method, display)
 
     @abstractmethod
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:

@@ -5,10 +5,12 @@ from collections.abc import Callable, Mapping
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.classifier_small import SmallClassifier
+from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.train.classifier_task import ClassifierTask
+from supersampler_model.train.extrapolate_task import ExtrapolateTask
 from supersampler_model.train.gbuffer_task import GBufferTask
 from supersampler_model.train.task import Task
 from supersampler_model.trained import Trained
@@ -22,11 +24,21 @@ def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task]:
     return lambda weights: GBufferTask(method() if weights is None else method.of(weights))
 
 
+def _extrapolate(weights: Trained | None) -> Task:
+    if weights is None:
+        return ExtrapolateTask(Extrapolate())
+    own = weights.method == Extrapolate.name
+    return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.begun(weights))
+
+
 TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
     **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
     **{
         method.name: _gbuffer(method)
         for method in (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
     },
+    Extrapolate.name: _extrapolate,
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""
+BEGUN_BY: Mapping[str, str] = {Extrapolate.name: Classifier.name}
+"""Methods that also begin with another's weights."""

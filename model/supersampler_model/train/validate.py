@@ -1,10 +1,9 @@
 """Validation: whole frames of sequences that are not trained on, stepped as an engine steps them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from supersampler.display import decibels, display_transform
@@ -12,7 +11,7 @@ from supersampler.frame import Float32
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.method import Method, Size
-from supersampler_model.train.frame_inputs import frame_inputs
+from supersampler_model.train.walk import Walk
 
 WARM_UP = 8
 BORDER = 8
@@ -27,12 +26,14 @@ class Validated:
         psnr: of shown pictures after the warm-up, dB.
         tpsnr: of their changes from frame to frame, dB.
         overlap: intersection over union per class; empty for methods without classes.
+        kinds: PSNR of shaded and of hidden frames, apart; empty where none is hidden.
         picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
     """
 
     psnr: float
     tpsnr: float
     overlap: dict[str, float]
+    kinds: dict[str, float]
     picture: Float32
 
 
@@ -48,48 +49,49 @@ def validation_entries(
     ]
 
 
-def validate(method: Method, entries: Sequence[tuple[Dataset, SequenceEntry]]) -> Validated:
-    """Step `method` through all `entries`."""
+def validate(
+    method: Method,
+    entries: Sequence[tuple[Dataset, SequenceEntry]],
+    walk: Callable[[Method, Size], Walk] = Walk,
+) -> Validated:
+    """Step `method` through all `entries`, as `walk` goes."""
     rows, pictures = [], []
     counts = np.zeros((2, len(CLASS_NAMES)))
     for dataset, entry in entries:
-        scores, picture = _sequence(method, dataset.frames(entry), dataset.description.display_size, counts)
+        display = Size(*dataset.description.display_size)
+        scores, picture = _sequence(method, dataset.frames(entry), walk(method, display), counts)
         rows.append(scores)
         pictures.append(picture)
-    psnr, tpsnr = (_mean([row[i] for row in rows]) for i in range(2))
+    psnr, tpsnr, shaded, hidden = (_mean([row[i] for row in rows]) for i in range(4))
+    kinds = {} if np.isnan(hidden) else {"psnr_shaded": shaded, "psnr_hidden": hidden}
     overlap = {}
     if counts.any():
         overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
-    return Validated(psnr, tpsnr, overlap, pictures[0])
+    return Validated(psnr, tpsnr, overlap, kinds, pictures[0])
 
 
 def _sequence(
-    method: Method, frames: Iterable[TrainingFrame], display_size: tuple[int, int], counts: "np.ndarray"
-) -> tuple[tuple[float, float], Float32]:
-    display = Size(*display_size)
-    history: list[Tensor] = []
-    squared, changed, off_before = [], [], None
+    method: Method, frames: Iterable[TrainingFrame], walk: Walk, counts: "np.ndarray"
+) -> tuple[tuple[float, ...], Float32]:
+    squared: tuple[list[float], list[float]] = [], []  # of shaded frames, of hidden ones
+    changed, off_before = [], None
     picture = np.zeros((1, 1, 3), np.float32)
     for index, frame in enumerate(frames):
-        if frame.reset or not history:
-            history = method.first_history(display, Size(*frame.depth.shape[::-1]))
-        with torch.no_grad():
-            image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
-        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
+        shown = display_transform(walk.step(frame)[0].permute(1, 2, 0).numpy(), frame.exposure)
         truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
         off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
         if np.isnan(off).any():  # a frame of a user's shot without a reference
             off_before = None
             continue
         if index >= WARM_UP:
-            squared.append(_psnr(off))
+            squared[walk.hidden].append(_psnr(off))
             if off_before is not None and not frame.reset:
                 changed.append(_psnr(off - off_before))
         off_before, picture = off, np.concatenate([shown, truth])
         if "classes" in method.history:
-            _count(history[list(method.history).index("classes")], frame, counts)
-    psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))
-    return (psnr, tpsnr), picture
+            _count(walk.history[list(method.history).index("classes")], frame, counts)
+    of = ([*squared[0], *squared[1]], changed, *squared)
+    return tuple(float(np.mean(values)) if values else float("nan") for values in of), picture
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:

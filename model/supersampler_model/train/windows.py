@@ -43,6 +43,7 @@ class Sample(NamedTuple):
     ghost: Tensor  # (1, H, W) int64
     alias: Tensor  # (1, H, W) int64
     gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
+    hidden: bool = False  # whether it is to be drawn without its colour
 
 
 def on(device: torch.device, sample: Sample) -> Sample:
@@ -81,9 +82,7 @@ class Cut:
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
         """Cut the crop out of one frame."""
-        width, height = frame.depth.shape[::-1]
-        across = _seen(self.left, self.size, self.ratio[0], width)
-        return self._part(frame, across, _seen(self.top, self.size, self.ratio[1], height), reset=reset)
+        return self._part(frame, *self._seen(frame), reset=reset)
 
     @property
     def display(self) -> tuple[slice, slice]:
@@ -95,6 +94,12 @@ class Cut:
         image = image[:, ::-1] if self.flip[0] else image
         image = image[::-1] if self.flip[1] else image
         return image.swapaxes(0, 1) if self.turned else image
+
+    def _seen(self, frame: TrainingFrame) -> tuple[slice, slice]:
+        """Columns and rows of what is of render size that the crop looks at."""
+        width, height = frame.depth.shape[::-1]
+        across = _seen(self.left, self.size, self.ratio[0], width)
+        return across, _seen(self.top, self.size, self.ratio[1], height)
 
     def _part(self, frame: TrainingFrame, across: slice, down: slice, *, reset: bool) -> Sample:
         """Cut the crop out, with these columns and rows of what is of render size."""

@@ -54,12 +54,16 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
     ratios = f"{ratio(*model.ratios)} (display over render size, each axis)"
     if model.extrapolates:
         ratios = "none: it draws frames that were not shaded, at render size"
+    drawn = {"drawn frames": "no others"} if model.only_drawn else {}
+    if model.drawn is not None:
+        drawn = {"drawn frames": f"by the model in {model.drawn.name}"}
     return {
         "method": model.method,
         "source": model.source,
         "folder": str(model.folder),
         "contract": str(model.contract),
         "ratios": ratios,
+        **drawn,
         "inputs": "\n".join(map(_tensor_text, model.inputs)),
         "G-buffers": listed(model.gbuffers),
         "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",

@@ -1,0 +1,128 @@
+"""`extrapolate` is exported as two graphs, checked against torch, which share a history in an Upscaler."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+
+from lit_scene import LitScene
+from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.frame import Float32
+from supersampler.graph_session import frame_inputs
+from supersampler.model_info import read_model_info
+from supersampler_export import folder as folder_module
+from supersampler_export import parity
+from supersampler_export.folder import describe, write_model_folder
+from supersampler_export.graph import ExportError
+from supersampler_export.half import in_half
+from supersampler_export.host import host_network
+from supersampler_model.method import Method, Size
+from supersampler_model.methods.classifier import ClassifierConfig
+from supersampler_model.methods.extrapolate import DrawnExtrapolate, Extrapolate
+from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.networks.classifier import NetworkConfig
+
+SIZE, DISPLAY = (21, 13), (41, 27)
+SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
+SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+
+
+@pytest.fixture(scope="module")
+def method() -> Extrapolate:
+    torch.manual_seed(2)
+    made = Extrapolate(SMALL)
+    for parameter in made.net.mixing.parameters():
+        torch.nn.init.normal_(parameter, std=0.2)
+    return made.eval()
+
+
+@pytest.fixture(scope="module")
+def folder(method: Extrapolate, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("models") / "mine"
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(parity, "SIZES", parity.SIZES[2:7])  # not as traced, nor large
+        patch.setattr(folder_module, "in_half", lambda _: None)  # two graphs less to trace
+        write_model_folder(method, path)
+    return path
+
+
+def frame(index: int, kind: str) -> Frame:
+    hidden = {"color": None} if kind == "u" else {}
+    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **hidden)
+
+
+def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
+    history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
+    for index, kind in enumerate(pattern):
+        names = [*DrawnExtrapolate.inputs(), "gbuffer_normal"]
+        arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
+        given = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        stepping: Method = method
+        with torch.no_grad():
+            if kind == "u":
+                drawing, stepping = GuidedWarp(), method.on_drawn()
+                drawn = drawing.step(*(given[name] for name in drawing.inputs()), *past)
+                given["color"], past = drawn.image, drawn.history
+            else:
+                past = GuidedWarp.after_shaded(given)
+            image, history, _ = stepping.step(*(given[name] for name in stepping.inputs()), *history)
+        images.append(image[0].permute(1, 2, 0).numpy())
+    return images
+
+
+@pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuususu"])
+def test_upscalers_draw_what_torch_draws_however_frames_alternate(
+    method: Extrapolate, folder: Path, pattern: str
+) -> None:
+    model = Model.load(folder, threads=1, providers="cpu")
+    upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
+    for index, truth in enumerate(by_torch(method, pattern)):
+        step = upscaler.step if pattern[index] == "s" else upscaler.extrapolate
+        off = np.abs(step(frame(index, pattern[index])) - truth)
+        assert np.quantile(off, 0.99) < 1e-3
+        assert off.mean() < 1e-4
+
+
+def test_both_folders_say_what_they_are_and_have_one_history(folder: Path) -> None:
+    outer, inner = read_model_info(folder), read_model_info(folder / "drawn")
+    assert (outer.method, inner.method) == ("extrapolate", "extrapolate-drawn")
+    assert (outer.drawn, inner.drawn) == (folder / "drawn", None)
+    assert (outer.only_drawn, inner.only_drawn) == (False, True)
+    assert outer.history == inner.history
+    assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]
+    assert "network.npz" not in outer.files
+    assert "colour was drawn" in (folder / "drawn" / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "`drawn/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize("inner", [True, False])
+def test_nothing_is_written_where_either_is_off(
+    method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
+) -> None:
+    def made(one: Method, _: object) -> dict[str, bytes]:
+        if one.only_drawn is inner:
+            raise ExportError("off")
+        return {"model.json": b""}
+
+    monkeypatch.setattr(folder_module, "_made", made)
+    with pytest.raises(ExportError):
+        write_model_folder(method, tmp_path / "mine")
+    assert not (tmp_path / "mine").exists()
+
+
+def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None:
+    packed, carried = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.carried, 8, 8)
+    surface = torch.rand(1, 12, 8, 8)
+    for one, given in ((method, (packed, carried)), (method.on_drawn(), (packed, carried, surface))):
+        half = in_half(one)
+        assert half is not None
+        with torch.no_grad():
+            for a, b in zip(half.get_submodule("net")(*given), one.get_submodule("net")(*given), strict=True):
+                torch.testing.assert_close(a, b, atol=2e-2, rtol=2e-2)
+
+
+def test_there_are_no_kernels_for_two_encoders(method: Extrapolate) -> None:
+    assert host_network(method) is None
+    assert "only_drawn" not in describe(method)
+    assert describe(method.on_drawn())["only_drawn"] is True

@@ -1,0 +1,166 @@
+"""`extrapolate` before any training is `classifier`, of both kinds of frames; its two encoders are two."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from lit_scene import LitScene
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler.graph_session import frame_inputs
+from supersampler_model.method import Method, Size
+from supersampler_model.methods import LEARNED
+from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.extrapolate import DrawnExtrapolate, Extrapolate, surface_of
+from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.sampling import View
+from supersampler_model.trained import Trained, load_trained, shipped_weights
+
+RENDER, DISPLAY = (40, 23), (80, 46)
+SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+State = list[Tensor]
+Sizes = tuple[int, int]
+
+
+@pytest.fixture(scope="module")
+def weights() -> Trained:
+    return load_trained(shipped_weights("classifier"))
+
+
+@pytest.fixture(scope="module")
+def classifier(weights: Trained) -> Classifier:
+    return Classifier.of(weights)
+
+
+@pytest.fixture
+def begun(weights: Trained) -> Extrapolate:
+    return Extrapolate.begun(weights)
+
+
+def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[str, Tensor]:
+    frame = SCENE.frame(index, render, halton_jitter(index, 2.0))
+    names = [*DrawnExtrapolate.inputs(), "gbuffer_normal"]
+    return {name: torch.from_numpy(a) for name, a in frame_inputs(frame, display, names).items()}
+
+
+def step(method: Method, inputs: Mapping[str, Tensor], history: State) -> tuple[Tensor, State]:
+    with torch.no_grad():
+        done = method.step(*(inputs[name] for name in method.inputs()), *history)
+    return done.image, done.history
+
+
+def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> State:
+    return method.first_history(Size(*display), Size(*render))
+
+
+def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
+    classifier: Classifier, begun: Extrapolate
+) -> None:
+    ours, theirs = first(begun), first(classifier)
+    for index in range(4):
+        one, ours = step(begun, given(index), ours)
+        other, theirs = step(classifier, given(index), theirs)
+        assert torch.equal(one, other)
+    assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
+
+
+@pytest.mark.parametrize("pattern", ["susu", "suusus"])
+def test_before_training_drawn_frames_are_those_of_classifier_on_drawn_colours(
+    begun: Extrapolate, pattern: str
+) -> None:
+    drawn, history, past = begun.on_drawn(), first(begun), State()
+    model = Model.load("classifier", executor="graph", threads=1)
+    upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
+    for index, kind in enumerate(pattern):
+        inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))
+        if kind == "s":
+            past = GuidedWarp().after_shaded(inputs)
+            image, history = step(begun, inputs, history)
+            theirs = upscaler.step(frame)
+        else:
+            color, past = step(GuidedWarp(), inputs, past)
+            image, history = step(drawn, {**inputs, "color": color}, history)
+            theirs = upscaler.extrapolate(SCENE.frame(index, RENDER, halton_jitter(index, 2.0), color=None))
+        off: Float32 = np.abs(image[0].permute(1, 2, 0).numpy() - theirs)
+        assert np.quantile(off, 0.99) < 1e-4  # of torch and ONNX Runtime
+
+
+def changed(method: Extrapolate, encoder: str) -> Extrapolate:
+    with torch.no_grad():
+        for parameter in method.net.get_submodule(encoder).parameters():
+            parameter.add_(0.3)
+    return method
+
+
+@pytest.mark.parametrize("encoder", ["encoder", "drawn_encoder"])
+def test_each_encoder_sees_frames_of_one_kind_alone(
+    weights: Trained, begun: Extrapolate, encoder: str
+) -> None:
+    other = changed(Extrapolate.begun(weights), encoder)
+    _, history = step(begun, given(0), first(begun))
+    of_shaded, of_drawn = (
+        torch.equal(step(a, given(1), history)[0], step(b, given(1), history)[0])
+        for a, b in ((begun, other), (begun.on_drawn(), other.on_drawn()))
+    )
+    assert (of_shaded, of_drawn) == (encoder != "encoder", encoder == "encoder")
+
+
+def test_once_trained_drawn_frames_depend_on_base_colour(begun: Extrapolate) -> None:
+    drawn = changed(begun, "drawn_encoder").on_drawn()
+    _, history = step(begun, given(0), first(begun))
+    inputs = given(1)
+    black = {**inputs, "gbuffer_base_color": torch.zeros_like(inputs["gbuffer_base_color"])}
+    assert not torch.equal(step(drawn, inputs, history)[0], step(drawn, black, history)[0])
+
+
+def test_the_method_on_drawn_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
+    assert DrawnExtrapolate.history == Extrapolate.history == Classifier.history
+    assert set(DrawnExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
+    assert DrawnExtrapolate.only_drawn
+    assert DrawnExtrapolate.name not in LEARNED
+
+
+def test_weights_of_another_method_are_refused(weights: Trained) -> None:
+    with pytest.raises(ArgumentError, match="want of classifier or classifier-small"):
+        Extrapolate.begun(weights._replace(method="gbuffer-small"))
+    with pytest.raises(ArgumentError, match="want of extrapolate"):
+        Extrapolate.of(weights)
+
+
+def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
+    small = Extrapolate.begun(load_trained(shipped_weights("classifier-small")))
+    assert small.config.network.levels == (16, 32, 64, 128)
+    assert small.learned["steps"] > 0
+
+
+@pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
+def test_odd_sizes_are_drawn(begun: Extrapolate, render: Sizes, display: Sizes) -> None:
+    drawn, history = changed(begun, "drawn_encoder").on_drawn(), first(begun, render, display)
+    for index, method in enumerate((begun, drawn, drawn, begun)):
+        image, history = step(method, given(index, render, display), history)
+        assert image.shape == (1, 3, *display[::-1])
+        assert image.isfinite().all()
+
+
+@pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf"), -3.0, 1e30])
+def test_base_colour_that_is_no_number_in_range_spoils_nothing(begun: Extrapolate, bad: float) -> None:
+    drawn = changed(begun, "drawn_encoder").on_drawn()
+    _, history = step(begun, given(0), first(begun))
+    inputs = given(1)
+    inputs["gbuffer_base_color"][:, :, 3:9, 4:20] = bad
+    image, history = step(drawn, inputs, history)
+    assert image.isfinite().all()
+    assert (image >= 0.0).all()
+    assert all(tensor.isfinite().all() for tensor in history)
+
+
+def test_surfaces_are_read_where_samples_lie() -> None:
+    base = torch.arange(6.0).reshape(1, 1, 2, 3).expand(1, 3, 2, 3) / 5.0
+    view = View(Size(6, 4), Size(3, 2), torch.zeros(1, 2))
+    seen = torch.nn.functional.pixel_shuffle(surface_of(base, view), 2)
+    expected = base.repeat_interleave(2, dim=2).repeat_interleave(2, dim=3).sqrt()
+    torch.testing.assert_close(seen, expected)

@@ -1,0 +1,210 @@
+"""`extrapolate` learns from shaded and from hidden frames of crops, as an engine will alternate them."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from typer.testing import CliRunner
+
+from gbuffer_sets import DISPLAY, gbuffer_data
+from supersampler.cli import app
+from supersampler.errors import ArgumentError
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.labels import Ghost
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier import Classifier, ClassifierConfig
+from supersampler_model.methods.extrapolate import Extrapolate
+from supersampler_model.networks.classifier import NetworkConfig
+from supersampler_model.train.extrapolate_task import ExtrapolateTask
+from supersampler_model.train.hidden_windows import RenderCut, hidden_set
+from supersampler_model.train.task import State, Stepped
+from supersampler_model.train.tasks import TASKS
+from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.train.validate import validate, validation_entries
+from supersampler_model.train.walk import Walk
+from supersampler_model.train.windows import Place, Sample
+from supersampler_model.trained import Trained, load_trained, shipped_weights
+
+SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
+SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory: pytest.TempPathFactory) -> Dataset:
+    return gbuffer_data(tmp_path_factory.mktemp("set"))
+
+
+@pytest.fixture
+def task() -> ExtrapolateTask:
+    torch.manual_seed(0)
+    return ExtrapolateTask(Extrapolate(SMALL).eval())
+
+
+def frames(dataset: Dataset) -> list[TrainingFrame]:
+    return list(dataset.frames(dataset.entries("train")[0]))
+
+
+def samples(data: Dataset, hidden: int) -> list[Sample]:
+    """A crop of which so many frames are hidden after each shaded one."""
+    cut = RenderCut(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
+    every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(hidden_set(data, (1.0, 3.0))))]
+    return [sample._replace(hidden=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
+
+
+def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
+    """Step a crop."""
+    made, states = list[Stepped](), list[State]([task.first_state(sequence[0])])
+    for sample in sequence:
+        made.append(task.step([sample], states))
+        states = made[-1].states
+    return made
+
+
+def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
+    frame = frames(hidden_set(data, (1.0, 3.0)))[2]
+    cut = RenderCut(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
+    sample = cut.sample(frame, reset=False)
+    assert all(not name.startswith("gbuffer_display") for name in sample.gbuffer)
+    assert sample.gbuffer["gbuffer_base_color"].shape == sample.color.shape
+    off = (sample.gbuffer["gbuffer_base_color"] - sample.color).abs().max()
+    assert off < 0.005  # everything shines by itself, in that set
+
+
+def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> None:
+    one, other = samples(data, 1)[:4], samples(data, 1)[:4]
+    for index in (1, 3):
+        other[index] = other[index]._replace(color=torch.full_like(other[index].color, 7.0))
+    task.losses = replace(task.losses, features=0.0)
+    for a, b in zip(stepped(task, one), stepped(task, other), strict=True):
+        assert torch.equal(a.images, b.images)
+
+
+def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> None:
+    method = Extrapolate(SMALL).eval()
+    task, dataset = ExtrapolateTask(method), hidden_set(data, (1.0, 3.0))
+    walk, hidden = task.walk(method, Size(*DISPLAY)), list[bool]()
+    sequence = frames(dataset)[:4]
+    for frame in sequence:
+        image = walk.step(frame)
+        hidden.append(walk.hidden)
+    assert hidden == [False, True, False, True]
+    cut = RenderCut(0, 0, 36, (2.0, 2.0))
+    crop = [
+        cut.sample(f, reset=i == 0)._replace(hidden=hides)
+        for i, (f, hides) in enumerate(zip(sequence, hidden, strict=True))
+    ]
+    with torch.no_grad():
+        made = stepped(task, crop)
+    off = (made[-1].images - image[:, :, :, :36]).abs()[:, :, 4:-4, 12:-12]
+    assert torch.quantile(off, 0.9) < 0.02
+
+
+def test_errors_weigh_more_where_the_past_of_a_drawn_frame_was_hidden(
+    data: Dataset, task: ExtrapolateTask
+) -> None:
+    revealed = [s._replace(ghost=torch.full_like(s.ghost, Ghost.VISIBILITY)) for s in samples(data, 1)[:2]]
+    shaded, hidden = (done.weight for done in stepped(task, revealed))
+    assert isinstance(shaded, torch.Tensor)
+    assert isinstance(hidden, torch.Tensor)
+    assert (shaded == 1.5).all()
+    assert (hidden == 2.0).all()
+
+
+def test_what_both_encoders_find_is_compared_on_shaded_frames_that_could_be_drawn(
+    data: Dataset, task: ExtrapolateTask
+) -> None:
+    crop = samples(data, 1)[:3]
+    made = [done.terms["features"].item() for done in stepped(task, crop)]
+    assert made[:2] == [0.0, 0.0]  # nothing to draw from; hidden
+    task.method.net.begin_drawn_as_shaded()
+    alike = stepped(task, crop)[2].terms["features"].item()
+    assert 0.0 < alike < made[2]  # the colours differ
+
+
+def test_gradients_reach_all_weights(data: Dataset, task: ExtrapolateTask) -> None:
+    for parameter in task.method.net.mixing.parameters():
+        torch.nn.init.normal_(parameter, std=0.1)
+    loss = torch.zeros(())
+    for done in stepped(task.__class__(task.method), samples(data, 1)[:3]):
+        loss = loss + done.images.mean() + sum(done.terms.values())
+    loss.backward()  # type: ignore[no-untyped-call]
+    missing = [name for name, p in task.method.named_parameters() if p.grad is None or not p.grad.any()]
+    assert missing == []
+
+
+def test_crops_hide_no_one_or_two_frames_after_each_shaded_one(data: Dataset, task: ExtrapolateTask) -> None:
+    crops, first = list[str](), task.stream([task.data(data)], size=SIZE, seed=[3])
+    for sample in islice(first, 300):
+        crops += [""] if sample.reset else []
+        crops[-1] += "u" if sample.hidden else "s" if sample.gbuffer else "-"
+    begun = {crop[:5] for crop in crops[:-1]}
+    assert begun == {"susus", "suusu", "-----"}
+    again = task.stream([task.data(data)], size=SIZE, seed=[3])
+    again.place = Place(1, 2)  # as a run that was stopped there goes on
+    assert [sample.hidden for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
+
+
+def test_a_set_without_g_buffers_of_render_size_is_refused(data: Dataset) -> None:
+    with pytest.raises(ArgumentError, match=r"without G-buffers of render size.*--also 2"):
+        hidden_set(data, (2.5, 3.0))
+    assert [e.ratio for e in hidden_set(data, (1.0, 3.0)).entries("train")] == [2.0]
+
+
+def trainer(data: Dataset, folder: Path) -> Trainer:
+    folder.mkdir(exist_ok=True)
+    torch.manual_seed(0)
+    return Trainer(ExtrapolateTask(Extrapolate(SMALL)), [data], PLAN, folder)
+
+
+def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
+    whole = trainer(data, tmp_path / "whole")
+    whole.run()
+    first = trainer(data, tmp_path / "parts")
+    first.run(until=3)
+    first.save()
+    second = trainer(data, tmp_path / "parts")
+    second.run()
+    for name, value in whole.method.state_dict().items():
+        assert torch.equal(value, second.method.state_dict()[name]), name
+
+
+def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:
+    entries = validation_entries([task.data(data)], task.method.ratios)
+    alternating = validate(task.method, entries, task.walk)
+    assert alternating.kinds.keys() == {"psnr_shaded", "psnr_hidden"}
+    assert np.mean(list(alternating.kinds.values())) == pytest.approx(alternating.psnr)
+    assert validate(task.method, entries).kinds == {}
+    plain = validate(Classifier(SMALL).eval(), entries, Walk)
+    assert plain.kinds == {}
+
+
+def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> None:
+    weights = load_trained(shipped_weights("classifier-small"))
+    begun = TASKS["extrapolate"](weights).method
+    assert begun.learned == weights.facts
+    own = Trained("extrapolate", asdict(SMALL), {"steps": 3}, Extrapolate(SMALL).state_dict())
+    assert TASKS["extrapolate"](own).method.learned == {"steps": 3}
+    assert TASKS["extrapolate"](None).method.learned == {}
+
+
+@pytest.mark.parametrize("name", ["taau", "nothing"])
+def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
+    with pytest.raises(ArgumentError, match=r"drawing is '?(taau|nothing)'?; want one of guided-warp"):
+        ExtrapolateTask(Extrapolate(SMALL), drawing=name)
+
+
+def test_the_command_begins_with_the_shipped_classifier_and_tells_both_kinds_apart(
+    data: Dataset, tmp_path: Path
+) -> None:
+    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", "shipped"]
+    done = CliRunner().invoke(
+        app, ["train", "extrapolate", "--data", str(data.folder), "-o", str(tmp_path), *made]
+    )
+    assert done.exit_code == 0, done.output
+    facts = load_trained(tmp_path / "weights.safetensors").facts
+    assert facts["init"]["data"] == load_trained(shipped_weights("classifier")).facts["data"]
+    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_hidden"}

@@ -1,0 +1,235 @@
+"""A model that steps on drawn frames with a graph of their own: which graph runs on what, on one history."""
+
+import pickle
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from joint_folder import joint_folder
+from lit_scene import LitScene
+from supersampler import (
+    ArgumentError,
+    Frame,
+    FrameError,
+    Model,
+    ModelError,
+    Result,
+    Upscaler,
+    halton_jitter,
+)  # fmt: skip
+from supersampler.cli import app
+from supersampler.frame import Float32
+from supersampler.graph_session import open_session, session_options
+from supersampler.model_info import extrapolation_names, find_model, model_names
+from supersampler.recording import open_recording
+from supersampler.recording.replay import Replay
+
+SIZE, DISPLAY = (40, 23), (81, 46)
+SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return joint_folder(tmp_path_factory.mktemp("models") / "joint")
+
+
+@pytest.fixture(scope="module")
+def joint(folder: Path) -> Model:
+    return Model.load(folder, threads=1, providers="cpu")
+
+
+@pytest.fixture(scope="module")
+def classifier() -> Model:
+    return Model.load("classifier", threads=1, executor="graph", providers="cpu")
+
+
+@pytest.fixture(scope="module", autouse=True)
+def one_session() -> Iterator[None]:
+    """The graph takes half a second to load: all Upscalers of this file run the same."""
+    path = find_model("guided-warp") / "step.onnx"
+    loaded = open_session(path, session_options(1), ["CPUExecutionProvider"])
+    with patch("supersampler.extrapolation.open_session", lambda *_: loaded):
+        yield
+
+
+def make(model: Model, **options: Any) -> Upscaler:
+    settings = {"display_size": DISPLAY, "extrapolation": "guided-warp", "validate": "off"}
+    return Upscaler(model, **{**settings, **options})
+
+
+def shaded(index: int, **overrides: Any) -> Frame:
+    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **overrides)
+
+
+def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
+    """Step through frames: "s" is shaded, "u" is not."""
+    return [
+        upscaler.step(shaded(index)) if kind == "s" else upscaler.extrapolate(shaded(index, color=None))
+        for index, kind in enumerate(pattern, start)
+    ]
+
+
+def brighter(index: int) -> np.float32:
+    gbuffer = shaded(index).gbuffer
+    assert gbuffer is not None
+    return np.float32(np.mean(gbuffer["base_color"], dtype=np.float64))
+
+
+@pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuuusus"])
+def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
+    joint: Model, classifier: Model, pattern: str
+) -> None:
+    ours, theirs = make(joint), make(classifier)
+    for index, (one, other) in enumerate(zip(run(ours, pattern), run(theirs, pattern), strict=True)):
+        if pattern[index] == "s":
+            np.testing.assert_array_equal(one, other)
+        else:
+            np.testing.assert_allclose(one, other + brighter(index), atol=1e-5)
+    a, b = ours.save_state().history, theirs.save_state().history
+    assert a is not None
+    assert b is not None
+    for name, array in a.items():
+        np.testing.assert_array_equal(array, b[name])
+
+
+def test_a_model_without_one_steps_on_drawn_frames_itself(classifier: Model) -> None:
+    assert classifier.on_drawn is classifier
+    assert classifier.info.drawn is None
+
+
+def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
+    assert joint.on_drawn is not joint
+    assert joint.executor == joint.on_drawn.executor == "graph"
+    assert (joint.providers, joint.threads) == (joint.on_drawn.providers, joint.on_drawn.threads)
+    assert joint.info.drawn == folder / "drawn"
+
+
+def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> None:
+    plain = make(joint, extrapolation=None)
+    assert plain.gbuffers == ()
+    assert make(joint).gbuffers == ("gbuffer_base_color", "gbuffer_normal")
+    image = plain.step(replace(shaded(0), gbuffer=None))
+    np.testing.assert_array_equal(image, make(joint).step(shaded(0)))
+
+
+def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Model) -> None:
+    ours, theirs = make(joint), make(classifier)
+    for index in range(4):
+        carry = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
+        frame = shaded(index, carry=carry, **({"color": None} if index % 2 else {}))
+        made = [
+            (u.extrapolate if index % 2 else u.step)(frame, want=("weight", "carry")) for u in (ours, theirs)
+        ]
+        one, other = (result for result in made if isinstance(result, Result))
+        assert one.carry is not None
+        assert one.weight is not None
+        np.testing.assert_array_equal(one.carry, other.carry)
+        np.testing.assert_array_equal(one.weight, other.weight)
+
+
+# --- what is refused ---
+
+
+def test_without_extrapolation_nothing_is_drawn(joint: Model) -> None:
+    upscaler = make(joint, extrapolation=None)
+    upscaler.step(shaded(0))
+    with pytest.raises(ArgumentError, match=r"extrapolation is None; want a model.*'guided-warp'"):
+        upscaler.extrapolate(shaded(1, color=None))
+
+
+def test_a_frame_without_base_colour_is_refused_and_changes_nothing(joint: Model) -> None:
+    one, other = make(joint), make(joint)
+    run(one, "su"), run(other, "su")
+    gbuffer = {"normal": (shaded(2).gbuffer or {})["normal"]}
+    with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is None; want \(23, 40, 3\)"):
+        other.extrapolate(shaded(2, color=None, gbuffer=gbuffer))
+    with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is None.*'joint-drawn' reads it"):
+        joint.on_drawn.check(shaded(2, gbuffer=None), DISPLAY)
+    for a, b in zip(run(one, "us", 2), run(other, "us", 2), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, joint: Model) -> None:
+    for use in (
+        Model.load,
+        lambda path: Upscaler(path, scale=2.0),
+        lambda p: Upscaler.plan(SIZE, DISPLAY, p),
+    ):
+        with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
+            use(folder / "drawn")
+    with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and draws no frames"):
+        make(joint, extrapolation=folder / "drawn")
+    assert not {"drawn", "extrapolate-drawn"} & {*model_names(), *extrapolation_names()}
+    with pytest.raises(ModelError, match="no model 'extrapolate-drawn'"):
+        Model.load("extrapolate-drawn")
+
+
+def test_a_folder_whose_inner_one_is_damaged_is_refused(tmp_path: Path) -> None:
+    folder = joint_folder(tmp_path / "joint")
+    (folder / "drawn" / "step.onnx").write_bytes(b"")
+    with pytest.raises(ModelError, match=r"drawn.step\.onnx: its content is not what"):
+        Model.load(folder, providers="cpu")
+    (folder / "drawn" / "model.json").write_text("{}")
+    with pytest.raises(ModelError, match=r"drawn.model\.json: its content is not what"):
+        Model.load(folder, providers="cpu")
+
+
+# --- sessions ---
+
+
+@pytest.mark.parametrize("pattern", ["s", "su", "suu"])
+def test_a_state_continues_bit_for_bit(joint: Model, pattern: str) -> None:
+    one, other = make(joint), make(joint)
+    run(one, pattern)
+    other.load_state(pickle.loads(pickle.dumps(one.save_state())))  # noqa: S301  # of our own
+    for a, b in zip(run(one, "uus", 3), run(other, "uus", 3), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_warming_up_runs_both_and_leaves_the_past(joint: Model) -> None:
+    one, other = make(joint), make(joint, render_size=SIZE)
+    run(one, "s"), run(other, "s")
+    with patch.object(joint.on_drawn, "run", wraps=joint.on_drawn.run) as warmed:
+        other.warm_up()
+    warmed.assert_called_once()
+    np.testing.assert_array_equal(run(one, "u", 1)[0], run(other, "u", 1)[0])
+
+
+def test_a_plan_is_that_of_shaded_frames(folder: Path, joint: Model) -> None:
+    plan = Upscaler.plan(SIZE, DISPLAY, folder, threads=1, providers="cpu")
+    assert plan == joint.plan(SIZE, DISPLAY) == joint.on_drawn.plan(SIZE, DISPLAY)
+
+
+def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
+    folder: Path, joint: Model, tmp_path: Path
+) -> None:
+    file = tmp_path / "a.recording"
+    with make(joint, record=file) as upscaler:
+        made = run(upscaler, "suus")
+        state = upscaler.save_state()
+        made += run(upscaler, "uu", 4)
+        upscaler.load_state(state)
+        made += run(upscaler, "us", 4)
+    replay = Replay(open_recording(file), model=folder)
+    assert replay.is_recorded_model
+    steps = [step for step in map(replay.call, replay.recording) if step is not None]
+    assert [step.exact for step in steps] == [True] * len(made)
+    assert "drawn/model.json" in replay.recording.setup.files
+    other = joint_folder(tmp_path / "other")
+    described = (other / "drawn" / "model.json").read_text().replace("joint-drawn", "another")
+    (other / "drawn" / "model.json").write_text(described)
+    with pytest.raises(ModelError, match=r"drawn.model\.json"):
+        Replay(open_recording(file), model=other)
+
+
+def test_info_says_what_steps_on_drawn_frames(folder: Path) -> None:
+    lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
+    assert [line.split() for line in lines if line.startswith("drawn frames")] == [
+        ["drawn", "frames", "by", "the", "model", "in", "drawn"]
+    ]
