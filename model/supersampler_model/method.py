@@ -7,7 +7,7 @@ history in the order of `history`, then what else it tells, in the order of `tol
 """
 
 import inspect
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -21,6 +21,8 @@ Shape = tuple[int | str, ...]
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
 SHADED = ("shaded_height", "shaded_width")  # render size of the last frame that was shaded, likewise
+EARLIER = ("earlier_height", "earlier_width")  # of the one that was shaded before that
+BETWEEN = ("between_height", "between_width")  # of the frame right before the last shaded one, of either kind
 DISPLAY = ("display_height", "display_width")
 CHANNELS = "channels"  # of what a frame carries along
 HALF = ("half_height", "half_width")  # half the display size, rounded up
@@ -112,6 +114,29 @@ class Method(nn.Module):
         """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
         return cls.image[2:] == RENDER
 
+    @classmethod
+    def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:
+        """Return the history that a shaded frame leaves to a method that extrapolates (docs/contract.md).
+
+        It is that frame, by copying: such methods take no step on it.
+
+        Args:
+            frame: the inputs of the step and `color`, by name.
+            past: the history that the frame before left; None after a start or a cut.
+        """
+        before = None if past is None else dict(zip(cls.history, past, strict=True))
+        left: dict[str, Tensor] = {}
+        for name in cls.history:
+            own = name.removeprefix("earlier_")
+            if own != name:
+                left[name] = left[own] if before is None else before[own]
+            elif name == "motion" or (name == "shaded_motion" and before is None):
+                left[name] = torch.zeros_like(frame["motion"])
+            else:
+                source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
+                left[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
+        return list(left.values())
+
     def step(self, *arguments: Tensor) -> Outputs:
         """Return what `forward` does, told apart."""
         image, *rest = self(*arguments)
@@ -125,8 +150,8 @@ class Method(nn.Module):
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """All zeros: no past."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
-        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, CHANNELS)
-        extents = (*display[::-1], *half[::-1], *render[::-1], *render[::-1], channels)
+        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
+        extents = (*display[::-1], *half[::-1], *4 * render[::-1], channels)
         sizes = dict(zip(names, extents, strict=True))
         return [
             torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
