@@ -1,9 +1,9 @@
 """FRNet, the flow network of Wu et al. 2023 (ExtraSS, section 4.3), on tensors of half the render size.
 
-The paper calls it light and leaves its layers to a supplement; its loss is that of IFRNet (Kong et al. 2022),
-whose pyramid this is: features of both pictures by one encoder and, from the coarsest level up, a decoder that
-refines the flow and hands features on. One flow in place of two, as both pictures are of the past, and
-depthwise convolutions between 1x1 ones.
+The paper calls it light and leaves its layers to a supplement; its loss is that of IFRNet (Kong et al.
+2022), whose pyramid this is: features of both pictures by one encoder and, from the coarsest level up, a
+decoder that refines the flow and hands features on. One flow in place of two, as both pictures are of the
+past, and depthwise convolutions between 1x1 ones.
 """
 
 from dataclasses import dataclass

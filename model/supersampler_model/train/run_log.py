@@ -15,7 +15,7 @@ from supersampler.files import replacing
 from supersampler.frame import Float32
 from supersampler.image_io import write_png
 
-_SCORES = ("psnr", "tpsnr", "psnr_taau", "tpsnr_taau")
+_SCORES = ("psnr", "tpsnr")  # begin the names of columns in dB
 
 
 class RunLog:
@@ -65,8 +65,9 @@ class RunLog:
 
     def _draw(self, columns: list[str]) -> None:
         """Draw a panel of losses, one of scores and, where there are some, one of classes."""
-        listed = {*self._losses, *_SCORES, "step"}
-        panels = [("loss", self._losses), ("dB", _SCORES)]
+        scores = tuple(column for column in columns if column.startswith(_SCORES))
+        listed = {*self._losses, *scores, "step"}
+        panels = [("loss", self._losses), ("dB", scores)]
         if classes := tuple(column for column in columns if column not in listed):
             panels.append(("intersection over union", classes))
         figure = Figure(figsize=(5.0 * len(panels), 4.5), layout="constrained")

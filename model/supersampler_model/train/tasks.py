@@ -8,7 +8,9 @@ from supersampler_model.methods.classifier_small import SmallClassifier
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.guided_flow import GuidedFlow
 from supersampler_model.train.classifier_task import ClassifierTask
+from supersampler_model.train.flow_task import FlowTask
 from supersampler_model.train.gbuffer_task import GBufferTask
 from supersampler_model.train.task import Task
 from supersampler_model.trained import Trained
@@ -22,11 +24,16 @@ def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task]:
     return lambda weights: GBufferTask(method() if weights is None else method.of(weights))
 
 
+def _flow(weights: Trained | None) -> Task:
+    return FlowTask(GuidedFlow() if weights is None else GuidedFlow.of(weights))
+
+
 TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
     **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
     **{
         method.name: _gbuffer(method)
         for method in (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
     },
+    GuidedFlow.name: _flow,
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""

@@ -1,10 +1,12 @@
 """Validation: whole frames of sequences that are not trained on, stepped as an engine steps them."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
+from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.display import decibels, display_transform
@@ -19,13 +21,23 @@ BORDER = 8
 CLASS_NAMES = ("ghost.none", "visibility", "shading", "alias.none", "geometry", "texture")
 
 
+class Drawn(NamedTuple):
+    """What a method made of one frame."""
+
+    index: int
+    frame: TrainingFrame
+    image: Tensor  # (1, 3, H, W) linear RGB
+    truth: NDArray[Any]  # (H, W, 3)
+    history: list[Tensor]
+
+
 @dataclass(frozen=True)
 class Validated:
     """Scores of one method, means over sequences.
 
     Attributes:
         psnr: of shown pictures after the warm-up, dB.
-        tpsnr: of their changes from frame to frame, dB.
+        tpsnr: of their changes from frame to frame, dB; NaN where none that follow each other were drawn.
         overlap: intersection over union per class; empty for methods without classes.
         picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
     """
@@ -34,6 +46,12 @@ class Validated:
     tpsnr: float
     overlap: dict[str, float]
     picture: Float32
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Those that are known, by name."""
+        values = {"psnr": self.psnr, "tpsnr": self.tpsnr}
+        return {name: value for name, value in values.items() if not np.isnan(value)}
 
 
 def validation_entries(
@@ -66,30 +84,51 @@ def validate(method: Method, entries: Sequence[tuple[Dataset, SequenceEntry]]) -
 def _sequence(
     method: Method, frames: Iterable[TrainingFrame], display_size: tuple[int, int], counts: "np.ndarray"
 ) -> tuple[tuple[float, float], Float32]:
-    display = Size(*display_size)
-    history: list[Tensor] = []
-    squared, changed, off_before = [], [], None
+    squared, changed = [], []
+    before, off_before = -1, None
     picture = np.zeros((1, 1, 3), np.float32)
+    hidden = method.extrapolates()
+    drawn = hidden_frames(method, frames) if hidden else all_frames(method, frames, Size(*display_size))
+    for index, frame, image, truth, history in drawn:
+        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
+        wanted = display_transform(truth.astype(np.float32), frame.exposure)
+        off = (shown - wanted)[BORDER:-BORDER, BORDER:-BORDER]
+        if np.isnan(off).any():  # a frame of a user's shot without a reference
+            continue
+        if index >= WARM_UP:
+            squared.append(_psnr(off))
+            if off_before is not None and before == index - 1 and not frame.reset:
+                changed.append(_psnr(off - off_before))
+        before, off_before, picture = index, off, np.concatenate([shown, wanted])
+        if "classes" in method.history:
+            _count(history[list(method.history).index("classes")], frame, counts)
+    psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))
+    return (psnr, tpsnr), picture
+
+
+def all_frames(method: Method, frames: Iterable[TrainingFrame], display: Size) -> Iterator[Drawn]:
+    """Step a method that upscales through every frame."""
+    history: list[Tensor] = []
     for index, frame in enumerate(frames):
         if frame.reset or not history:
             history = method.first_history(display, Size(*frame.depth.shape[::-1]))
         with torch.no_grad():
             image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
-        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
-        truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
-        off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
-        if np.isnan(off).any():  # a frame of a user's shot without a reference
-            off_before = None
+        yield Drawn(index, frame, image, frame.reference, history)
+
+
+def hidden_frames(method: Method, frames: Iterable[TrainingFrame]) -> Iterator[Drawn]:
+    """Hide every second frame's colour, and have a method that extrapolates draw it."""
+    names = ["color", *method.inputs()]
+    history: list[Tensor] | None = None
+    for index, frame in enumerate(frames):
+        inputs = dict(zip(names, frame_inputs(frame, names), strict=True))
+        if index % 2 == 0 or frame.reset or history is None:
+            history = method.after_shaded(inputs, None if frame.reset else history)
             continue
-        if index >= WARM_UP:
-            squared.append(_psnr(off))
-            if off_before is not None and not frame.reset:
-                changed.append(_psnr(off - off_before))
-        off_before, picture = off, np.concatenate([shown, truth])
-        if "classes" in method.history:
-            _count(history[list(method.history).index("classes")], frame, counts)
-    psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))
-    return (psnr, tpsnr), picture
+        with torch.no_grad():
+            image, history, _ = method.step(*(inputs[name] for name in method.inputs()), *history)
+        yield Drawn(index, frame, image, frame.color, history)
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
