@@ -209,11 +209,9 @@ class GuidedFlow(LearnedMethod):
     def gather(self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, past: Past) -> Gathered:
         """Bring the light of both shaded frames to this frame's surfaces, of the earlier one at half size."""
         c = self.config.warp
-        total = back_to_shaded(motion, jitter, past.motion, past.motion_jitter)
+        total, long_ago = motions_of(motion, jitter, past)
         x, y = samples_at(total, jitter, render_size_of(past.last.color), past.last.jitter)
         light = guided_light(now, past.last, x, y, c)
-        before = back_to_shaded(past.shaded_motion, past.last.jitter, past.between, past.between_jitter)
-        long_ago = back_to_shaded(total, jitter, before, past.last.jitter)
         x, y = samples_at(long_ago, jitter, render_size_of(past.earlier.color), past.earlier.jitter)
         few = Surface(*map(halved, now))
         lights = [halved(light), guided_light(few, past.earlier, halved(x), halved(y), c)]
@@ -274,6 +272,13 @@ def past_of(*history: Tensor) -> Past:
     *frame, between, between_jitter = earlier
     last = shaded_of(color, base_color, normal, depth, jitter)
     return Past(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
+
+
+def motions_of(motion: Tensor, jitter: Tensor, past: Past) -> tuple[Tensor, Tensor]:
+    """(1, 2, h, w) each: where this frame's pixels were in the last shaded frame, and in the earlier one."""
+    total = back_to_shaded(motion, jitter, past.motion, past.motion_jitter)
+    before = back_to_shaded(past.shaded_motion, past.last.jitter, past.between, past.between_jitter)
+    return total, back_to_shaded(total, jitter, before, past.last.jitter)
 
 
 def halved(image: Tensor) -> Tensor:

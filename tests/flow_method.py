@@ -1,0 +1,59 @@
+"""`guided-flow` with a narrow network that says something, small enough to be exported in a test."""
+
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+
+from lit_scene import LitScene
+from supersampler import Frame
+from supersampler.frame import Size
+from supersampler_model.data.analytic import Values, Vector, grey
+from supersampler_model.methods.guided import GuidedWarpConfig
+from supersampler_model.methods.guided_flow import GuidedFlow, GuidedFlowConfig
+from supersampler_model.networks.flow import FlowNetworkConfig
+from supersampler_model.trained import Trained, save_trained
+
+SMALL = GuidedFlowConfig(network=FlowNetworkConfig((8, 8, 8)), warp=GuidedWarpConfig(strides=(1,)))
+
+
+def random_flow(config: GuidedFlowConfig = SMALL) -> GuidedFlow:
+    """The method with weights that move light by pixels."""
+    torch.manual_seed(3)
+    method = GuidedFlow(config)
+    for decoder in method.net.decoder:
+        torch.nn.init.normal_(decoder.flow.weight, std=0.5)
+    return method.eval()
+
+
+def flow_weights(path: Path) -> Path:
+    """Write them as a run does."""
+    method = random_flow()
+    facts: dict[str, Any] = {"steps": 1, "data": "0" * 64, "assets": [], "commit": "abc", "validation": {}}
+    save_trained(path, Trained(method.name, asdict(method.config), facts, method.state_dict()))
+    return path
+
+
+@dataclass(frozen=True)
+class Shadow:
+    """A plane whose left is in the shade; the shade's edge moves right over it, `speed` units a frame."""
+
+    speed: float
+    edge: float = 24.0
+    velocity: Vector = (0.0, 0.0)
+
+    def frame(self, index: int, size: Size = (64, 36), jitter: Vector = (0.0, 0.0), **over: Any) -> Frame:
+        """See `LitScene.frame`; all surfaces are rough."""
+        scene = LitScene(light=self._light(index), velocity=self.velocity)
+        frame = scene.frame(index, size, jitter, **over)
+        gbuffer = {**(frame.gbuffer or {}), "roughness": 0.0 * frame.depth + 0.7}
+        return Frame(**{**{name: getattr(frame, name) for name in _FIELDS}, "gbuffer": gbuffer})
+
+    def _light(self, index: int) -> Callable[[Values, Values], Values]:
+        at = self.edge + index * (self.speed - self.velocity[0])
+        return lambda x, y: grey(0.4 + 1.6 / (1.0 + 2.0 ** (-2.0 * (x - at))) + 0.0 * y)
+
+
+_FIELDS = ("color", "depth", "motion", "jitter", "reset", "exposure")
