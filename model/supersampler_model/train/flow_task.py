@@ -11,6 +11,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.data.labels import Ghost
 from supersampler_model.method import Method, render_size_of
@@ -70,7 +71,15 @@ class FlowTask(Task):
         return gbuffer_set(dataset, RATIO)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Crops of render size."""
+        """Crops of render size.
+
+        Raises:
+            ArgumentError: see `flow_stream`; or the network's coarsest level has one pixel of a crop, which
+                batch normalisation can tell nothing of.
+        """
+        least = 2 ** (len(self.method.config.network.levels) + 1)
+        if size <= least:
+            raise ArgumentError("size", got=size, want=f"more than {least}")
         return flow_stream(datasets, ratio=RATIO, size=size, seed=seed)
 
     def first_state(self, sample: Sample) -> State:
