@@ -25,8 +25,9 @@ def random_flow(config: GuidedFlowConfig = SMALL) -> GuidedFlow:
     """The method with weights that move light by pixels."""
     torch.manual_seed(3)
     method = GuidedFlow(config)
-    for decoder in method.net.decoder:
-        torch.nn.init.normal_(decoder.flow.weight, std=0.5)
+    for name, parameter in method.net.named_parameters():
+        if name.endswith("flow.weight"):
+            torch.nn.init.normal_(parameter, std=0.5)
     return method.eval()
 
 

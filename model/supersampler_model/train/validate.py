@@ -24,7 +24,7 @@ CLASS_NAMES = ("ghost.none", "visibility", "shading", "alias.none", "geometry", 
 class Drawn(NamedTuple):
     """What a method made of one frame."""
 
-    index: int
+    number: int  # of the frame, from 0
     frame: TrainingFrame
     image: Tensor  # (1, 3, H, W) linear RGB
     truth: NDArray[Any]  # (H, W, 3)
@@ -89,17 +89,17 @@ def _sequence(
     picture = np.zeros((1, 1, 3), np.float32)
     hidden = method.extrapolates()
     drawn = hidden_frames(method, frames) if hidden else all_frames(method, frames, Size(*display_size))
-    for index, frame, image, truth, history in drawn:
+    for number, frame, image, truth, history in drawn:
         shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
         wanted = display_transform(truth.astype(np.float32), frame.exposure)
         off = (shown - wanted)[BORDER:-BORDER, BORDER:-BORDER]
         if np.isnan(off).any():  # a frame of a user's shot without a reference
             continue
-        if index >= WARM_UP:
+        if number >= WARM_UP:
             squared.append(_psnr(off))
-            if off_before is not None and before == index - 1 and not frame.reset:
+            if off_before is not None and before == number - 1 and not frame.reset:
                 changed.append(_psnr(off - off_before))
-        before, off_before, picture = index, off, np.concatenate([shown, wanted])
+        before, off_before, picture = number, off, np.concatenate([shown, wanted])
         if "classes" in method.history:
             _count(history[list(method.history).index("classes")], frame, counts)
     psnr, tpsnr = (float(np.mean(values)) if values else float("nan") for values in (squared, changed))

@@ -202,7 +202,7 @@ def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     task = FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
     drawn = list(hidden_frames(task.bar.eval(), dataset.frames(entries[0][1])))
-    assert [item.index for item in drawn] == [1, 3, 5, 7, 9]
+    assert [item.number for item in drawn] == [1, 3, 5, 7, 9]
     for item in drawn:
         assert item.image.shape[2:] == item.truth.shape[:2] == (18, 32)
     found = validate(task.bar.eval(), entries)
