@@ -16,6 +16,7 @@ from supersampler_export.half import InHalf
 from supersampler_model.color import inverse_tone
 from supersampler_model.data.analytic import EXTENT, places
 from supersampler_model.method import Method
+from supersampler_model.method import Size as Extent
 from supersampler_model.methods.guided import surface_of
 from supersampler_model.methods.guided_flow import (
     Gathered,
@@ -169,6 +170,14 @@ def zoomed(size: Size, jitter: tuple[float, float], factor: float) -> NDArray[np
     x, y = places(size, jitter)
     away = np.stack([x - EXTENT[0] / 2, y - EXTENT[1] / 2], axis=-1)
     return np.asarray(away * (factor - 1.0) * np.array(size) / EXTENT, np.float32)
+
+
+def test_without_a_shaded_frame_the_picture_is_black() -> None:
+    method, frame = random_flow(), tensors(SCENE.frame(1))
+    nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
+    with torch.no_grad():
+        image = method.step(*(frame[name] for name in method.inputs()), *nothing).image
+    assert image.max() == 0.0
 
 
 # --- sizes and bad values ---
