@@ -14,8 +14,10 @@ from torch import Tensor, nn
 from supersampler.errors import SupersamplerError
 from supersampler.ratios import only_ratio, scaled
 from supersampler_model.method import (
+    BETWEEN,
     CHANNELS,
     DISPLAY,
+    EARLIER,
     HALF,
     PREVIOUS,
     RENDER,
@@ -98,7 +100,7 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 def _dims(method: Method) -> dict[str, Any]:
     """What stands for each name in shapes; at one whole ratio the display's are multiples of the render's."""
-    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, *SHADED, CHANNELS)
+    free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     ratio = only_ratio(method.ratios)
     if ratio is not None and ratio.is_integer():
@@ -171,9 +173,11 @@ def shape_of(method: Method, parameter: str) -> Shape:
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
     """Noise of the right shapes and ranges; what it shows does not matter to the trace."""
     half = ((display.height + 1) // 2, (display.width + 1) // 2)
-    shaded = (previous.height + 2, previous.width + 1)
-    every = (*render[::-1], *display[::-1], *half, *previous[::-1], *shaded, 3)
-    sizes = dict(zip((*RENDER, *DISPLAY, *HALF, *PREVIOUS, *SHADED, CHANNELS), every, strict=True))
+    others = [(previous.height + 2 * i, previous.width + i) for i in range(4)]
+    sizes = dict(zip((*RENDER, *DISPLAY, *HALF), (*render[::-1], *display[::-1], *half), strict=True))
+    for pair, size in zip((PREVIOUS, SHADED, EARLIER, BETWEEN), others, strict=True):
+        sizes |= dict(zip(pair, size, strict=True))
+    sizes[CHANNELS] = 3
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     noise = {
         name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])

@@ -13,7 +13,6 @@ from supersampler.ratios import only_ratio, scaled
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.color import tone
 from supersampler_model.method import Fused, Method, Size
-from supersampler_model.methods.guided_warp import GuidedWarp
 
 Sizes = Sequence[tuple[Size, Size]]
 """Pairs of (render, display)."""
@@ -40,6 +39,8 @@ RENDERS: Sequence[Size] = (
 """Render sizes of the gate, of methods of one ratio, beside the one that was traced."""
 
 FRAMES = 4
+SHADED = (True, False, True, False, False)
+"""Frames of the gate of methods that draw those that were not shaded."""
 CARRIED = 3  # channels carried along
 TOLERANCE = 1e-4
 SHARE = 0.999
@@ -113,12 +114,13 @@ def check_fused(fused: Fused, graph: bytes) -> None:
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
     """Step FRAMES noisy frames through both, each with its own history."""
-    frames = noise(render, display)
+    shaded = SHADED if method.extrapolates() else (False,) * FRAMES
     ours = theirs = method.first_history(display, render, CARRIED)
-    if isinstance(method, GuidedWarp):
-        ours = theirs = method.after_shaded(next(frames))
     differences = []
-    for frame in frames:
+    for index, frame in enumerate(noise(render, display, len(shaded))):
+        if shaded[index]:
+            ours, theirs = (method.after_shaded(frame, past if index else None) for past in (ours, theirs))
+            continue
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
             image, ours, _ = method.step(*arguments, *ours)
@@ -132,14 +134,14 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
     return Parity(render, display, float(median), float(at_share), float(difference.max()))
 
 
-def noise(render: Size, display: Size) -> Iterator[dict[str, Tensor]]:
+def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor]]:
     """Frames of smooth colour with noise on it, sloping depth with steps, motion of a few pixels.
 
     G-buffers are waves of their own, of each size; depth of display size is what the frame's is.
     """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)
-    for _ in range(FRAMES):
+    for _ in range(frames):
         a, b, c = random.uniform(0.05, 0.4, 3)
         waves = np.stack([np.sin(a * x + b * y), np.cos(b * x - c * y), np.sin(c * x + a * y)])
         color = np.exp(waves + 0.2 * random.standard_normal(waves.shape))

@@ -21,6 +21,8 @@ Shape = tuple[int | str, ...]
 RENDER = ("render_height", "render_width")
 PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
 SHADED = ("shaded_height", "shaded_width")  # render size of the last frame that was shaded, likewise
+EARLIER = ("earlier_height", "earlier_width")  # of the one that was shaded before that
+BETWEEN = ("between_height", "between_width")  # of the frame right before the last shaded one, of either kind
 DISPLAY = ("display_height", "display_width")
 CHANNELS = "channels"  # of what a frame carries along
 HALF = ("half_height", "half_width")  # half the display size, rounded up
@@ -155,8 +157,8 @@ class Method(nn.Module):
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """All zeros: no past."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
-        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, CHANNELS)
-        extents = (*display[::-1], *half[::-1], *render[::-1], *render[::-1], channels)
+        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
+        extents = (*display[::-1], *half[::-1], *4 * render[::-1], channels)
         sizes = dict(zip(names, extents, strict=True))
         return [
             torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()

@@ -16,9 +16,12 @@ from supersampler.graph_session import frame_inputs, open_session, pixels_of, se
 from supersampler.model_info import TensorInfo, extrapolation_names, find_model, read_model_info
 from supersampler.providers import check_provider_in_use, device_of
 
-MOTION = "history.motion"
-"""From the frame last handed in back to the last shaded one."""
-_SAME_NAME = ("color", "depth", "jitter")  # of inputs; those of G-buffers begin with their group
+MOTION, SHADED_MOTION = "motion", "shaded_motion"
+"""Of the history: from the frame last handed in back to the last shaded one, and that one's own motion."""
+EARLIER = "earlier_"
+"""Begins the names of what is kept of the past that a shaded frame ends."""
+_SAME_NAME = ("color", "depth", "jitter", "motion")  # of inputs; those of G-buffers begin with their group
+_OTHER_NAME = {"motion_jitter": "jitter", SHADED_MOTION: "motion"}
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,24 +63,29 @@ class Extrapolator:
         check_provider_in_use(providers[0], used)
         self._device = device_of(used[0])
 
-    def after_shaded(self, frame: Frame) -> ShadedPast:
+    def after_shaded(self, frame: Frame, past: ShadedPast | None = None) -> ShadedPast:
         """Return what a shaded frame leaves: copies of its own arrays, and no motion.
+
+        Args:
+            frame: with colour.
+            past: what the frame before left, which models may keep parts of; not changed. None where there
+                was none, and not looked at after a cut.
 
         Raises:
             FrameError: it lacks a G-buffer that the model reads.
         """
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        tensors = {}
+        past = None if frame.reset else past
+        tensors: dict[str, ort.OrtValue] = {}
         for history in self.info.history:
-            name = history.input.name.removeprefix("history.")
-            if history.input.name == MOTION:
-                array: NDArray[Any] = np.zeros((1, 2, *frame.size[::-1]), np.float32)
+            own = _bare(history.input.name).removeprefix(EARLIER)
+            if own != _bare(history.input.name):
+                before = tensors if past is None else past.tensors
+                tensors[history.input.name] = before[_of_history(own)]
+            elif own == MOTION or (own == SHADED_MOTION and past is None):
+                tensors[history.input.name] = self._placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
             else:
-                source = "jitter" if name == "motion_jitter" else name
-                source = source if source in _SAME_NAME else f"gbuffer_{source}"
-                array = frame_inputs(frame, frame.size, (source,))[source]
-                array = array if array.base is None else array.copy()  # engines use their buffers again
-            tensors[history.input.name] = self._placed(array)
+                tensors[history.input.name] = self._placed(_copied(frame, _OTHER_NAME.get(own, own)))
         return ShadedPast(tensors)
 
     def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Float32, ShadedPast]:
@@ -159,7 +167,7 @@ class Extrapolation:
 
     def after_shaded(self, frame: Frame) -> ShadedPast | None:
         """Return what a shaded frame leaves; see `Extrapolator`."""
-        return None if self._model is None else self._model.after_shaded(frame)
+        return None if self._model is None else self._model.after_shaded(frame, self.past)
 
     def draw(self, frame: Frame) -> tuple[Frame, ShadedPast]:
         """Return a frame with its colour drawn, and what it leaves; see `Extrapolator`.
@@ -190,6 +198,21 @@ class Extrapolation:
             ArgumentError: see `Extrapolator`.
         """
         return None if self._model is None or arrays is None else self._model.load(arrays)
+
+
+def _bare(name: str) -> str:
+    return name.removeprefix("history.")
+
+
+def _of_history(name: str) -> str:
+    return f"history.{name}"
+
+
+def _copied(frame: Frame, name: str) -> NDArray[Any]:
+    """What a graph takes of a frame, in memory that nobody else has: engines use their buffers again."""
+    source = name if name in _SAME_NAME else f"gbuffer_{name}"
+    array = frame_inputs(frame, frame.size, (source,))[source]
+    return array if array.base is None else array.copy()
 
 
 def _checked(frame: Frame, past: ShadedPast | None) -> ShadedPast:

@@ -14,7 +14,8 @@ from supersampler.frame import Float32, Size
 from supersampler.graph_session import frame_inputs
 from supersampler_model.data.analytic import EXTENT, places
 from supersampler_model.method import Size as Extent
-from supersampler_model.methods.guided_warp import GuidedWarp, back_to_shaded, numbers_of_least, samples_at
+from supersampler_model.methods.guided import back_to_shaded, numbers_of_least, samples_at
+from supersampler_model.methods.guided_warp import GuidedWarp
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]

@@ -10,6 +10,7 @@ from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.guided_flow import GuidedFlow
 from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial import Bicubic, Bilinear
@@ -23,6 +24,7 @@ LEARNED: Mapping[str, type[LearnedMethod]] = {
     for m in (
         Classifier, SmallClassifier, PaperClassifier, Extrapolate,
         GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer,
+        GuidedFlow,
     )
 }  # fmt: skip
 """Methods that are trained: `LEARNED[name].of(load_trained(path))`."""

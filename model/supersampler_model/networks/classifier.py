@@ -115,11 +115,11 @@ class ClassifierNetwork(nn.Module):
         return self.classes(features), mixing
 
 
-def padded(image: Tensor) -> Tensor:
-    """Repeat the last row and column up to a multiple of ALIGNED."""
+def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
+    """Repeat the last row and column up to a multiple of `aligned`."""
     for axis in (2, 3):
         size = image.shape[axis]
-        whole = (size + ALIGNED - 1) // ALIGNED * ALIGNED
+        whole = (size + aligned - 1) // aligned * aligned
         image = image.index_select(axis, torch.arange(whole, device=image.device).clamp(max=size - 1))
     return image
 

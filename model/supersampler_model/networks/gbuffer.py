@@ -137,7 +137,7 @@ class Refiner(nn.Module):
     def forward(self, features: Tensor, beside: Tensor) -> Tensor:
         """(n, width, h, w) and (n, BESIDE, h, w) to (n, width, h, w)."""
         here = self.down(padded(torch.cat([features, beside], dim=1)))
-        below = _doubled(self.below(F.max_pool2d(here, 2)))
+        below = doubled(self.below(F.max_pool2d(here, 2)))
         return cut_to(self.up(torch.cat([here, below], dim=1)), features)
 
 
@@ -161,7 +161,7 @@ class FusionNetwork(nn.Module):
             kept.append(x)
         x = self.deepest(kept.pop())
         for block in self.up:
-            x = block(torch.cat([kept.pop(), _doubled(x)], dim=1))
+            x = block(torch.cat([kept.pop(), doubled(x)], dim=1))
         return cut_to(x, features)
 
 
@@ -252,7 +252,7 @@ def _threes(modules: nn.ModuleList) -> list[tuple[nn.Module, ...]]:
     return [tuple(modules[i : i + 3]) for i in range(0, len(modules), 3)]
 
 
-def _doubled(image: Tensor) -> Tensor:
+def doubled(image: Tensor) -> Tensor:
     """Each pixel as four: by shuffling, as providers round sizes of resized images differently."""
     n, c, h, w = image.shape
     return F.pixel_shuffle(image[:, :, None].expand(n, c, 4, h, w).reshape(n, 4 * c, h, w), 2)

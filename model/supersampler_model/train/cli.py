@@ -14,7 +14,6 @@ from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
-from supersampler_model.methods.taau import Taau
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
 from supersampler_model.train.tasks import BEGUN_BY, TASKS
@@ -76,15 +75,15 @@ def train(
     named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
-    entries = validation_entries(trainer.datasets, task.method.ratios)
-    taau = validate(Taau().eval(), entries) if entries and trainer.rank == 0 else None
+    entries = validation_entries(trainer.datasets, task.ratios)
+    bar = validate(task.bar.eval(), entries, task.walk) if entries and trainer.rank == 0 else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
         trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
         if trainer.rank == 0:
             found = validate(trainer.average.eval(), entries, task.walk) if entries else None
-            _report(trainer, output, updates, found, taau, {"attributions": named, "init": begun})
+            _report(trainer, output, updates, found, bar, {"attributions": named, "init": begun})
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
@@ -103,14 +102,13 @@ def _report(
     output: Path,
     updates: list[Update],
     found: Validated | None,
-    taau: Validated | None,
+    bar: Validated | None,
     facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
-    scores = (
-        {} if found is None else {"psnr": found.psnr, "tpsnr": found.tpsnr, **found.kinds, **found.overlap}
-    )
-    bars = {} if taau is None else {"psnr_taau": taau.psnr, "tpsnr_taau": taau.tpsnr}
+    scores = {} if found is None else {**found.scores, **found.overlap}
+    name = trainer.task.bar.name
+    bars = {} if bar is None else {f"{score}_{name}": value for score, value in bar.scores.items()}
     means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
     with RunLog(output, list(means)) as log:

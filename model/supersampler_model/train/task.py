@@ -9,6 +9,7 @@ from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.method import Method, Size
+from supersampler_model.methods.taau import Taau
 from supersampler_model.train.losses import PictureWeights
 from supersampler_model.train.walk import Walk
 from supersampler_model.train.windows import Sample, Stream
@@ -44,6 +45,16 @@ class Task(ABC):
     @abstractmethod
     def config(self) -> dict[str, Any]:
         """Settings that the method is made anew from, plain data."""
+
+    @property
+    def ratios(self) -> tuple[float, float]:
+        """Of the sequences that it is validated on, least and largest."""
+        return self.method.ratios
+
+    @property
+    def bar(self) -> Method:
+        """The method that it is to beat."""
+        return Taau()
 
     def data(self, dataset: Dataset) -> Dataset:
         """Return a set as the method is trained and validated on it.

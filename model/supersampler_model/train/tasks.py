@@ -9,8 +9,10 @@ from supersampler_model.methods.extrapolate import Extrapolate
 from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.guided_flow import GuidedFlow
 from supersampler_model.train.classifier_task import ClassifierTask
 from supersampler_model.train.extrapolate_task import ExtrapolateTask
+from supersampler_model.train.flow_task import FlowTask
 from supersampler_model.train.gbuffer_task import GBufferTask
 from supersampler_model.train.task import Task
 from supersampler_model.trained import Trained
@@ -31,6 +33,10 @@ def _extrapolate(weights: Trained | None) -> Task:
     return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.begun(weights))
 
 
+def _flow(weights: Trained | None) -> Task:
+    return FlowTask(GuidedFlow() if weights is None else GuidedFlow.of(weights))
+
+
 TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
     **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
     **{
@@ -38,6 +44,7 @@ TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
         for method in (GBuffer, GBuffer4, SmallGBuffer, SmallGBuffer4, DepthGBuffer)
     },
     Extrapolate.name: _extrapolate,
+    GuidedFlow.name: _flow,
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""
 BEGUN_BY: Mapping[str, str] = {Extrapolate.name: Classifier.name}

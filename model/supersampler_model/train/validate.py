@@ -24,9 +24,9 @@ class Validated:
 
     Attributes:
         psnr: of shown pictures after the warm-up, dB.
-        tpsnr: of their changes from frame to frame, dB.
+        tpsnr: of their changes from frame to frame, dB; NaN where none that follow each other were drawn.
         overlap: intersection over union per class; empty for methods without classes.
-        kinds: PSNR of shaded and of hidden frames, apart; empty where none is hidden.
+        kinds: PSNR of shaded and of hidden frames, apart; empty where all are of one kind.
         picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
     """
 
@@ -35,6 +35,12 @@ class Validated:
     overlap: dict[str, float]
     kinds: dict[str, float]
     picture: Float32
+
+    @property
+    def scores(self) -> dict[str, float]:
+        """Those that are known, by name."""
+        values = {"psnr": self.psnr, "tpsnr": self.tpsnr}
+        return {name: value for name, value in values.items() if not np.isnan(value)} | self.kinds
 
 
 def validation_entries(
@@ -63,7 +69,7 @@ def validate(
         rows.append(scores)
         pictures.append(picture)
     psnr, tpsnr, shaded, hidden = (_mean([row[i] for row in rows]) for i in range(4))
-    kinds = {} if np.isnan(hidden) else {"psnr_shaded": shaded, "psnr_hidden": hidden}
+    kinds = {} if np.isnan(shaded + hidden) else {"psnr_shaded": shaded, "psnr_hidden": hidden}
     overlap = {}
     if counts.any():
         overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
@@ -74,20 +80,22 @@ def _sequence(
     method: Method, frames: Iterable[TrainingFrame], walk: Walk, counts: "np.ndarray"
 ) -> tuple[tuple[float, ...], Float32]:
     squared: tuple[list[float], list[float]] = [], []  # of shaded frames, of hidden ones
-    changed, off_before = [], None
+    changed, before, off_before = [], -1, None
     picture = np.zeros((1, 1, 3), np.float32)
     for index, frame in enumerate(frames):
-        shown = display_transform(walk.step(frame)[0].permute(1, 2, 0).numpy(), frame.exposure)
-        truth = display_transform(frame.reference.astype(np.float32), frame.exposure)
+        image = walk.step(frame)
+        if image is None:
+            continue
+        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
+        truth = display_transform(walk.truth(frame).astype(np.float32), frame.exposure)
         off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
         if np.isnan(off).any():  # a frame of a user's shot without a reference
-            off_before = None
             continue
         if index >= WARM_UP:
             squared[walk.hidden].append(_psnr(off))
-            if off_before is not None and not frame.reset:
+            if off_before is not None and before == index - 1 and not frame.reset:
                 changed.append(_psnr(off - off_before))
-        off_before, picture = off, np.concatenate([shown, truth])
+        before, off_before, picture = index, off, np.concatenate([shown, truth])
         if "classes" in method.history:
             _count(walk.history[list(method.history).index("classes")], frame, counts)
     of = ([*squared[0], *squared[1]], changed, *squared)

@@ -84,6 +84,11 @@ class Cut:
         """Cut the crop out of one frame."""
         return self._part(frame, *self._seen(frame), reset=reset)
 
+    def worth(self, frame: TrainingFrame) -> int:
+        """How many pixels of the crop one sample does not do justice to."""
+        crop = frame.alias[self.display]
+        return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
+
     @property
     def display(self) -> tuple[slice, slice]:
         """Where the crop is in an image of display size."""
@@ -234,20 +239,14 @@ class Stream:
             first = int(random.integers(max(count // 3, 1)))
             display_size = dataset.description.display_size
             cuts = [self._draw(random, entry, display_size, self._size) for _ in range(CHOICES)]
-            alias = dataset.read(entry, first).alias
-            cut = max(cuts, key=lambda cut: _aliased(alias, cut))
+            begun = dataset.read(entry, first)
+            cut = max(cuts, key=lambda cut: cut.worth(begun))
             for index in range(first + self.place.frame, count):
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
                 sample = cut.sample(frame, reset=frame.reset or index == first)
                 yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
             self.place = Place(self.place.window + 1, 0)
-
-
-def _aliased(alias: NDArray[np.uint8], cut: Cut) -> int:
-    """How many pixels of a crop one sample does not do justice to."""
-    crop = alias[cut.display]
-    return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 
 
 def _seen(corner: int, size: int, ratio: float, extent: int) -> slice:

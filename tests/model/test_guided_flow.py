@@ -1,0 +1,250 @@
+"""What `guided-flow` promises: all that `guided-warp` does, and light that moves by itself."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from flow_method import Shadow, random_flow
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Size
+from supersampler.graph_session import frame_inputs
+from supersampler_export.half import InHalf
+from supersampler_model.color import inverse_tone
+from supersampler_model.data.analytic import EXTENT, places
+from supersampler_model.method import Method
+from supersampler_model.method import Size as Extent
+from supersampler_model.methods.guided import surface_of
+from supersampler_model.methods.guided_flow import (
+    Gathered,
+    GuidedFlow,
+    GuidedFlowConfig,
+    halved,
+    motions_of,
+    past_of,
+)
+from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.networks.flow import moved
+
+SIZE = (64, 36)
+INPUTS = ["color", *GuidedFlow.inputs()]
+HISTORY = list(GuidedFlow.history)
+SCENE = Shadow(2.0, velocity=(0.7, -0.4))
+
+
+def tensors(frame: Frame) -> dict[str, Tensor]:
+    names = INPUTS if frame.color is not None else GuidedFlow.inputs()
+    return {name: torch.from_numpy(array) for name, array in frame_inputs(frame, SIZE, names).items()}
+
+
+def run(method: Method, frames: Sequence[dict[str, Tensor]], pattern: str) -> list[Tensor]:
+    """Pictures and, at the end, the history; "s" is shaded, "u" is not."""
+    history: list[Tensor] | None = None
+    images = []
+    for frame, kind in zip(frames, pattern, strict=True):
+        if kind == "s" or history is None:
+            history = method.after_shaded(frame, history)
+            continue
+        with torch.no_grad():
+            done = method.step(*(frame[name] for name in method.inputs()), *history)
+        history = done.history
+        images.append(done.image)
+    return [*images, *(history or [])]
+
+
+def gathered(scene: Shadow, pattern: str = "sus") -> Gathered:
+    """What is known of the frame after these."""
+    frames = [tensors(scene.frame(index)) for index in range(len(pattern) + 1)]
+    history = run(GuidedFlow().eval(), frames[:-1], pattern)[-len(HISTORY) :]
+    now = frames[-1]
+    surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
+    arguments = now["gbuffer_roughness"], now["motion"], now["jitter"], past_of(*history)
+    return GuidedFlow().gather(surface, *arguments)
+
+
+@pytest.mark.parametrize("pattern", ["su", "susu", "suusuu", "ssuu"])
+def test_untrained_it_draws_what_guided_warp_draws(pattern: str) -> None:
+    frames = [tensors(SCENE.frame(i, SIZE, halton_jitter(i, 2.0))) for i in range(len(pattern))]
+    count = pattern.count("u")
+    ours, theirs = (run(method.eval(), frames, pattern)[:count] for method in (GuidedFlow(), GuidedWarp()))
+    for one, other in zip(ours, theirs, strict=True):
+        torch.testing.assert_close(one, other, rtol=0.0, atol=0.0)
+
+
+def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reproduced() -> None:
+    still = gathered(Shadow(0.0))
+    torch.testing.assert_close(*still.pictures, rtol=1e-5, atol=1e-6)
+    frames = [tensors(Shadow(0.0).frame(i)) for i in range(4)]
+    image = run(GuidedFlow().eval(), frames, "susu")[-len(HISTORY) - 1]
+    off = (image - frames[3]["color"]).abs()
+    assert off.mean() < 0.02  # of the four samples that a pixel is the mean of
+    assert off.max() < 0.15
+
+
+def test_the_network_sees_a_shadow_where_it_was_in_each_frame() -> None:
+    later, earlier = (p[0, 0, 9].numpy() for p in gathered(Shadow(3.0)).pictures)  # frames 2 and 0, in 3
+    middle = 0.5 * (later.min() + later.max())
+    edges = [2.0 * np.interp(middle, row, np.arange(len(row))) for row in (later, earlier)]
+    assert edges[0] - edges[1] == pytest.approx(6.0, abs=1.0)
+
+
+def test_a_flow_moves_a_shadow_and_leaves_textures_where_they_are() -> None:
+    scene = Shadow(4.0)
+    now, truth = gathered(scene), tensors(scene.frame(3))["color"]
+    said = torch.zeros(1, 3, *halved(truth).shape[2:])
+    method = GuidedFlow()
+    stays = method.finish(now, said).image
+    said[:, 0] = -2.0  # light is read two half-size pixels to the left: it has moved four to the right
+    after = method.finish(now, said).image
+    edge = np.s_[..., 4:-4, 28:44]
+    before = (stays - truth)[edge].abs().mean()
+    assert (after - truth)[edge].abs().mean() < 0.45 * before
+    far = np.s_[..., 4:-4, 50:60]
+    assert (after - stays)[far].abs().mean() < 0.004  # light that differs a little is not taken
+
+
+def test_a_gain_brightens_all_alike_and_no_more_than_it_may() -> None:
+    now = gathered(Shadow(0.0))
+    said = torch.zeros(1, 3, 18, 32)
+    plain = GuidedFlow().finish(now, said).light
+    said[:, 2] = 9.0
+    bright = GuidedFlow(GuidedFlowConfig(stops=1.0)).finish(now, said).light
+    torch.testing.assert_close(inverse_tone(bright), 2.0 * inverse_tone(plain), rtol=1e-4, atol=1e-5)
+
+
+def test_unlike_surfaces_keep_their_own_light() -> None:
+    now = gathered(Shadow(4.0))
+    turned = now.surface.normal.clone()
+    turned[..., 1::2, 1::2] = torch.tensor([1.0, 0.0, 0.0])[:, None, None]  # those that halving leaves out
+    said = torch.zeros(1, 3, 18, 32)
+    said[:, 0] = -2.0
+    method = GuidedFlow()
+    image = method.finish(now._replace(surface=now.surface._replace(normal=turned)), said).image
+    kept, other = (method.finish(now, s).image for s in (0.0 * said, said))
+    torch.testing.assert_close(image[..., 1::2, 1::2], kept[..., 1::2, 1::2])
+    torch.testing.assert_close(image[..., ::2, ::2], other[..., ::2, ::2])
+    assert (kept - other).abs().max() > 0.3
+
+
+# --- the past ---
+
+
+def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
+    frames = [tensors(SCENE.frame(index)) for index in range(3)]
+    first = GuidedFlow.after_shaded(frames[0])
+    names = ("color", "base_color", "normal", "depth", "jitter", "motion", "motion_jitter")
+    for name in names:
+        assert first[HISTORY.index(f"earlier_{name}")] is first[HISTORY.index(name)]
+    assert not first[HISTORY.index("shaded_motion")].any()
+    second = dict(zip(HISTORY, GuidedFlow.after_shaded(frames[1], first), strict=True))
+    assert second["color"] is frames[1]["color"]
+    assert second["base_color"] is frames[1]["gbuffer_base_color"]
+    assert second["shaded_motion"] is frames[1]["motion"]
+    assert second["motion_jitter"] is frames[1]["jitter"]
+    assert not second["motion"].any()
+    for name in names:
+        assert second[f"earlier_{name}"] is first[HISTORY.index(name)]
+
+
+@pytest.mark.parametrize("sizes", [(SIZE,) * 5, ((48, 27), (96, 54), (64, 36), (80, 45), (72, 40))])
+def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ...]) -> None:
+    """Of a picture that is zoomed about the middle, by another factor and with another jitter each frame."""
+    factors, frames = (1.0, 0.95, 1.04, 0.93, 1.03), []
+    for index, (factor, size) in enumerate(zip(factors, sizes, strict=True)):
+        jitter = halton_jitter(index, 2.0)
+        frames.append(tensors(SCENE.frame(index, size, jitter, motion=zoomed(size, jitter, factor))))
+    history = run(GuidedFlow().eval(), frames[:-1], "susu")[-len(HISTORY) :]
+    found = motions_of(frames[4]["motion"], frames[4]["jitter"], past_of(*history))
+    totals = factors[4] * factors[3], factors[4] * factors[3] * factors[2] * factors[1]
+    for motion, total in zip(found, totals, strict=True):
+        expected = zoomed(sizes[4], halton_jitter(4, 2.0), total)
+        inner = np.s_[6:-6, 9:-9]
+        got = motion[0].numpy().transpose(1, 2, 0)
+        np.testing.assert_allclose(got[inner], expected[inner], atol=4e-4)
+
+
+def zoomed(size: Size, jitter: tuple[float, float], factor: float) -> NDArray[np.float32]:
+    x, y = places(size, jitter)
+    away = np.stack([x - EXTENT[0] / 2, y - EXTENT[1] / 2], axis=-1)
+    return np.asarray(away * (factor - 1.0) * np.array(size) / EXTENT, np.float32)
+
+
+def test_without_a_shaded_frame_the_picture_is_black() -> None:
+    method, frame = random_flow(), tensors(SCENE.frame(1))
+    nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
+    with torch.no_grad():
+        image = method.step(*(frame[name] for name in method.inputs()), *nothing).image
+    assert image.max() == 0.0
+
+
+# --- sizes and bad values ---
+
+
+@pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 7), (33, 17), (5, 40)])
+def test_frames_of_any_size_are_drawn(size: Size) -> None:
+    frames = [tensors(SCENE.frame(index, size)) for index in range(4)]
+    images = run(random_flow(), frames, "susu")[:2]
+    for image in images:
+        assert image.shape == (1, 3, size[1], size[0])
+        assert image.isfinite().all()
+
+
+BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 131008.0)
+
+
+@pytest.mark.parametrize("name", INPUTS)
+def test_bad_pixels_of_any_input_never_reach_a_picture_or_what_is_left(name: str) -> None:
+    method, plain = random_flow(), [tensors(SCENE.frame(index)) for index in range(5)]
+    for spoilt in range(5):
+        frames = [{key: value.clone() for key, value in frame.items()} for frame in plain]
+        if frames[spoilt][name].ndim != 4:
+            continue
+        for place, bad in enumerate(BAD):
+            frames[spoilt][name][:, :, 2 * place, 4:9] = bad
+        for value in run(method, frames, "susuu"):
+            assert value.isfinite().all()
+        assert min(image.min() for image in run(method, frames, "susuu")[:3]) >= 0.0
+
+
+def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() -> None:
+    method = random_flow()
+    for scale in (0.0, 1e-7, 1e4, 6e4):
+        frames = [tensors(SCENE.frame(index)) for index in range(4)]
+        for frame in frames:
+            frame["color"] = (frame["color"] * scale).clamp(max=65504.0)
+        history = run(method, frames[:3], "sus")[-len(HISTORY) :]
+        now = frames[3]
+        surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
+        seen = method.gather(
+            surface, now["gbuffer_roughness"], now["motion"], now["jitter"], past_of(*history)
+        )
+        for picture in seen.pictures:
+            assert 0.0 <= picture.min() <= picture.max() < 1.0
+        with torch.no_grad():
+            image = method.finish(seen, method.net(*seen.pictures)[0]).image
+        assert 0.0 <= image.min() <= image.max() <= 65504.0
+
+
+def test_the_network_says_nearly_the_same_in_half_precision() -> None:
+    net, pictures = random_flow().net, torch.rand(2, 1, 4, 21, 45)
+    with torch.no_grad():
+        (said,), (half,) = net(*pictures), InHalf(net)(*pictures)
+    assert (said - half).abs().max() < 0.02 * said.abs().max()
+
+
+def test_the_picture_does_not_depend_on_the_unit_of_light() -> None:
+    method = random_flow()
+    frames = [tensors(SCENE.frame(index)) for index in range(4)]
+    bright = [{**frame, "color": 64.0 * frame["color"]} for frame in frames]
+    one, other = (run(method, f, "susu")[1] for f in (frames, bright))
+    torch.testing.assert_close(64.0 * one, other, rtol=1e-3, atol=1e-3)
+
+
+def test_reading_at_whole_pixels_is_shifting() -> None:
+    image = torch.rand(2, 3, 8, 12)
+    flow = torch.zeros(2, 2, 8, 12)
+    flow[:, 0], flow[:, 1] = -2.0, 1.0
+    torch.testing.assert_close(moved(image, flow)[:, :, :-1, 2:], image[:, :, 1:, :-2], rtol=1e-4, atol=1e-5)

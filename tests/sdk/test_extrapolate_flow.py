@@ -1,0 +1,173 @@
+"""A model that looks at two shaded frames, exported from its weights and driven by its model.json alone."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+from flow_method import TINY, Shadow, flow_weights, random_flow
+from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
+from supersampler.cli import app
+from supersampler.extrapolation import Extrapolator
+from supersampler.frame import Float32
+from supersampler.graph_session import frame_inputs
+from supersampler.recording import open_recording
+from supersampler.recording.replay import Replay
+
+SIZE, DISPLAY = (64, 36), (128, 72)
+SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)
+SCENE = Shadow(2.0, velocity=(1.3, -0.6))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    made = tmp_path_factory.mktemp("flow")
+    weights = flow_weights(made / "weights.safetensors")
+    arguments = ["export", "guided-flow", "--weights", str(weights), "-o", str(made / "model")]
+    with patch("supersampler_export.folder.in_half", lambda _: None):  # it would be traced once more
+        result = CliRunner().invoke(app, arguments)
+    assert result.exit_code == 0, result.output
+    return made / "model"
+
+
+@pytest.fixture(scope="module")
+def taau() -> Model:
+    return Model.load("taau", threads=1, executor="graph")
+
+
+@pytest.fixture
+def make(taau: Model, folder: Path) -> Callable[..., Upscaler]:
+    def made(**options: Any) -> Upscaler:
+        return Upscaler(taau, display_size=DISPLAY, extrapolation=folder, validate="off", **options)
+
+    return made
+
+
+def frame(index: int, size: tuple[int, int] = SIZE, **overrides: Any) -> Frame:
+    return SCENE.frame(index, size, halton_jitter(index, 2.0), **overrides)
+
+
+def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
+    return [
+        upscaler.step(frame(i)) if kind == "s" else upscaler.extrapolate(frame(i, color=None))
+        for i, kind in enumerate(pattern, start)
+    ]
+
+
+def by_torch(pattern: str, sizes: tuple[tuple[int, int], ...]) -> list[NDArray[np.float32]]:
+    """Colours of the frames that are not shaded."""
+    method, history = random_flow(TINY), None
+    made: list[NDArray[np.float32]] = []
+    for index, (kind, size) in enumerate(zip(pattern, sizes, strict=True)):
+        names = [*method.inputs(), "color"]
+        arrays = frame_inputs(frame(index, size), size, names)
+        inputs = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        if kind == "s":
+            history = method.after_shaded(inputs, history)
+            continue
+        assert history is not None
+        with torch.no_grad():
+            done = method.step(*(inputs[name] for name in method.inputs()), *history)
+        history = done.history
+        made.append(done.image[0].numpy().transpose(1, 2, 0))
+    return made
+
+
+@pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
+@pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
+def test_frames_are_drawn_as_torch_draws_them(
+    folder: Path, pattern: str, sizes: tuple[tuple[int, int], ...]
+) -> None:
+    model, past, images = Extrapolator(folder, ["CPUExecutionProvider"], 1), None, []
+    for index, (kind, size) in enumerate(zip(pattern, sizes, strict=True)):
+        if kind == "s":
+            past = model.after_shaded(frame(index, size), past)
+            continue
+        image, past = model.draw(frame(index, size, color=None), past)
+        images.append(image)
+    for image, expected in zip(images, by_torch(pattern, sizes), strict=True):
+        off = np.abs(image - expected)
+        assert np.quantile(off, 0.99) < 1e-3
+        assert off.mean() < 1e-4
+
+
+def test_the_folder_says_what_it_is(folder: Path) -> None:
+    described = json.loads((folder / "model.json").read_text())
+    assert described["method"] == "guided-flow"
+    assert described["network"]["multiply_adds"] > 0
+    assert described["image"]["shape"] == [1, 3, "render_height", "render_width"]
+    assert "network.onnx" in described["files"]
+    assert "carry.onnx" not in described["files"]
+    assert all(size["difference"] <= 1e-4 for size in described["parity"]["sizes"])
+    assert "at render size, for an upscaler to step on" in (folder / "MODEL_CARD.md").read_text()
+
+
+def test_an_upscaler_steps_on_what_is_drawn_by_two_shaded_frames(make: Any) -> None:
+    one, other = make(), make()
+    a = run(one, "susu")
+    other.step(frame(2))  # the same frames, of which the earlier ones are not known
+    b = other.extrapolate(frame(3, color=None))
+    assert np.abs(a[3] - b).mean() > 1e-3
+
+
+def test_a_cut_and_a_reset_forget_both(make: Any) -> None:
+    cut, reset, fresh = make(), make(), make()
+    run(cut, "su"), run(reset, "su")
+    reset.reset()
+    images = []
+    for upscaler, first in ((cut, True), (reset, False), (fresh, False)):
+        upscaler.step(frame(2, reset=first))
+        images.append(upscaler.extrapolate(frame(3, color=None)))
+    for image in images[:2]:
+        np.testing.assert_array_equal(image, images[2])
+
+
+@pytest.mark.parametrize("pattern", ["s", "su", "sus", "susu"])
+def test_a_state_continues_bit_for_bit(make: Any, pattern: str) -> None:
+    one, other = make(), make()
+    run(one, pattern)
+    other.load_state(one.save_state())
+    for a, b in zip(run(one, "usu", 4), run(other, "usu", 4), strict=True):
+        np.testing.assert_array_equal(a, b)
+
+
+def test_a_recording_is_replayed_bit_for_bit(make: Any, folder: Path, tmp_path: Path) -> None:
+    with make(record=tmp_path / "a.recording") as upscaler:
+        run(upscaler, "susu")
+        upscaler.load_state(upscaler.save_state())
+        run(upscaler, "su", 4)
+    replay = Replay(open_recording(tmp_path / "a.recording"), extrapolation=folder)
+    steps = [step for step in map(replay.call, replay.recording) if step is not None]
+    assert [step.exact for step in steps] == [True] * 6
+
+
+def test_an_engine_may_use_its_buffers_again(make: Any) -> None:
+    one, other = make(), make()
+    for index in (0, 1):
+        one.step(frame(index))
+        reused = frame(index)
+        other.step(reused)
+        assert reused.color is not None
+        assert reused.gbuffer is not None
+        for array in (reused.color, reused.depth, reused.motion, *reused.gbuffer.values()):
+            array[...] = 0.123
+    np.testing.assert_array_equal(
+        one.extrapolate(frame(2, color=None)), other.extrapolate(frame(2, color=None))
+    )
+
+
+def test_a_frame_that_is_refused_changes_nothing(make: Any) -> None:
+    one, other = make(), make()
+    run(one, "sus"), run(other, "sus")
+    lacking = frame(3, color=None, gbuffer={"base_color": frame(3).gbuffer["base_color"]})  # type: ignore[index]
+    with pytest.raises(FrameError, match=r"gbuffer\['normal'\] is None.*guided-flow"):
+        other.extrapolate(lacking)
+    for a, b in zip(run(one, "us", 3), run(other, "us", 3), strict=True):
+        np.testing.assert_array_equal(a, b)
