@@ -14,8 +14,8 @@ def extrapolation(
     methods: Annotated[
         str, typer.Option(help="That upscale: shipped models or model folders, with commas between.")
     ] = "classifier,taau",
-    model: Annotated[
-        str, typer.Option(help="That draws hidden frames: a shipped model or a model folder.")
+    models: Annotated[
+        str, typer.Option(help="That draw hidden frames: shipped models or model folders, likewise.")
     ] = "guided-warp",
     alternation: Annotated[
         str, typer.Option(help="Hidden frames to a shaded one, with commas between.")
@@ -28,8 +28,8 @@ def extrapolation(
     """Hide the colour of every second frame, or of two of three, and hold what is shown against references.
 
     Shown are the last picture, warped by motion; the same, where what was hidden shows the nearest
-    background; what the methods make of colours that the model draws; and, as the bar, of all frames shaded.
-    Figures are of hidden frames alone, but for tPSNR. Frames need the G-buffers that the model reads.
+    background; what the methods make of colours that each model draws; and, as the bar, of all frames shaded.
+    Figures are of hidden frames alone, but for tPSNR. Frames need the G-buffers that the models read.
 
     \b
     Examples:
@@ -41,7 +41,7 @@ def extrapolation(
     name, opened = opened_shots(shot, cache, ratio)
     tables = {f"extrapolation {name}": markdown_table}
     check_page(update, tables)
-    upscalers, alternations = listed(methods), listed(alternation)
+    upscalers, drawing, alternations = listed(methods), listed(models), listed(alternation)
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         total = len(alternations) * sum(len(one) for one, _ in opened)
         task = progress.add_task("frames", total=total)
@@ -49,7 +49,7 @@ def extrapolation(
             measure_extrapolation(
                 one,
                 upscalers,
-                model,
+                drawing,
                 alternations,
                 origin=origin,
                 on_left_out=warn,
@@ -57,4 +57,4 @@ def extrapolation(
             )
             for one, origin in opened
         ]
-    publish(extrapolation_record(measured, model), tables, json, update)
+    publish(extrapolation_record(measured, drawing), tables, json, update)

@@ -117,7 +117,7 @@ class Extrapolated:
 def measure_extrapolation(
     shot: Shot,
     upscalers: Sequence[str],
-    model: str,
+    models: Sequence[str],
     alternations: Sequence[str],
     *,
     origin: dict[str, Any] | None = None,
@@ -127,9 +127,9 @@ def measure_extrapolation(
     """Hide frames of a shot, show them in all ways, and score them.
 
     Args:
-        shot: all of its frames are shaded and have the G-buffers that the model reads.
+        shot: all of its frames are shaded and have the G-buffers that the models read.
         upscalers: as `parse_spec` reads them.
-        model: that extrapolates: its name, or a folder.
+        models: that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
         origin: see `Extrapolated`.
         on_left_out: called with the name of each upscaler that cannot draw the shot, and why.
@@ -141,11 +141,12 @@ def measure_extrapolation(
         ModelError, FrameError: see `Upscaler`.
     """
     display = reference_size(shot)
-    _check_gbuffers(shot, model)
+    for model in models:
+        _check_gbuffers(shot, model)
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
     for alternation in map(Alternation, alternations):
-        steppers = [s for name in upscalers for s in _ways(name, model, display, alternation)]
+        steppers = [s for name in upscalers for s in _ways(name, models, display, alternation)]
         found = measure_steppers(shot, steppers, on_frame=on_frame)
         scores[alternation.text] = [HiddenScores(s, frozenset(alternation.indices)) for s in found]
     return Extrapolated(shot, origin or {}, scores)
@@ -159,23 +160,28 @@ def _check_gbuffers(shot: Shot, model: str) -> None:
         raise ShotError(shot.path, f"frames have no {listed(lacking)}", hint)
 
 
-def _ways(upscaler: str, model: str, display: Size, alternation: Alternation) -> list[Stepper]:
-    shaded, drawing = _made(upscaler, display), _made(upscaler, display, extrapolation=model)
+def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alternation) -> list[Stepper]:
+    shaded = _made(upscaler, display)
     plain, filled = (Warping(_made(upscaler, display), alternation, filled=f) for f in (False, True))
-
-    def drawn(item: ShotFrame) -> Float32:
-        if alternation.hides(item):
-            return drawing.extrapolate(replace(item.frame, color=None))
-        return drawing.step(item.frame)
 
     def way(name: str, show: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
         return Stepper(f"{upscaler}, {name}", lambda item: Stepped(show(item)), gbuffers)
+
+    def drawn(model: str) -> Stepper:
+        drawing = _made(upscaler, display, extrapolation=model)
+
+        def show(item: ShotFrame) -> Float32:
+            if alternation.hides(item):
+                return drawing.extrapolate(replace(item.frame, color=None))
+            return drawing.step(item.frame)
+
+        return way(read_model_info(find_model(model)).method, show, drawing.gbuffers)
 
     return [
         way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers),
         way("warp", plain.step, shaded.gbuffers),
         way("warp, filled", filled.step, shaded.gbuffers),
-        way(read_model_info(find_model(model)).method, drawn, drawing.gbuffers),
+        *map(drawn, models),
     ]
 
 
@@ -222,17 +228,17 @@ class Warping:
         return image
 
 
-def extrapolation_record(measured: Sequence[Extrapolated], model: str) -> dict[str, Any]:
+def extrapolation_record(measured: Sequence[Extrapolated], models: Sequence[str]) -> dict[str, Any]:
     """Return all values, ready for JSON.
 
     Args:
         measured: the shots; of several each knows its ratio, and there is a mean at each.
-        model: that extrapolates.
+        models: that extrapolate.
     """
     ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
     return {
         "bench": "extrapolation",
-        "model": model,
+        "models": list(models),
         "warm_up_frames": WARM_UP_FRAMES,
         "border": BORDER,
         "shots": [

@@ -164,7 +164,7 @@ def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(fille
 
 
 def test_a_drawn_frame_beats_a_warped_one_where_something_was_hidden(folder: Path) -> None:
-    found = measure_extrapolation(Shot.open(folder), ["taau"], "guided-warp", ["1:1", "2:1"])
+    found = measure_extrapolation(Shot.open(folder), ["taau"], ["guided-warp"], ["1:1", "2:1"])
     assert list(found.alternations) == ["1:1", "2:1"]
     for scores in found.alternations.values():
         by_way = {s.method: s.summary(warm=False) for s in scores}
@@ -193,8 +193,8 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
 
 def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
     shot = Shot.open(folder)
-    found = measure_extrapolation(shot, ["bilinear"], "guided-warp", ["1:1"], origin={"ratio": 2.0})
-    record = {**extrapolation_record([found, found], "guided-warp"), **setting()}
+    found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"], origin={"ratio": 2.0})
+    record = {**extrapolation_record([found, found], ["guided-warp"]), **setting()}
     write_json(record, tmp_path / "a.json")
     table = markdown_table(read_record(tmp_path / "a.json"))
     assert table.count("| bilinear, warp |") == 1
@@ -209,14 +209,14 @@ def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
         item = plain.read(0)
         writer.write(replace(item.frame, gbuffer=None), reference=item.reference)
     with pytest.raises(ShotError, match="frames have no base_color, normal at render size"):
-        measure_extrapolation(Shot.open(tmp_path / "bare"), ["taau"], "guided-warp", ["1:1"])
+        measure_extrapolation(Shot.open(tmp_path / "bare"), ["taau"], ["guided-warp"], ["1:1"])
     with pytest.raises(ArgumentError, match="--methods"):
-        measure_extrapolation(plain, ["guided-warp"], "guided-warp", ["1:1"])
+        measure_extrapolation(plain, ["guided-warp"], ["guided-warp"], ["1:1"])
 
 
 def test_an_upscaler_may_have_its_own_graph_for_drawn_frames(folder: Path, tmp_path: Path) -> None:
     joint = str(joint_folder(tmp_path / "joint"))
-    found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], "guided-warp", ["1:1"])
+    found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], ["guided-warp"], ["1:1"])
     by_way = {s.method: s.summary(warm=False)["psnr"] for s in found.alternations["1:1"]}
     for way in ("shaded", "warp", "warp, filled"):
         assert by_way[f"{joint}, {way}"] == pytest.approx(by_way[f"classifier:fp32, {way}"], abs=0.01)
