@@ -201,7 +201,7 @@ def skip(
 
 def parity(
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models that have kernels, with commas between.")
+        str, typer.Option(help="Names of shipped models, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
     frames: Annotated[int, typer.Option(min=10, help="That follow from one another.")] = 200,
     json: JSON = None,
