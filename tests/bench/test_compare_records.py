@@ -22,9 +22,10 @@ def record(name: str) -> dict[str, Any]:
 
 @pytest.mark.parametrize("path", sorted(RESULTS.glob("*.json")), ids=lambda p: p.stem)
 def test_a_record_is_no_worse_than_itself(path: Path) -> None:
-    found = changes(read_record(path), read_record(path))
+    content = read_record(path)
+    found = changes(content, content)
     assert all(change.worse == 0.0 for change in found)
-    assert found or read_record(path)["bench"] in ("render", "stress")  # what is there has no better or worse, or a bound
+    assert found or content["bench"] in ("render", "stress")  # what is there has no better or worse, or a bound
     assert len({change.what for change in found}) == len(found), "each value has a name of its own"
 
 
