@@ -25,7 +25,7 @@ def test_a_record_is_no_worse_than_itself(path: Path) -> None:
     content = read_record(path)
     found = changes(content, content)
     assert all(change.worse == 0.0 for change in found)
-    assert found or content["bench"] in ("render", "stress")  # what is there has no better or worse, or a bound
+    assert found or content["bench"] in ("render", "stress")  # what is there has no better or worse
     assert len({change.what for change in found}) == len(found), "each value has a name of its own"
 
 
