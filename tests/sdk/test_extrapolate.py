@@ -5,19 +5,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
-from unittest.mock import patch
 
 import numpy as np
 import pytest
-import torch
-from numpy.typing import NDArray
 
+from alternating import alternate, drawn_by_torch, guided_warp_loaded
 from lit_scene import LitScene
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ModelError, Result, Upscaler, halton_jitter
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs, open_session, session_options
-from supersampler.model_info import extrapolation_names, find_model, model_names
+from supersampler.model_info import extrapolation_names, model_names
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.format import RecordWriter, read_records
 from supersampler.recording.replay import Replay
@@ -34,11 +31,7 @@ def taau() -> Model:
 
 @pytest.fixture(scope="module", autouse=True)
 def one_session() -> Iterator[None]:
-    """The graph takes half a second to load: all Upscalers of this file run the same."""
-    loaded = [
-        open_session(find_model("guided-warp") / "step.onnx", session_options(1), ["CPUExecutionProvider"])
-    ]
-    with patch("supersampler.extrapolation.open_session", lambda *_: loaded[0]):
+    with guided_warp_loaded():
         yield
 
 
@@ -56,11 +49,7 @@ def unshaded(index: int, **overrides: Any) -> Frame:
 
 
 def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
-    """Step through frames: "s" is shaded, "u" is not."""
-    return [
-        upscaler.step(shaded(index)) if kind == "s" else upscaler.extrapolate(unshaded(index))
-        for index, kind in enumerate(pattern, start)
-    ]
+    return alternate(upscaler, shaded, pattern, start)
 
 
 def without(frame: Frame, name: str) -> Frame:
@@ -68,28 +57,11 @@ def without(frame: Frame, name: str) -> Frame:
     return replace(frame, gbuffer={key: array for key, array in frame.gbuffer.items() if key != name})
 
 
-def by_torch(pattern: str) -> list[NDArray[np.float32] | None]:
-    """Colours that the method draws; None of shaded frames."""
-    method, history = GuidedWarp(), list[torch.Tensor]()
-    made: list[NDArray[np.float32] | None] = []
-    for index, kind in enumerate(pattern):
-        names = [*method.inputs(), *(["color"] if kind == "s" else [])]
-        inputs = {name: torch.from_numpy(a) for name, a in frame_inputs(shaded(index), SIZE, names).items()}
-        if kind == "s":
-            history = method.after_shaded(inputs)
-            made.append(None)
-            continue
-        with torch.no_grad():
-            done = method.step(*(inputs[name] for name in method.inputs()), *history)
-        history = done.history
-        made.append(done.image[0].numpy().transpose(1, 2, 0))
-    return made
-
-
 @pytest.mark.parametrize("pattern", ["susu", "suusuuus", "ssuuu"])
 def test_the_method_steps_on_the_colour_that_is_drawn(taau: Model, pattern: str) -> None:
     images, plain = run(make(taau), pattern), Upscaler(taau, display_size=DISPLAY, validate="off")
-    for index, (image, color) in enumerate(zip(images, by_torch(pattern), strict=True)):
+    colors = drawn_by_torch(GuidedWarp(), shaded, pattern)
+    for index, (image, color) in enumerate(zip(images, colors, strict=True)):
         frame = shaded(index) if color is None else shaded(index, color=np.ascontiguousarray(color))
         off = np.abs(plain.step(frame) - image)
         assert off.mean() < 1e-5  # of torch and ONNX Runtime

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from alternating import alternate, guided_warp_loaded
 from joint_folder import joint_folder
 from lit_scene import LitScene
 from supersampler import (
@@ -25,8 +26,7 @@ from supersampler import (
 )  # fmt: skip
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.graph_session import open_session, session_options
-from supersampler.model_info import extrapolation_names, find_model, model_names
+from supersampler.model_info import extrapolation_names, model_names
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 
@@ -51,10 +51,7 @@ def classifier() -> Model:
 
 @pytest.fixture(scope="module", autouse=True)
 def one_session() -> Iterator[None]:
-    """The graph takes half a second to load: all Upscalers of this file run the same."""
-    path = find_model("guided-warp") / "step.onnx"
-    loaded = open_session(path, session_options(1), ["CPUExecutionProvider"])
-    with patch("supersampler.extrapolation.open_session", lambda *_: loaded):
+    with guided_warp_loaded():
         yield
 
 
@@ -68,11 +65,7 @@ def shaded(index: int, **overrides: Any) -> Frame:
 
 
 def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
-    """Step through frames: "s" is shaded, "u" is not."""
-    return [
-        upscaler.step(shaded(index)) if kind == "s" else upscaler.extrapolate(shaded(index, color=None))
-        for index, kind in enumerate(pattern, start)
-    ]
+    return alternate(upscaler, shaded, pattern, start)
 
 
 def brighter(index: int) -> np.float32:

@@ -101,7 +101,7 @@ class FlowTask(Task):
             if not sample.hidden:
                 past = None if sample.reset else states[i]
                 after[i] = self.method.after_shaded(_inputs(sample), past)
-        if not hidden:  # gradients of nothing, as other processes wait for them
+        if not hidden:  # gradients of nothing, as an update may have no other frame
             nothing = 0.0 * sum_of([p.sum() for p in self.method.parameters()])
             return Stepped(torch.cat(images), after, terms={"light": nothing, "features": nothing})
         terms, drawn = self._drawn(gathered, [samples[i] for i in hidden])

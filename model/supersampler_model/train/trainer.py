@@ -218,10 +218,11 @@ class Trainer:
     def _share_gradients(self) -> None:
         if self.world == 1:
             return
-        for parameter in self.method.parameters():  # crops of one process may not have met all weights
-            if parameter.grad is None:
+        gradients = []
+        for parameter in self.method.parameters():
+            if parameter.grad is None:  # crops of one process may not have met all weights
                 parameter.grad = torch.zeros_like(parameter)
-        gradients = [p.grad for p in self.method.parameters() if p.grad is not None]
+            gradients.append(parameter.grad)
         flat = torch.cat([g.flatten() for g in gradients])
         dist.all_reduce(flat)
         flat /= self.world

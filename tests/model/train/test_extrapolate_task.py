@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace
+from functools import partial
 from itertools import islice
 from pathlib import Path
 
@@ -11,6 +12,7 @@ import torch
 from typer.testing import CliRunner
 
 from gbuffer_sets import DISPLAY, gbuffer_data
+from stopped_run import assert_goes_on_exactly
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
@@ -162,15 +164,7 @@ def trainer(data: Dataset, folder: Path) -> Trainer:
 
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_path: Path) -> None:
-    whole = trainer(data, tmp_path / "whole")
-    whole.run()
-    first = trainer(data, tmp_path / "parts")
-    first.run(until=3)
-    first.save()
-    second = trainer(data, tmp_path / "parts")
-    second.run()
-    for name, value in whole.method.state_dict().items():
-        assert torch.equal(value, second.method.state_dict()[name]), name
+    assert_goes_on_exactly(partial(trainer, data), tmp_path)
 
 
 def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:

@@ -1,12 +1,14 @@
 """Training learns, stops and goes on exactly, and refuses what it cannot use."""
 
 import dataclasses
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
 
+from stopped_run import assert_goes_on_exactly
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler_model.data.analytic import DiscOverPlane
@@ -53,18 +55,7 @@ def trainer(dataset: Dataset, folder: Path, plan: Plan = PLAN) -> Trainer:
 
 
 def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp_path: Path) -> None:
-    whole = trainer(dataset, tmp_path / "whole")
-    whole.run()
-    first = trainer(dataset, tmp_path / "parts")
-    first.run(until=3)
-    first.save()
-    second = trainer(dataset, tmp_path / "parts")
-    assert second.done == 3
-    second.run()
-    for name, value in whole.method.state_dict().items():
-        assert torch.equal(value, second.method.state_dict()[name]), name
-    for name, value in whole.average.state_dict().items():
-        assert torch.equal(value, second.average.state_dict()[name]), name
+    assert_goes_on_exactly(partial(trainer, dataset), tmp_path)
 
 
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:

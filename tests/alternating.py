@@ -1,0 +1,57 @@
+"""What an engine does that shades some frames and not others, for the tests of extrapolation."""
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from unittest.mock import patch
+
+import torch
+
+from supersampler import Frame, Upscaler
+from supersampler.frame import Float32
+from supersampler.graph_session import frame_inputs, open_session, session_options
+from supersampler.model_info import find_model
+from supersampler_model.method import Method
+
+Shaded = Callable[[int], Frame]
+"""Every frame of a scene, with its colour."""
+
+
+def alternate(upscaler: Upscaler, shaded: Shaded, pattern: str, start: int = 0) -> list[Float32]:
+    """Step through frames: "s" is shaded, "u" is not."""
+    return [
+        upscaler.step(shaded(index))
+        if kind == "s"
+        else upscaler.extrapolate(replace(shaded(index), color=None))
+        for index, kind in enumerate(pattern, start)
+    ]
+
+
+def drawn_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32 | None]:
+    """Colours (h, w, 3) that a method draws of frames that are not shaded; None of those that are."""
+    history: list[torch.Tensor] | None = None
+    made: list[Float32 | None] = []
+    for index, kind in enumerate(pattern):
+        frame, names = shaded(index), [*method.inputs(), "color"]
+        height, width = frame.depth.shape
+        arrays = frame_inputs(frame, (width, height), names)
+        inputs = {name: torch.from_numpy(array) for name, array in arrays.items()}
+        if kind == "s":
+            history = method.after_shaded(inputs, history)
+            made.append(None)
+            continue
+        assert history is not None
+        with torch.no_grad():
+            done = method.step(*(inputs[name] for name in method.inputs()), *history)
+        history = done.history
+        made.append(done.image[0].numpy().transpose(1, 2, 0))
+    return made
+
+
+@contextmanager
+def guided_warp_loaded() -> Iterator[None]:
+    """The graph takes half a second to load: all Upscalers inside run the same."""
+    path = find_model("guided-warp") / "step.onnx"
+    loaded = open_session(path, session_options(1), ["CPUExecutionProvider"])
+    with patch("supersampler.extrapolation.open_session", lambda *_: loaded):
+        yield

@@ -1,0 +1,29 @@
+"""A run of the trainer that was stopped, for the tests of what is trained."""
+
+from collections.abc import Callable
+from pathlib import Path
+
+import torch
+
+from supersampler_model.train.trainer import Trainer
+
+
+def assert_goes_on_exactly(trainer: Callable[[Path], Trainer], folder: Path) -> None:
+    """A run that is stopped after three updates must end with the weights of one that is not.
+
+    Args:
+        trainer: makes the run of a folder, which need not exist.
+        folder: for the runs' own.
+    """
+    whole = trainer(folder / "whole")
+    whole.run()
+    first = trainer(folder / "parts")
+    first.run(until=3)
+    first.save()
+    second = trainer(folder / "parts")
+    assert second.done == 3
+    second.run()
+    for name, value in whole.method.state_dict().items():
+        assert torch.equal(value, second.method.state_dict()[name]), name
+    for name, value in whole.average.state_dict().items():
+        assert torch.equal(value, second.average.state_dict()[name]), name
