@@ -24,7 +24,14 @@ from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.networks.classifier import NetworkConfig
 
 SIZE, DISPLAY = (21, 13), (41, 27)
-SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
+SMALL = ClassifierConfig(
+    network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8),
+    around=(),
+    corrected=False,
+    rectified=False,
+    own_motion=False,
+)
+"""Of as few operators as there can be: tracing takes its time for each."""
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
 
 
