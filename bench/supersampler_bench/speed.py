@@ -22,6 +22,7 @@ from supersampler_bench.record import Record, machine_name
 
 WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
+SLOW = 10.0  # times the reference: such steps leave cold caches to those that they take turns with
 COPIED = 1 << 28  # bytes; several times what caches hold
 
 
@@ -102,19 +103,20 @@ class _Runner:
         self._moved = sum(image.nbytes for image in images if image is not None)
         self.wall: list[float] = []
         self.processor = 0.0
-        for _ in range(WARM_UP):
-            self.step(counts=False)
+        self.least = min(self.step(counts=False) for _ in range(WARM_UP))
         self._resident = max(_resident() - before, 0)
         self._seconds = model.note_stages()
 
-    def step(self, *, counts: bool = True) -> None:
-        """Time one step."""
+    def step(self, *, counts: bool = True) -> float:
+        """Time one step; returns its milliseconds."""
         frame = replace(next(self._frames), reset=False)
         began, spent = time.perf_counter(), time.process_time()
         self._upscaler.step(frame, out=self._image)
+        wall = 1e3 * (time.perf_counter() - began)
         if counts:
-            self.wall.append(1e3 * (time.perf_counter() - began))
+            self.wall.append(wall)
             self.processor += 1e3 * (time.process_time() - spent)
+        return wall
 
     def timed(self, reference: float) -> Timed:
         """Summarise."""
@@ -184,7 +186,7 @@ def measure_settings(
     on_step: Callable[[], None] = lambda: None,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
-    """Time settings of one size and number of threads, and `REFERENCE`, in turns.
+    """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
 
     Args:
         settings: those that a method does not have are left out. G-buffers that it reads and `frames` lack
@@ -207,10 +209,12 @@ def measure_settings(
         on_left_out(reason)
     others = [s for s in settings if s != first and not reasons[s.method]]
     runners = [_Runner(first, frames), *_runners(others, frames)]
-    for _ in range(steps):
-        for runner in runners:
-            runner.step()
-            on_step()
+    slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
+    for turn in ([runner for runner in runners if runner not in slow], slow):
+        for _ in range(steps):
+            for runner in turn:
+                runner.step()
+                on_step()
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
 

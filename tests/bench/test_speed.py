@@ -3,8 +3,10 @@
 from pathlib import Path
 
 import numpy as np
+import pytest
 from typer.testing import CliRunner
 
+from supersampler_bench import speed
 from supersampler_bench.cli import app
 from supersampler_bench.record import setting
 from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_speed, speed_record
@@ -18,6 +20,20 @@ def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
     for result in results:
         assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
         assert result.processor > 0.0
+
+
+def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[str] = []
+    step = speed._Runner.step
+
+    def noted(runner: speed._Runner, *, counts: bool = True) -> float:
+        if counts:
+            steps.append(runner.setting.method)
+        return step(runner, counts=counts) * (1e3 if runner.setting.method == "taau" else 1.0)
+
+    monkeypatch.setattr(speed._Runner, "step", noted)
+    measure_speed(["taau", "bilinear"], [(64, 36)], ["graph"], [1], steps=2)
+    assert steps == ["taa", "bilinear"] * 2 + ["taau"] * 2
 
 
 def test_skipping_is_a_setting_like_others() -> None:
