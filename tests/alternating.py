@@ -1,16 +1,13 @@
 """What an engine does that shades some frames and not others, for the tests of extrapolation."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
-from unittest.mock import patch
 
 import torch
 
 from supersampler import Frame, Upscaler
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs, open_session, session_options
-from supersampler.model_info import find_model
+from supersampler.graph_session import frame_inputs
 from supersampler_model.method import Method
 
 Shaded = Callable[[int], Frame]
@@ -46,12 +43,3 @@ def drawn_by_torch(method: Method, shaded: Shaded, pattern: str) -> list[Float32
         history = done.history
         made.append(done.image[0].numpy().transpose(1, 2, 0))
     return made
-
-
-@contextmanager
-def guided_warp_loaded() -> Iterator[None]:
-    """The graph takes half a second to load: all Upscalers inside run the same."""
-    path = find_model("guided-warp") / "step.onnx"
-    loaded = open_session(path, session_options(1), ["CPUExecutionProvider"])
-    with patch("supersampler.extrapolation.open_session", lambda *_: loaded):
-        yield

@@ -6,15 +6,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
+from supersampler.drawing import Drawing, GraphDrawing
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
 from supersampler.gbuffers import check_gbuffers
-from supersampler.graph_session import frame_inputs, open_session, pixels_of, session_options
+from supersampler.graph_session import frame_inputs
+from supersampler.host.executors import host_drawing
+from supersampler.model import ExecutorName
 from supersampler.model_info import TensorInfo, extrapolation_names, find_model, read_model_info
-from supersampler.providers import check_provider_in_use, device_of
+from supersampler.providers import CPU
 
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
 """Of the history: from the frame last handed in back to the last shaded one, and that one's own motion."""
@@ -29,10 +31,10 @@ class ShadedPast:
     """What frames that are not shaded are drawn from: the last shaded one, and how things have moved since.
 
     Attributes:
-        tensors: by their names in the graph; nothing writes to them.
+        tensors: by their names in the graph, as `Drawing.placed` made them; nothing writes to them.
     """
 
-    tensors: Mapping[str, ort.OrtValue]
+    tensors: Mapping[str, Any]
 
 
 class Extrapolator:
@@ -42,26 +44,34 @@ class Extrapolator:
         name_or_path: of a shipped model, or a model folder.
         providers: names of execution providers of ONNX Runtime, in order.
         threads: on the CPU; 0 takes every core.
+        executor: "graph" runs it in ONNX Runtime even where kernels of this processor could.
 
     Attributes:
         info: what its model.json says.
+        executor: what it runs on, "graph" or "host".
 
     Raises:
         ModelError: there is no such model, it is damaged, or it is one that upscales.
         ProviderError: a provider could not start.
     """
 
-    def __init__(self, name_or_path: str | Path, providers: Sequence[str], threads: int) -> None:
+    def __init__(
+        self,
+        name_or_path: str | Path,
+        providers: Sequence[str],
+        threads: int,
+        executor: ExecutorName = "auto",
+    ) -> None:
         self.info = read_model_info(find_model(name_or_path))
         if not self.info.extrapolates:
             raise ModelError(
                 f"{self.info.method!r} upscales, and draws no frames that were not shaded; "
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
             )
-        self._session = open_session(self.info.steps["fp32"], session_options(threads), providers)
-        used = self._session.get_providers()
-        check_provider_in_use(providers[0], used)
-        self._device = device_of(used[0])
+        on_host = executor != "graph" and list(providers) == [CPU]
+        kernels = host_drawing(self.info, threads) if on_host else None
+        self._drawing: Drawing = kernels or GraphDrawing(self.info, providers, threads)
+        self.executor = self._drawing.name
 
     def after_shaded(self, frame: Frame, past: ShadedPast | None = None) -> ShadedPast:
         """Return what a shaded frame leaves: copies of its own arrays, and no motion.
@@ -75,17 +85,17 @@ class Extrapolator:
             FrameError: it lacks a G-buffer that the model reads.
         """
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        past = None if frame.reset else past
-        tensors: dict[str, ort.OrtValue] = {}
+        past, placed = None if frame.reset else past, self._drawing.placed
+        tensors: dict[str, Any] = {}
         for history in self.info.history:
             own = _bare(history.input.name).removeprefix(EARLIER)
             if own != _bare(history.input.name):
                 before = tensors if past is None else past.tensors
                 tensors[history.input.name] = before[_of_history(own)]
             elif own == MOTION or (own == SHADED_MOTION and past is None):
-                tensors[history.input.name] = self._placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
+                tensors[history.input.name] = placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
             else:
-                tensors[history.input.name] = self._placed(_copied(frame, _OTHER_NAME.get(own, own)))
+                tensors[history.input.name] = placed(_copied(frame, _OTHER_NAME.get(own, own)))
         return ShadedPast(tensors)
 
     def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Float32, ShadedPast]:
@@ -103,26 +113,12 @@ class Extrapolator:
         """
         past = _checked(frame, past)
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self.info.inputs])
-        planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
-        binding = self._session.io_binding()
-        for name, array in inputs.items():
-            binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
-        for name, value in past.tensors.items():
-            binding.bind_ortvalue_input(name, value)
-        for history in self.info.history:
-            binding.bind_output(history.output, self._device)
-        binding.bind_ortvalue_output(self.info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
-        binding.synchronize_inputs()
-        self._session.run_with_iobinding(binding)
-        binding.synchronize_outputs()
-        names = [history.input.name for history in self.info.history]
-        left = dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
-        return pixels_of(planes), ShadedPast(left)
+        color, left = self._drawing.draw(frame, past.tensors)
+        return color, ShadedPast(left)
 
     def save(self, past: ShadedPast) -> dict[str, NDArray[Any]]:
         """Copies of what a frame left, by the names of the contract."""
-        return {name: np.array(value.numpy()) for name, value in past.tensors.items()}
+        return {name: self._drawing.copied(value) for name, value in past.tensors.items()}
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedPast:
         """Undo `save`.
@@ -137,11 +133,9 @@ class Extrapolator:
                 got, want = f"without a fitting {name!r} to extrapolate from", f"one of {self.info.method!r}"
                 raise ArgumentError("state", got=got, want=want)
         names = [history.input.name for history in self.info.history]
-        return ShadedPast({name: self._placed(np.array(arrays[name], np.float32)) for name in names})
-
-    def _placed(self, array: NDArray[Any]) -> ort.OrtValue:
-        """Put an array that nobody else has on the device."""
-        return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
+        return ShadedPast(
+            {name: self._drawing.placed(np.array(arrays[name], np.float32, order="C")) for name in names}
+        )
 
 
 class Extrapolation:
@@ -151,6 +145,7 @@ class Extrapolation:
         name_or_path: see `Extrapolator`; None keeps nothing, and draws nothing.
         providers: see `Extrapolator`.
         threads: see `Extrapolator`.
+        executor: see `Extrapolator`.
 
     Attributes:
         infos: of the model; empty where there is none.
@@ -160,8 +155,16 @@ class Extrapolation:
         ModelError, ProviderError: see `Extrapolator`.
     """
 
-    def __init__(self, name_or_path: str | Path | None, providers: Sequence[str], threads: int) -> None:
-        self._model = None if name_or_path is None else Extrapolator(name_or_path, providers, threads)
+    def __init__(
+        self,
+        name_or_path: str | Path | None,
+        providers: Sequence[str],
+        threads: int,
+        executor: ExecutorName,
+    ) -> None:
+        self._model = (
+            None if name_or_path is None else Extrapolator(name_or_path, providers, threads, executor)
+        )
         self.infos = [] if self._model is None else [self._model.info]
         self.past: ShadedPast | None = None
 

@@ -40,7 +40,9 @@ class Upscaler:
         render_size: (width, height) that frames will have; only `warm_up` needs it, and with `scale` it
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
-        threads, executor, precision, capture: see `Model.load`; not with a `Model`.
+        threads, precision, capture: see `Model.load`; not with a `Model`.
+        executor: see `Model.load`; "auto" with a `Model`. What draws frames that were not shaded has kernels on
+            a CPU, too, which "graph" leaves out.
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
             moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
@@ -105,7 +107,7 @@ class Upscaler:
         )
         if self._render_size is not None and self._display_size is None:
             self._display_size = self._scaled(self._render_size)
-        self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads)
+        self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
         self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
         infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))

@@ -1,7 +1,7 @@
 """Frames that were not shaded, through an Upscaler: what they are drawn from, and what is refused."""
 
 import pickle
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate, drawn_by_torch, guided_warp_loaded
+from alternating import alternate, drawn_by_torch
 from lit_scene import LitScene
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ModelError, Result, Upscaler, halton_jitter
@@ -27,12 +27,6 @@ SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky
 @pytest.fixture(scope="module")
 def taau() -> Model:
     return Model.load("taau", threads=1, executor="graph")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_session() -> Iterator[None]:
-    with guided_warp_loaded():
-        yield
 
 
 def make(model: Model, **options: Any) -> Upscaler:

@@ -1,7 +1,6 @@
 """A model that steps on drawn frames with a graph of their own: which graph runs on what, on one history."""
 
 import pickle
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from alternating import alternate, guided_warp_loaded
+from alternating import alternate
 from joint_folder import joint_folder
 from lit_scene import LitScene
 from supersampler import (
@@ -47,12 +46,6 @@ def joint(folder: Path) -> Model:
 @pytest.fixture(scope="module")
 def classifier() -> Model:
     return Model.load("classifier", threads=1, executor="graph", providers="cpu")
-
-
-@pytest.fixture(scope="module", autouse=True)
-def one_session() -> Iterator[None]:
-    with guided_warp_loaded():
-        yield
 
 
 def make(model: Model, **options: Any) -> Upscaler:

@@ -19,6 +19,9 @@ TAA_BOX = 8
 TAAU_PIXEL = 5
 """Values of a pixel that go from frame to frame: linear RGB, count, power."""
 
+GUIDE, GUIDED = 7, 10
+"""Planes of a shaded frame's samples: what their surfaces are told from; and these with the light on them."""
+
 CLASSIFIER_PIXEL = 8
 """Values of a pixel that go from frame to frame: linear RGB, count, range, and two of room."""
 SEEN = 16

@@ -8,11 +8,13 @@ from numba import njit
 from supersampler.host.vector import (
     bits_of,
     float_of,
+    floor,
     maximum,
     minimum,
     select,
     square_root,
     to_float,
+    to_int,
 )
 
 MAX_HALF = 65504.0
@@ -77,6 +79,17 @@ def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     r, g, b = minimum(r * back, MAX_HALF), minimum(g * back, MAX_HALF), minimum(b * back, MAX_HALF)
     dark = DARKNESS
     return select(r >= dark, r, 0.0), select(g >= dark, g, 0.0), select(b >= dark, b, 0.0)
+
+
+@njit
+def exponential(x: Any) -> Any:
+    """e^x of what is not above 0, to 3e-7 of it; 0 below e^-87."""
+    y = maximum(x, -87.0) * 1.4426950408889634
+    whole = floor(y + 0.5)
+    f = y - whole
+    p = ((f * 1.5403530e-4 + 1.3333558e-3) * f + 9.6181291e-3) * f + 5.5504109e-2
+    p = ((p * f + 2.4022651e-1) * f + 6.9314718e-1) * f + 1.0
+    return select(x < -87.0, 0.0, p * float_of((to_int(whole) + np.int32(127)) << np.int32(23)))
 
 
 @njit

@@ -1,0 +1,146 @@
+"""Kernels draw frames that were not shaded as the graph and torch do, whatever the number of threads."""
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from alternating import drawn_by_torch
+from lit_scene import LitScene
+from noise import Size, noise
+from supersampler import Frame, halton_jitter
+from supersampler.extrapolation import Extrapolator
+from supersampler.frame import Float32
+from supersampler.model import ExecutorName
+from supersampler_model.methods.guided_warp import GuidedWarp
+
+SIZES = [(32, 18), (33, 17), (61, 35), (5, 40), (16, 3), (1, 1)]
+SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)
+KINDS = 5
+"""Surfaces that noise is of: a sample has likes, near and far."""
+
+
+def made(executor: ExecutorName, threads: int = 2) -> Extrapolator:
+    return Extrapolator("guided-warp", ["CPUExecutionProvider"], threads, executor)
+
+
+@pytest.fixture(scope="module")
+def graph() -> Extrapolator:
+    return made("graph")
+
+
+@pytest.fixture(scope="module")
+def host() -> Extrapolator:
+    return made("auto")
+
+
+def surfaces(seed: int, size: Size = (32, 18), **overrides: Any) -> Frame:
+    """Noise on surfaces of a few kinds; every second frame moves by far more than rings reach."""
+    random = np.random.default_rng([seed, 7])
+    kind = random.integers(0, KINDS, size[::-1])
+    look = np.random.default_rng(1).random((KINDS, 7), dtype=np.float32)
+    frame = noise(seed, size)
+    gbuffer = {"base_color": look[kind, :3], "normal": 2.0 * look[kind, 3:6] - 1.0}
+    motion = frame.motion * (20.0 if seed % 2 else 1.0)
+    return replace(frame, depth=look[kind, 6], motion=motion, gbuffer=gbuffer, reset=False, **overrides)
+
+
+def drawn(model: Extrapolator, frames: list[Frame], pattern: str) -> list[Float32]:
+    past, images = None, []
+    for frame, kind in zip(frames, pattern, strict=True):
+        if kind == "s":
+            past = model.after_shaded(frame, past)
+            continue
+        image, past = model.draw(replace(frame, color=None), past)
+        images.append(image)
+    return images
+
+
+def check_alike(ones: list[Float32], others: list[Float32]) -> None:
+    """A sample may be chosen otherwise where two weigh as much, by the last bit of a sum."""
+    for one, other in zip(ones, others, strict=True):
+        off = np.abs(one - other) / (1.0 + np.abs(one))
+        assert np.isfinite(other).all()
+        assert other.min() >= 0.0
+        assert np.quantile(off, 0.99) <= 1e-4
+        assert off.mean() <= 1e-3
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_kernels_draw_what_the_graph_draws(graph: Extrapolator, host: Extrapolator, size: Size) -> None:
+    frames = [surfaces(seed, size) for seed in range(7)]
+    check_alike(drawn(graph, frames, "suuusuu"), drawn(host, frames, "suuusuu"))
+
+
+def test_frames_of_changing_size_come_out_alike(graph: Extrapolator, host: Extrapolator) -> None:
+    frames = [surfaces(seed, size) for seed, size in enumerate([*SIZES, *SIZES])]
+    check_alike(drawn(graph, frames, "suuusuuuusuu"), drawn(host, frames, "suuusuuuusuu"))
+
+
+def test_a_real_scene_is_drawn_as_torch_draws_it(host: Extrapolator) -> None:
+    frames = [SCENE.frame(index, (97, 55), halton_jitter(index, 2.0)) for index in range(9)]
+    expected = drawn_by_torch(GuidedWarp(), lambda index: frames[index], "susuusuuu")
+    images = drawn(host, frames, "susuusuuu")
+    for one, other in zip([each for each in expected if each is not None], images, strict=True):
+        assert np.quantile(np.abs(one - other), 0.999) <= 1e-4
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, -np.inf, -1.0, 1e30, 1e-42])
+@pytest.mark.parametrize("shaded", [True, False])
+def test_hostile_pixels_do_the_same_on_both(
+    graph: Extrapolator, host: Extrapolator, bad: float, *, shaded: bool
+) -> None:
+    frames = [surfaces(seed) for seed in range(4)]
+    index = 0 if shaded else 1
+    spots = np.random.default_rng(0).random((18, 32)) < 0.1
+    gbuffer = {name: spoilt(image, spots, bad) for name, image in (frames[index].gbuffer or {}).items()}
+    fields: dict[str, Any] = {n: spoilt(getattr(frames[index], n), spots, bad) for n in ("depth", "motion")}
+    color = spoilt(frames[index].color, spots[::-1], bad)
+    frames[index] = replace(frames[index], gbuffer=gbuffer, color=color, **fields)
+    check_alike(drawn(graph, frames, "suuu"), drawn(host, frames, "suuu"))
+
+
+def spoilt(image: Any, spots: Any, bad: float) -> Float32:
+    copy = np.array(image, np.float32)
+    copy[spots] = bad
+    return copy
+
+
+def test_the_number_of_threads_changes_no_bit() -> None:
+    frames = [surfaces(seed, (97, 55)) for seed in range(5)]
+    one, two, five = (drawn(made("auto", threads), frames, "suusu") for threads in (1, 2, 5))
+    np.testing.assert_array_equal(one, two)
+    np.testing.assert_array_equal(one, five)
+
+
+def test_a_past_goes_from_kernels_to_the_graph_and_back(graph: Extrapolator, host: Extrapolator) -> None:
+    frames = [surfaces(seed) for seed in range(4)]
+    for one, other in ((graph, host), (host, graph)):
+        _, past = one.draw(replace(frames[1], color=None), one.after_shaded(frames[0]))
+        last = replace(frames[2], color=None)
+        check_alike([one.draw(last, past)[0]], [other.draw(last, other.load(one.save(past)))[0]])
+
+
+def test_frames_are_read_whatever_they_lie_in_memory(host: Extrapolator) -> None:
+    first, frame = surfaces(0), replace(surfaces(1), color=None)
+    fields: dict[str, Any] = {name: np.asfortranarray(getattr(frame, name)) for name in ("depth", "motion")}
+    gbuffer = {name: np.asfortranarray(image) for name, image in (frame.gbuffer or {}).items()}
+    past = host.after_shaded(first)
+    np.testing.assert_array_equal(
+        host.draw(frame, past)[0], host.draw(replace(frame, gbuffer=gbuffer, **fields), past)[0]
+    )
+
+
+def test_what_a_frame_leaves_is_not_written_to(host: Extrapolator) -> None:
+    past = host.after_shaded(surfaces(0))
+    before = host.save(past)
+    host.draw(replace(surfaces(1), color=None), past)
+    after = host.save(past)
+    for name, array in before.items():
+        np.testing.assert_array_equal(array, after[name])
+
+
+def test_a_cpu_takes_kernels_unless_it_is_told_not_to(graph: Extrapolator, host: Extrapolator) -> None:
+    assert host.executor == "host"
+    assert graph.executor == "graph"
