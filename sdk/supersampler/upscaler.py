@@ -41,8 +41,8 @@ class Upscaler:
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
-        executor: see `Model.load`; "auto" with a `Model`. What draws frames that were not shaded has kernels on
-            a CPU, too, which "graph" leaves out.
+        executor: see `Model.load`; "auto" with a `Model`. Frames that were not shaded are drawn by kernels of
+            a CPU, too, but for "graph".
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
             moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
