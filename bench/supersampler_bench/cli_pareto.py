@@ -15,7 +15,10 @@ from supersampler_bench.record import read_record
 def pareto(
     quality: Annotated[
         list[Path],
-        typer.Argument(help="Files of `bench quality test-shots --json`, of any ratios, or of --json here."),
+        typer.Argument(
+            help="Files of `bench quality test-shots --json`, of any ratios, of `bench extrapolation` "
+            "likewise, or of --json here."
+        ),
     ],
     display_size: Annotated[str, typer.Option(help="Of the pictures that are timed.")] = "960x540",
     threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,
@@ -40,13 +43,17 @@ def pareto(
         preset_table,
         shots_of,
     )
+    from supersampler_bench.pareto_hidden import BENCH, hidden_rows, hidden_table, measure_hidden
 
-    tables = {"pareto": markdown_table, "presets": preset_table}
+    tables = {"pareto": markdown_table, "presets": preset_table, "pareto hidden": hidden_table}
     check_page(update, tables)
-    scored, size = [read_record(path) for path in quality], parse_size(display_size)
+    records, size = [read_record(path) for path in quality], parse_size(display_size)
+    scored = [record for record in records if record["bench"] != BENCH]
     with ERRORS.status("timing"):
         points = measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
-    publish(pareto_record(points, shots_of(scored[0]), size, threads), tables, json, update)
+        hidden = measure_hidden(records, size, threads=threads, steps=steps)
+    record = pareto_record(points, shots_of(scored[0]), size, threads)
+    publish({**record, "hidden": hidden_rows(hidden)}, tables, json, update)
     if output is not None:
         from supersampler_bench.pareto_figures import draw_pareto  # needs matplotlib
 

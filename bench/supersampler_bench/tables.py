@@ -20,6 +20,7 @@ from supersampler_bench import (
     skip,
     speed,
 )
+from supersampler_bench.pareto_hidden import hidden_table
 from supersampler_bench.record import Record, read_record
 from supersampler_bench.report import Report, block_names
 from supersampler_bench.stress import report as stress
@@ -60,8 +61,11 @@ def blocks_of(name: str, record: Record) -> Blocks:
         makers = (report.frame_block, report.clip_block, report.class_block)
         return dict(zip(block_names(block), makers, strict=True))
     if bench == "pareto":
-        presets = partial(pareto.preset_table, record)
-        return {block: partial(pareto.markdown_table, record), "presets": presets}
+        return {
+            block: partial(pareto.markdown_table, record),
+            f"{block} hidden": partial(hidden_table, record),
+            "presets": partial(pareto.preset_table, record),
+        }
     if bench == "stress":
         whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
         return {block: partial(stress.markdown_table, record), **whole}
