@@ -1,6 +1,7 @@
 """Methods and executors as what is stressed, and what they promise: how soon the past must fade."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import cache
 
 from supersampler import Frame, Model, Upscaler
@@ -8,6 +9,7 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.model import ExecutorName
 from supersampler.model_info import ModelInfo
+from supersampler.state import State
 from supersampler_bench.fitting import dressed
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
@@ -18,14 +20,21 @@ frame brings a fifth, and what is wrong by no more than its box is wide fades no
 
 
 def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[Subject]:
-    """Return all methods in all executors that they have."""
+    """Return all methods in all executors that they have.
+
+    Args:
+        methods: shipped models or model folders; "taau+guided-warp" hides every second frame from `taau`, and
+            has the other draw its colour.
+        executors: of the first.
+    """
     return [subject for method in methods for subject in _of(method, executors)]
 
 
 def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
+    upscaler, _, drawing = method.partition("+")
     for executor in executors:
         try:
-            model = _model(method, executor, 1)
+            model = _model(upscaler, executor, 1)
         except ArgumentError:  # the method has no such executor
             continue
         yield Subject(
@@ -34,21 +43,25 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             precision=model.precision,
             remembers=bool(model.info.history),
             reach=REACH + _sight(model.info),
-            begin=_Begin(method, executor),
-            exact=None if executor == "graph" else _Begin(method, "graph"),
-            recovery=SLOW.get(method, RECOVERY),
+            begin=_Begin(upscaler, executor, drawing or None),
+            exact=None if executor == "graph" else _Begin(upscaler, "graph", drawing or None),
+            recovery=SLOW.get(upscaler, RECOVERY),
             ratios=model.info.ratios,
         )
 
 
 class _Begin:
-    def __init__(self, method: str, executor: ExecutorName) -> None:
-        self._method, self._executor = method, executor
+    def __init__(self, method: str, executor: ExecutorName, drawing: str | None) -> None:
+        self._method, self._executor, self._drawing = method, executor, drawing
 
     def __call__(self, display: Size, threads: int) -> Session:
         model = _model(self._method, self._executor, threads)
-        upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
-        return _Dressed(upscaler, display) if model.info.gbuffers else upscaler
+        upscaler = Upscaler(
+            model, display_size=display, skip="exact", extrapolation=self._drawing, validate="off"
+        )
+        if self._drawing is not None:
+            return _Alternating(upscaler, display)
+        return _Dressed(upscaler, display) if upscaler.gbuffers else upscaler
 
 
 class _Dressed:
@@ -56,11 +69,38 @@ class _Dressed:
 
     def __init__(self, upscaler: Upscaler, display: Size) -> None:
         self._upscaler, self._display = upscaler, display
-        self.save_state, self.load_state = upscaler.save_state, upscaler.load_state
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
-        return self._upscaler.step(dressed(frame, self._upscaler.model.info.gbuffers, self._display))
+        return self._show(dressed(frame, self._upscaler.gbuffers, self._display))
+
+    def save_state(self) -> State:
+        """See `Upscaler.save_state`."""
+        return self._upscaler.save_state()
+
+    def load_state(self, state: State) -> None:
+        """See `Upscaler.load_state`."""
+        self._upscaler.load_state(state)
+
+    def _show(self, frame: Frame) -> Float32:
+        return self._upscaler.step(frame)
+
+
+class _Alternating(_Dressed):
+    """One that is not shown the colour of every second frame; what comes after a cut or a load is shaded."""
+
+    _hides = False
+
+    def load_state(self, state: State) -> None:
+        """See `Upscaler.load_state`."""
+        super().load_state(state)
+        self._hides = False
+
+    def _show(self, frame: Frame) -> Float32:
+        hidden = self._hides and not frame.reset
+        image = self._upscaler.extrapolate(replace(frame, color=None)) if hidden else super()._show(frame)
+        self._hides = not hidden
+        return image
 
 
 @cache
