@@ -142,6 +142,16 @@ def test_a_shipped_method_passes_where_it_promises_bits() -> None:
         assert outcome.passed, outcome
 
 
+def test_of_a_method_that_another_draws_for_every_second_frame_is_hidden() -> None:
+    [subject] = subjects(["taa+guided-warp"], ["host"])
+    assert (subject.method, subject.executor) == ("taa+guided-warp", "host")
+    frames = [replace(frame, reset=i == 4) for i, frame in enumerate(moving((24, 16))[:6])]
+    shaded, alternating = (subjects([m], ["host"])[0] for m in ("taa", "taa+guided-warp"))
+    one, other = (s.begin(DISPLAY, 1) for s in (shaded, alternating))
+    apart = [np.abs(one.step(frame) - other.step(frame)).max() > 0.0 for frame in frames]
+    assert apart == [False, True, True, True, False, True]  # what is hidden stays in the past until the cut
+
+
 def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
     clean, mean, spot = Off(0.0, 0.0), Off(0.01, 0.01), Off(0.0, 0.2)
     assert recovery([mean, clean, spot, clean, clean]) == 3
