@@ -16,6 +16,8 @@ from OpenImageIO import ImageBuf
 
 shipped = Path(__file__).resolve().parents[1] / "sdk" / "supersampler"
 given = [Path(argument) for argument in sys.argv[1:]]
+if len(given) not in (0, 3):
+    sys.exit(__doc__)
 model, shot, out = given or [shipped / "models" / "classifier", shipped / "shots" / "plaza", Path("out")]
 contract = json.loads((model / "model.json").read_text())
 description = json.loads((shot / "shot.json").read_text())
