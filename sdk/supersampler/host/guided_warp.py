@@ -67,7 +67,8 @@ class GuidedWarpHost:
         image, total = np.empty((h, w, 3), np.float32), np.empty((1, 2, h, w), np.float32)
         jitters = (frame.jitter, past["history.jitter"][0], past["history.motion_jitter"][0])
         sizes = (then_w, then_h, *before.shape[:1:-1])
-        numbers = np.array([*sizes, *(offset for j in jitters for offset in j), *self._sigmas], np.float32)
+        offsets = [offset for jitter in jitters for offset in jitter]
+        numbers = np.array([*sizes, *offsets, *self._sigmas, before.any()], np.float32)
         names = ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
         given = [np.ascontiguousarray(image_of(frame, name), np.float32) for name in names]
         with self._spaces.borrow((then_w, then_h)) as space:

@@ -35,10 +35,11 @@ from supersampler.host.vector import (
     to_int,
 )
 
-(THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, THEN_JITTER, BEFORE_JITTER, SURFACE, DEPTH, DISTANCE, LEAST) = (
-    0, 1, 2, 3, 4, 6, 8, 10, 11, 12, 13,
-)  # fmt: skip
-"""Of `numbers`; two for each jitter, across and down; the last four are GuidedWarpConfig's."""
+(
+    THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, THEN_JITTER, BEFORE_JITTER, SURFACE, DEPTH, DISTANCE, LEAST,
+    MOVED,
+) = 0, 1, 2, 3, 4, 6, 8, 10, 11, 12, 13, 14  # fmt: skip
+"""Of `numbers`; two for each jitter, across and down; four of GuidedWarpConfig; 0 where `before` is zeros."""
 FARTHEST, NOWHERE = 1e-30, 1e4
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
@@ -145,6 +146,8 @@ def back_to_shaded(motion, before, at, column, row, w, h, n):
     """Motion of sixteen pixels and, from where it leads, back to the shaded frame."""
     wide, high = np.float32(w), np.float32(h)
     mx, my = motion_at(motion, at)
+    if n[MOVED] == 0.0:
+        return mx, my
     x = led_to(column + mx, n[JITTER], n[BEFORE_JITTER], wide, n[BEFORE_W])
     y = led_to(my + row, n[JITTER + 1], n[BEFORE_JITTER + 1], high, n[BEFORE_H])
     before_w, before_h = int(n[BEFORE_W]), int(n[BEFORE_H])
@@ -180,13 +183,31 @@ def inside(place, count):
 
 
 @njit
-def pushed(least, key):
+def swapped(kept, other):
+    """The one with the lesser key, and the other; samples are key, -log of the weight, and place."""
+    first = other[0] < kept[0]
+    return (
+        (
+            select(first, other[0], kept[0]),
+            select(first, other[1], kept[1]),
+            select(first, other[2], kept[2]),
+        ),
+        (
+            select(first, kept[0], other[0]),
+            select(first, kept[1], other[1]),
+            select(first, kept[2], other[2]),
+        ),
+    )
+
+
+@njit
+def pushed(least, sample):
     """The four least of four, in order, and another."""
-    a, b, c, d = least
-    a, key = minimum(a, key), maximum(a, key)
-    b, key = minimum(b, key), maximum(b, key)
-    c, key = minimum(c, key), maximum(c, key)
-    return a, b, c, minimum(d, key)
+    a, sample = swapped(least[0], sample)
+    b, sample = swapped(least[1], sample)
+    c, sample = swapped(least[2], sample)
+    d, sample = swapped(least[3], sample)
+    return a, b, c, d
 
 
 @njit
@@ -196,7 +217,7 @@ def key_of(off, number):
 
 @njit
 def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, room):
-    """Keys of the samples around sixteen places that weigh most.
+    """The samples around sixteen places that weigh most.
 
     What is farther off than the fourth of them could be, however like its surface is, is not looked at.
     """
@@ -211,47 +232,35 @@ def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, ri
     )  # fmt: skip
     away = maximum(absolute(left - x), absolute(top - y))
     none = spread16(np.float32(3e38))
-    least = none, none, none, none
+    least = (none, none, at), (none, none, at), (none, none, at), (none, none, at)
+    middle = at
     for ring in range(rings):
         if ring:
-            near = (to_float(ramp16() * np.int32(0)) + np.float32(strides[ring]) - away) / sigma
-            if all_lanes(floor(squared(near) * (0.5 * SURELY * STEPS)) * NUMBERS >= least[3]):
+            near = (away * -1.0 + np.float32(strides[ring])) / sigma
+            if all_lanes(floor(squared(near) * (0.5 * SURELY * STEPS)) * NUMBERS >= least[3][0]):
                 break
         for k in range(8 * ring + 1 if ring else 0, 8 * ring + 9):
             u, v = left + across[k], top + down[k]
-            if not together:
-                at = inside(v, h) * np.int32(stride) + inside(u, w)
-            off = apart(own, samples, size, at, first + int(down[k]) * stride + int(across[k]), together)
+            step = int(down[k]) * stride + int(across[k])
+            at = middle + np.int32(step) if together else inside(v, h) * np.int32(stride) + inside(u, w)
+            off = apart(own, samples, size, at, first + step, together)
             u, v = (u - x) / sigma, (v - y) / sigma
-            least = pushed(least, key_of((off + (u * u + v * v)) * 0.5, np.float32(k)))
+            off = (off + (u * u + v * v)) * 0.5
+            least = pushed(least, (key_of(off, np.float32(k)), off, at))
     return least
 
 
 @njit
-def sample_of(key, own, samples, size, w, h, stride, x, y, across, down, sigma):
-    """A sample by its key: where it is, and -log of its weight."""
-    n = to_int(key - floor(key / NUMBERS) * NUMBERS)
-    u, v = floor(x + 0.5) + gather(across, n), floor(y + 0.5) + gather(down, n)
-    at = inside(v, h) * np.int32(stride) + inside(u, w)
-    off = apart(own, samples, size, at, 0, False)
-    u, v = (u - x) / sigma, (v - y) / sigma
-    return at, (off + (u * u + v * v)) * 0.5
-
-
-@njit
-def light_at(least, own, samples, size, w, h, stride, x, y, across, down, sigma):
+def light_at(least, samples, size):
     """Mean light of the chosen samples."""
-    a, p = sample_of(least[0], own, samples, size, w, h, stride, x, y, across, down, sigma)
-    b, q = sample_of(least[1], own, samples, size, w, h, stride, x, y, across, down, sigma)
-    c, r = sample_of(least[2], own, samples, size, w, h, stride, x, y, across, down, sigma)
-    d, s = sample_of(least[3], own, samples, size, w, h, stride, x, y, across, down, sigma)
+    p, q, r, s = least[0][1], least[1][1], least[2][1], least[3][1]
     best = minimum(minimum(minimum(p, q), r), s)
     p, q, r, s = exponential(best - p), exponential(best - q), exponential(best - r), exponential(best - s)
-    total = p + q + r + s
+    total, at = p + q + r + s, (least[0][2], least[1][2], least[2][2], least[3][2])
     return (
-        mean_of(samples, GUIDE * size, (a, b, c, d), (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE + 1) * size, (a, b, c, d), (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE + 2) * size, (a, b, c, d), (p, q, r, s)) / total,
+        mean_of(samples, GUIDE * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE + 1) * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE + 2) * size, at, (p, q, r, s)) / total,
     )
 
 
@@ -295,9 +304,7 @@ def draw(
                 own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings, n[DISTANCE],
                 room,
             )  # fmt: skip
-            light = light_at(
-                least, own, samples, size, then_w, then_h, stride, px, py, across, down, n[DISTANCE]
-            )
+            light = light_at(least, samples, size)
             for c, value in enumerate(
                 (mx, my, shown(light[0], share[0]), shown(light[1], share[1]), shown(light[2], share[2]))
             ):
