@@ -8,16 +8,22 @@ from supersampler.errors import ArgumentError
 from supersampler_bench.record import Record
 
 HIGHER, LOWER = 1.0, -1.0
+OF_BOUND, BROKEN = "share of the bound", "out of bounds"
+"""What a figure of stress is compared by, and a scenario."""
 DIRECTIONS: Mapping[str, float] = {
     **dict.fromkeys(("psnr", "ssim", "tpsnr", "cvvdp"), HIGHER),
     **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
     **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
     **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
+    **dict.fromkeys((OF_BOUND, BROKEN), LOWER),
+    "samples_per_hour": HIGHER,
 }
 """By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
 DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
 """Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
+_NO_NAMES = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
+"""Parts that tell no row from another, as they change with what is measured."""
 CONTAINERS = (
     "shots",
     "means",
@@ -30,6 +36,8 @@ CONTAINERS = (
     "rows",
     "scenes",
     "networks",
+    "outcomes",
+    "figures",
 )
 """Parts whose names say nothing of a value."""
 
@@ -42,7 +50,8 @@ class Change:
         what: which.
         before: its value in the first.
         after: in the second.
-        worse: by how much it is worse, dB where that is its unit, else a share of `before`; below 0: better.
+        worse: by how much it is worse, dB where that is its unit, else a share of `before`, or of a figure's
+            bound; below 0: better.
     """
 
     what: str
@@ -67,7 +76,11 @@ def changes(before: Record, after: Record) -> list[Change]:
 
 def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
     """All scores under a node, each by what it is a score of."""
-    if isinstance(node, dict):
+    if isinstance(node, dict) and "bound" in node:
+        yield (*path, OF_BOUND), node["value"] / (node["bound"] or 1.0)
+    elif isinstance(node, dict):
+        if "passed" in node:
+            yield (*path, BROKEN), float(not node["passed"])
         for name, value in node.items():
             if name not in IGNORED:
                 yield from _values(value, (*path, name))
@@ -85,7 +98,7 @@ def _identity(item: Mapping[str, Any]) -> str:
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
             said.append(_identity(value))
-        elif _direction((name,)) or name in ("moved", "shot_json_sha256", "pixels_sha256"):
+        elif _direction((name,)) or name in _NO_NAMES:
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             said.append(str(value))
@@ -109,9 +122,9 @@ def _direction(path: Sequence[str]) -> float:
 
 def _change(path: tuple[str, ...], before: float, after: float) -> Change:
     lost = _direction(path) * (before - after)
-    in_decibels = any(name.startswith(DECIBELS) for name in path)
+    as_it_is = path[-1] in (OF_BOUND, BROKEN) or any(name.startswith(DECIBELS) for name in path)
     what = ", ".join(name for name in path if name not in CONTAINERS)
-    return Change(what, before, after, lost if in_decibels else lost / max(abs(before), 1e-12))
+    return Change(what, before, after, lost if as_it_is else lost / max(abs(before), 1e-12))
 
 
 def markdown_table(found: Sequence[Change]) -> str:

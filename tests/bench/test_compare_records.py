@@ -25,7 +25,7 @@ def test_a_record_is_no_worse_than_itself(path: Path) -> None:
     content = read_record(path)
     found = changes(content, content)
     assert all(change.worse == 0.0 for change in found)
-    assert found or content["bench"] in ("render", "stress")  # what is there has no better or worse
+    assert found
     assert len({change.what for change in found}) == len(found), "each value has a name of its own"
 
 
@@ -47,6 +47,30 @@ def test_a_lower_psnr_is_worse_by_decibels_and_a_longer_step_by_its_share() -> N
     (first, *_) = changes(before, after)
     assert first.worse == pytest.approx(0.25)
     assert before["timed"][3]["setting"]["method"] in first.what
+
+
+def test_a_figure_of_stress_is_worse_by_its_share_of_the_bound_and_what_breaks_is_named() -> None:
+    before = record("stress-extrapolation")
+    after = copy.deepcopy(before)
+    outcome = after["outcomes"][0]
+    outcome["figures"][0]["value"] += 0.5 * outcome["figures"][0]["bound"]
+    after["outcomes"][1].update(passed=False, figures=[], error="ValueError: broke")
+    broken, first, *_ = changes(before, after)
+    assert broken.what == f"{named(after['outcomes'][1])}, out of bounds"
+    assert broken.worse == 1.0
+    assert first.what == f"{named(outcome)}, {outcome['figures'][0]['name']}, share of the bound"
+    assert first.worse == pytest.approx(0.5)
+
+
+def named(outcome: dict[str, Any]) -> str:
+    return " ".join(
+        str(part)
+        for part in (
+            *(outcome[name] for name in ("scenario", "method", "executor", "precision")),
+            "x".join(map(str, outcome["display"])),
+            outcome["frames"],
+        )
+    )
 
 
 def test_rows_are_told_apart_by_sizes_and_names_and_not_by_which_frames_have_references() -> None:
