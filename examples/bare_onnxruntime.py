@@ -1,4 +1,4 @@
-"""The pictures of `Upscaler` in thirty lines that do not import supersampler: what an engine's glue must do.
+"""The pictures of `Upscaler` in fifty lines that do not import supersampler: what an engine's glue must do.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 

@@ -1,5 +1,6 @@
 """A model folder is written only when ONNX Runtime draws what torch draws, and what ships is up to date."""
 
+import io
 import json
 from collections import Counter
 from dataclasses import asdict
@@ -16,13 +17,14 @@ from torch import Tensor
 from typer.testing import CliRunner
 
 from gbuffer_method import Demodulated, exported
-from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
+from supersampler import Frame, Model, Result, SupersamplerError, Upscaler, model_names
 from supersampler.cli import app
 from supersampler.model_info import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
-from supersampler_export.folder import describe, write_model_folder
+from supersampler_export.folder import describe, model_card, write_model_folder
 from supersampler_export.graph import ExportError, check_portable, export_graph
+from supersampler_export.host import host_network
 from supersampler_export.parity import (
     SIZES,
     TOLERANCE,
@@ -34,6 +36,7 @@ from supersampler_export.parity import (
 )
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
+from supersampler_model.methods.carry import Carry
 from supersampler_model.methods.classifier_paper import PaperClassifier
 from supersampler_model.methods.spatial import Bilinear
 from supersampler_model.trained import Trained, save_trained
@@ -64,6 +67,30 @@ def test_the_shipped_graph_is_what_the_exporter_writes_today(name: str) -> None:
     fresh = export_graph(made_method(name))
     hint = f"run: supersampler export {name} -o {folder}"
     assert structure(onnx.load(folder / "step.onnx")) == structure(fresh), hint
+
+
+@pytest.mark.parametrize("name", shipped_methods())
+def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
+    folder = find_model(name)
+    shipped, graph = json.loads((folder / "model.json").read_text()), onnx.load(folder / "step.onnx")
+    fresh = set(model_card(shipped, graph, []).splitlines())
+    assert fresh <= set((folder / "MODEL_CARD.md").read_text(encoding="utf-8").splitlines())
+
+
+def test_what_carries_channels_along_is_what_the_exporter_writes_today() -> None:
+    fresh = structure(export_graph(Carry()))
+    files = [find_model(name) / "carry.onnx" for name in model_names()]
+    assert all(structure(onnx.load(file)) == fresh for file in files)
+
+
+@pytest.mark.parametrize("name", ["classifier", "classifier-small"])
+def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> None:
+    made = host_network(made_method(name))
+    assert made is not None
+    fresh, shipped = np.load(io.BytesIO(made)), np.load(find_model(name) / "network.npz")
+    assert fresh.files == shipped.files
+    for array in fresh.files:
+        np.testing.assert_array_equal(fresh[array], shipped[array])
 
 
 @pytest.mark.parametrize("name", shipped_methods())
