@@ -21,7 +21,10 @@ from supersampler_bench.cli_shared import (
 
 def stress(
     methods: Annotated[
-        str, typer.Option(help="Shipped models or model folders, with commas between.")
+        str,
+        typer.Option(
+            help="Shipped models or model folders, or classifier:fp16, taau+guided-warp; with commas between."
+        ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
     executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",

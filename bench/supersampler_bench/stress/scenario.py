@@ -47,7 +47,7 @@ class Subject:
     Attributes:
         method: its name.
         executor: "host" or "graph".
-        precision: of what is learned, "fp32" or "int8".
+        precision: of what is learned, "fp32", "fp16" or "int8".
         remembers: whether anything goes from frame to frame.
         reach: display pixels around a bad one that may look different.
         begin: makes a session for a display size, on so many threads.
@@ -69,7 +69,7 @@ class Subject:
     @property
     def tolerance(self) -> float:
         """What two ways to the same picture may differ by on average, as a screen shows it."""
-        return STEP if self.precision == "int8" else ROUNDING
+        return ROUNDING if self.precision == "fp32" else STEP
 
 
 @dataclass

@@ -92,7 +92,7 @@ def contraction_in_motion(trial: Trial) -> Measured:
 
 
 def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
-    size = 4.0 * STEP if trial.subject.precision == "int8" else SMALL
+    size = SMALL if trial.subject.precision == "fp32" else 4.0 * STEP
     rounds = trial.frames // EVERY
     found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD)
     figures = (
@@ -106,7 +106,7 @@ SCENARIOS = (
     Scenario("at rest", "change / period", at_rest, host=10_016, graph=960, quick=320, remembers=False),
     Scenario("in motion", "change / loop", in_motion, host=1920, graph=640),
     Scenario(
-        "against single precision", "apart / loop", precisions, host=2080, graph=0, quick=480, pairs=True
+        "against single precision", "apart / loop", precisions, host=2080, graph=2080, quick=480, pairs=True
     ),
     Scenario(
         "flicker at the jitter's period",

@@ -1,16 +1,17 @@
 """Methods and executors as what is stressed, and what they promise: how soon the past must fade."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.model import ExecutorName
+from supersampler.model import ExecutorName, Precision
 from supersampler.model_info import ModelInfo
 from supersampler.state import State
 from supersampler_bench.fitting import dressed
+from supersampler_bench.specs import parse_spec
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 
@@ -23,8 +24,8 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
     """Return all methods in all executors that they have.
 
     Args:
-        methods: shipped models or model folders; "taau+guided-warp" hides every second frame from `taau`, and
-            has the other draw its colour.
+        methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
+            hides every second frame from `taau`, and has the other draw its colour.
         executors: of the first.
     """
     return [subject for method in methods for subject in _of(method, executors)]
@@ -32,34 +33,46 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
 def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
     upscaler, _, drawing = method.partition("+")
+    spec = parse_spec(upscaler)
     for executor in executors:
+        begin = _Begin(spec.model, executor, spec.precision, drawing or None)
         try:
-            model = _model(upscaler, executor, 1)
+            model = begin.model(1)
         except ArgumentError:  # the method has no such executor
             continue
+        is_exact = (model.executor, model.precision) == ("graph", "fp32")
         yield Subject(
             method=method,
             executor=model.executor,
             precision=model.precision,
             remembers=bool(model.info.history),
             reach=REACH + _sight(model.info),
-            begin=_Begin(upscaler, executor, drawing or None),
-            exact=None if executor == "graph" else _Begin(upscaler, "graph", drawing or None),
-            recovery=SLOW.get(upscaler, RECOVERY),
+            begin=begin,
+            exact=None if is_exact else replace(begin, executor="graph", precision="fp32"),
+            recovery=SLOW.get(spec.model, RECOVERY),
             ratios=model.info.ratios,
         )
 
 
+@dataclass(frozen=True)
 class _Begin:
-    def __init__(self, method: str, executor: ExecutorName, drawing: str | None) -> None:
-        self._method, self._executor, self._drawing = method, executor, drawing
+    method: str
+    executor: ExecutorName
+    precision: Precision
+    drawing: str | None
+
+    def model(self, threads: int) -> Model:
+        return _model(self.method, self.executor, self.precision, threads)
 
     def __call__(self, display: Size, threads: int) -> Session:
-        model = _model(self._method, self._executor, threads)
         upscaler = Upscaler(
-            model, display_size=display, skip="exact", extrapolation=self._drawing, validate="off"
+            self.model(threads),
+            display_size=display,
+            skip="exact",
+            extrapolation=self.drawing,
+            validate="off",
         )
-        if self._drawing is not None:
+        if self.drawing is not None:
             return _Alternating(upscaler, display)
         return _Dressed(upscaler, display) if upscaler.gbuffers else upscaler
 
@@ -104,8 +117,8 @@ class _Alternating(_Dressed):
 
 
 @cache
-def _model(method: str, executor: ExecutorName, threads: int) -> Model:
-    return Model.load(method, providers="cpu", executor=executor, threads=threads)
+def _model(method: str, executor: ExecutorName, precision: Precision, threads: int) -> Model:
+    return Model.load(method, providers="cpu", executor=executor, precision=precision, threads=threads)
 
 
 def _sight(info: ModelInfo) -> int:
