@@ -75,7 +75,8 @@ def test_light_is_read_where_the_sample_saw_it(x0: float, y0: float, x1: float, 
     image, now = second_of(scene, ((x0, y0), (x1, y1))), scene.frame(1, SIZE, (x1, y1))
     assert now.color is not None
     pixels_off = 80.0 * (image - now.color)[9:-9, 9:-9, :2]
-    assert np.abs(pixels_off).max() < 0.35  # four samples are not even around every place
+    # Four samples are not even around every place: between two rows, two of them are of one column beside.
+    assert np.abs(pixels_off).max() < 0.45
 
 
 def test_what_was_hidden_is_lit_as_its_like_nearby_and_not_as_what_hid_it() -> None:
