@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from supersampler import Frame, Upscaler
-from supersampler.display import display_transform
-from supersampler.frame import Float32
+from supersampler.display import decibels, display_transform
+from supersampler.frame import Float32, Size
 from supersampler_bench.stress.compare import looped, off
 from supersampler_bench.stress.contraction import EVERY, contraction
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Measured, Scenario, Trial
@@ -25,24 +25,36 @@ _UNIT = 1e-7  # rounding of single precision: what is less apart than this is no
 
 def at_rest(trial: Trial) -> Measured:
     """A scene with wires stands still: its picture settles, and stays. Against the thirteenth period."""
-    truths = [truth(STILL, 0, trial.display)] * PERIOD
-    run = looped(trial, still(trial.render), truths)
-    figures = (
+    frames, base = still(trial.render), truth(STILL, 0, trial.display)
+    run = looped(trial, frames, [base] * PERIOD)
+    figures = [
         Figure("change in a period", run.changes[-1], REST),
         Figure("drift", run.drift, REST),
         Figure("PSNR lost, dB", run.lost(), DECAY),
         Figure("PSNR swing in a period, dB", run.swing, SWING),
-    )
-    return Measured(figures, run.changes)
+    ]
+    if trial.subject.remembers:
+        mean = np.mean(_single(frames, trial.display), axis=0)
+        below = _psnr(display_transform(mean), display_transform(base)) - run.psnr[-1]
+        figures.append(Figure("PSNR below the mean of a period, dB", below, 0.0))
+    return Measured(tuple(figures), run.changes)
+
+
+def _single(frames: Sequence[Frame], display: Size) -> list[Float32]:
+    """What frames show without a past, upsampled."""
+    spatial = Upscaler("bilinear", display_size=display, validate="off", threads=1)
+    return [spatial.step(frame) for frame in frames]
+
+
+def _psnr(one: Float32, other: Float32) -> float:
+    return decibels(float(np.mean((one - other) ** 2)))
 
 
 def flicker(trial: Trial) -> Measured:
     """At rest: deviation over a period of the jitter, as a share of that of single frames upsampled."""
     frames = still(trial.render)
     images = looped(trial, frames).images
-    spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
-    single = [display_transform(spatial.step(frame)) for frame in frames]
-    left = _deviation(images) / _deviation(single)
+    left = _deviation(images) / _deviation([*map(display_transform, _single(frames, trial.display))])
     base = display_transform(truth(STILL, 0, trial.display))
     curve = [float(np.abs(image - base).mean()) for image in images]
     return Measured((Figure("share left", left, passed_by_average(EMA, PERIOD)),), curve)
