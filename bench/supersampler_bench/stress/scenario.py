@@ -23,7 +23,7 @@ RECOVERY = 48
 REACH = 8.0
 """Display pixels around a bad one that may look different; of a network, beside what it sees."""
 DECAY = 0.1
-"""dB of PSNR that a picture may lose from one loop of the same frames to a later one."""
+"""dB of PSNR that a picture may lose from one loop to a later one, or be below what it is held against."""
 LARGEST = 65504.0
 
 

@@ -14,8 +14,8 @@ from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, STILL, Orbit, mo
 
 SWING = 1.5
 """dB of PSNR that pictures of a scene at rest may go up and down by."""
-EMA = 0.1
-"""New share of the average that flicker is held against."""
+EMA, AVERAGED = 0.1, 4
+"""New share of the average that methods are held against, and loops until it has settled."""
 GROWTH = 1.1
 """By how much more two precisions may be apart in the last loop than in the middle one."""
 SMALL = 1e-4
@@ -34,27 +34,30 @@ def at_rest(trial: Trial) -> Measured:
         Figure("PSNR swing in a period, dB", run.swing, SWING),
     ]
     if trial.subject.remembers:
-        mean = np.mean(_single(frames, trial.display), axis=0)
-        below = _psnr(display_transform(mean), display_transform(base)) - run.psnr[-1]
-        figures.append(Figure("PSNR below the mean of a period, dB", below, 0.0))
+        below = _psnr_of_average(frames, trial.display, display_transform(base)) - run.psnr[-1]
+        figures.append(Figure("PSNR below an average, dB", below, DECAY))
     return Measured(tuple(figures), run.changes)
 
 
-def _single(frames: Sequence[Frame], display: Size) -> list[Float32]:
-    """What frames show without a past, upsampled."""
-    spatial = Upscaler("bilinear", display_size=display, validate="off", threads=1)
-    return [spatial.step(frame) for frame in frames]
-
-
-def _psnr(one: Float32, other: Float32) -> float:
-    return decibels(float(np.mean((one - other) ** 2)))
+def _psnr_of_average(frames: Sequence[Frame], display: Size, wanted: Float32) -> float:
+    """Of an exponential average of frames, over and over, their pixels merely enlarged; of its last loop."""
+    (width, height), (w, h) = display, frames[0].size
+    rows, columns = np.arange(height)[:, None] * h // height, np.arange(width) * w // width
+    singles = [np.asarray(frame.color, np.float32)[rows, columns] for frame in frames]
+    past, scores = singles[0], []
+    for single in singles * AVERAGED:
+        past = (1.0 - EMA) * past + EMA * single
+        scores.append(decibels(float(np.mean((display_transform(past) - wanted) ** 2))))
+    return float(np.mean(scores[-len(frames) :]))
 
 
 def flicker(trial: Trial) -> Measured:
     """At rest: deviation over a period of the jitter, as a share of that of single frames upsampled."""
     frames = still(trial.render)
     images = looped(trial, frames).images
-    left = _deviation(images) / _deviation([*map(display_transform, _single(frames, trial.display))])
+    spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
+    single = [display_transform(spatial.step(frame)) for frame in frames]
+    left = _deviation(images) / _deviation(single)
     base = display_transform(truth(STILL, 0, trial.display))
     curve = [float(np.abs(image - base).mean()) for image in images]
     return Measured((Figure("share left", left, passed_by_average(EMA, PERIOD)),), curve)
