@@ -12,7 +12,9 @@ from noise import Size, noise
 from supersampler import Frame, halton_jitter
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
+from supersampler.host.guided_warp import GuidedWarpHost
 from supersampler.model import ExecutorName
+from supersampler.model_info import find_model, read_model_info
 from supersampler_model.methods.guided_warp import GuidedWarp
 
 SIZES = [(32, 18), (33, 17), (61, 35), (5, 40), (16, 3), (1, 1)]
@@ -144,3 +146,10 @@ def test_what_a_frame_leaves_is_not_written_to(host: Extrapolator) -> None:
 def test_a_cpu_takes_kernels_unless_it_is_told_not_to(graph: Extrapolator, host: Extrapolator) -> None:
     assert host.executor == "host"
     assert graph.executor == "graph"
+
+
+@pytest.mark.parametrize("changed", [{"taps": 3}, {"strides": [3, 1]}, {"strides": []}])
+def test_kernels_draw_with_no_settings_that_they_are_not_made_for(changed: dict[str, Any]) -> None:
+    config = read_model_info(find_model("guided-warp")).config
+    assert GuidedWarpHost.draws(config)
+    assert not GuidedWarpHost.draws({**config, **changed})

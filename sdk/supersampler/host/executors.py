@@ -5,7 +5,7 @@ import os
 from supersampler.executor import Executor
 from supersampler.host.bands import Bands
 from supersampler.host.classifier import ClassifierHost
-from supersampler.host.guided_warp import TAPS, GuidedWarpHost
+from supersampler.host.guided_warp import GuidedWarpHost
 from supersampler.host.taa import TaaHost
 from supersampler.host.taau import TaauHost
 from supersampler.model_info import ModelInfo
@@ -26,7 +26,7 @@ def host_executor(info: ModelInfo, threads: int) -> Executor | None:
 
 def host_drawing(info: ModelInfo, threads: int) -> GuidedWarpHost | None:
     """Return what draws frames that were not shaded, or None where a model has no kernels; as above."""
-    if info.method != "guided-warp" or info.config["taps"] != TAPS:
+    if info.method != "guided-warp" or not GuidedWarpHost.draws(info.config):
         return None
     return GuidedWarpHost(info, Bands(threads or len(_cores())))
 

@@ -16,8 +16,6 @@ from supersampler.host.tables import up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
 
-TAPS = 4
-"""Samples that are kept: the kernels are made for so many."""
 _AROUND = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
 
 
@@ -49,6 +47,12 @@ class GuidedWarpHost:
         places = [(0, 0), *((s * x, s * y) for s in config["strides"] for x, y in _AROUND)]
         self._across, self._down = np.array(places, np.float32).T.copy()
         self._spaces = Workspaces(lambda shaded: _Space(shaded, bands.threads))
+
+    @staticmethod
+    def draws(config: Mapping[str, Any]) -> bool:
+        """Whether the kernels draw with this GuidedWarpConfig: rings from near to far, four samples kept."""
+        strides = config["strides"]
+        return config["taps"] == 4 and bool(strides) and list(strides) == sorted(strides)
 
     def placed(self, array: NDArray[Any]) -> NDArray[Any]:
         """See `Drawing`."""
