@@ -29,7 +29,8 @@ def extrapolation(
 
     Shown are the last picture, warped by motion; the same, where what was hidden shows the nearest
     background; what the methods make of colours that each model draws; and, as the bar, of all frames shaded.
-    Figures are of hidden frames alone, but for tPSNR. Frames need the G-buffers that the models read.
+    Figures are of hidden frames, but for frames between, the shaded ones, and tPSNR.
+    Frames need the G-buffers that the models read.
 
     \b
     Examples:

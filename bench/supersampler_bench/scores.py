@@ -105,7 +105,7 @@ class MeanScores:
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """Return the mean of the shots' summaries that have a metric; NaN where none has."""
         found = [shot.summary(warm=warm, cropped=cropped) for shot in self.shots]
-        columns = {name: [s[name] for s in found if not np.isnan(s[name])] for name in METRICS}
+        columns = {name: [s[name] for s in found if not np.isnan(s[name])] for name in found[0]}
         return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:

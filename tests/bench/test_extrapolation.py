@@ -16,6 +16,7 @@ from supersampler.frame import Float32
 from supersampler.shot import ShotFrame
 from supersampler_bench.extrapolation import (
     ACROSS,
+    BETWEEN,
     Alternation,
     HiddenScores,
     Warping,
@@ -86,7 +87,7 @@ def test_what_is_counted_is_hidden_frames_and_changes_of_all() -> None:
         "m", [scores_of(8, 10.0), scores_of(9, 20.0), scores_of(10, 30.0), scores_of(11, 60.0)]
     )
     summary = HiddenScores(scores, frozenset({9, 11})).summary()
-    assert (summary["psnr"], summary["flip"]) == (40.0, 40.0)
+    assert (summary["psnr"], summary["flip"], summary[BETWEEN]) == (40.0, 40.0, 20.0)
     assert {summary[name] for name in ACROSS if name != "strred"} == {30.0}
 
 
