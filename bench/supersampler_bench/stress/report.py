@@ -81,10 +81,8 @@ def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> str:
 
 
 def _cell(outcome: Outcome | None, figure: Figure | None, common: float | None) -> str:
-    if outcome is None:
-        return "–"
-    if figure is None:
-        return "**broke**"
+    if outcome is None or figure is None:
+        return "**broke**" if outcome is not None and outcome.error else "–"
     text = _number(figure.value)
     if common is None:
         text += f" ({_number(figure.bound)})"
