@@ -65,6 +65,7 @@ for _command in (
     cli_pareto.suggest,
     cli_stress.stress,
     cli_extrapolation.extrapolation,
+    cli_extrapolation.drawn,
     cli_report.tables,
     cli_report.report,
 ):

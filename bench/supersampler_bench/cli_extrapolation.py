@@ -1,4 +1,4 @@
-"""`supersampler bench extrapolation`."""
+"""`supersampler bench extrapolation` and `drawn`: frames that were not shaded, upscaled and as they are."""
 
 from typing import Annotated
 
@@ -59,3 +59,37 @@ def extrapolation(
             for one, origin in opened
         ]
     publish(extrapolation_record(measured, drawing), tables, json, update)
+
+
+def drawn(
+    shot: SHOT,
+    models: Annotated[
+        str,
+        typer.Option(help="That draw hidden frames: shipped models or model folders, with commas between."),
+    ] = "guided-warp",
+    ratio: RATIO = "2",
+    cache: CACHE = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Hide the colour of every second frame, and hold what is drawn in its place against it.
+
+    At render size, sample by sample, before anything upscales it; beside the last frame, warped by motion.
+    Frames need the G-buffers that the models read.
+
+    Example:
+      supersampler bench drawn test-shots --update docs/methods.md
+    """
+    from supersampler_bench.drawn import drawn_record, markdown_table, measure_drawn
+
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"drawn {name}": markdown_table}
+    check_page(update, tables)
+    drawing = listed(models)
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=sum(len(one) for one, _ in opened))
+        measured = [
+            measure_drawn(one, drawing, origin=origin, on_frame=lambda _: progress.advance(task))
+            for one, origin in opened
+        ]
+    publish(drawn_record(measured, drawing), tables, json, update)

@@ -149,7 +149,7 @@ def measure_extrapolation(
     """
     display = reference_size(shot)
     for model in models:
-        _check_gbuffers(shot, model)
+        check_gbuffers(shot, model)
     upscalers = runnable(shot, upscalers, on_left_out)
     scores = {}
     for alternation in map(Alternation, alternations):
@@ -159,7 +159,12 @@ def measure_extrapolation(
     return Extrapolated(shot, origin or {}, scores)
 
 
-def _check_gbuffers(shot: Shot, model: str) -> None:
+def check_gbuffers(shot: Shot, model: str) -> None:
+    """Fail where a shot lacks G-buffers that a model reads.
+
+    Raises:
+        ShotError: it does.
+    """
     there = names_of(shot.read_raw(0))
     lacking = [name for name in read_model_info(find_model(model)).gbuffers if name not in there]
     if lacking:

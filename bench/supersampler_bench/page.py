@@ -43,6 +43,7 @@ SECTIONS = (
     Section(
         "extrapolation", "Frames that were not shaded", "Drawn or warped, against references, and all shaded."
     ),
+    Section("drawn", "Colours that were drawn", "At render size, against the same samples, shaded."),
     Section("speed", "Speed", "A step on the processor, beside variance clipping (`taa`) in the same run."),
     Section("device", "Devices", "A step of the graph, with frame and picture in the device's memory."),
     Section("skip", "Skipping", "What is saved where nothing moves, and what it costs."),
