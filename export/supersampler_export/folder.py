@@ -186,9 +186,10 @@ def _origin(learned: Mapping[str, Any] | None) -> str:
     scores = ", ".join(f"{name} {value:.3f}" for name, value in learned.get("validation", {}).items())
     assets = "; ".join(learned.get("attributions") or learned.get("assets", [])) or "none"
     init = learned.get("init")
+    runs = f"the mean of {learned['mean_of']} runs, the last of " if "mean_of" in learned else ""
     begun = f", begun with those of {init['steps']} updates at commit {init['commit']}" if init else ""
     return (
-        f"Weights: {learned['steps']} updates at commit {learned['commit']}{begun}, on training data "
+        f"Weights: {runs}{learned['steps']} updates at commit {learned['commit']}{begun}, on training data "
         f"{learned['data'][:16]}. Validation: {scores or 'none'}. Files of others in that data: {assets}."
     )
 

@@ -148,12 +148,15 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
     name, method = PaperClassifier.name, PaperClassifier()
     for parameter in method.parameters():
         torch.nn.init.normal_(parameter, std=0.3)
-    facts = {"steps": 7, "data": "0" * 64, "assets": ["a.glb"], "commit": "abc", "validation": {"psnr": 30.0}}
+    facts: dict[str, Any] = {"steps": 7, "data": "0" * 64, "assets": ["a.glb"], "commit": "abc"}
+    facts |= {"validation": {"psnr": 30.0}, "mean_of": 3}
     weights = tmp_path / "weights.safetensors"
     save_trained(weights, Trained(name, asdict(method.config), facts, method.state_dict()))
     arguments = ["export", name, "--weights", str(weights), "-o", str(tmp_path / "model")]
     assert CliRunner().invoke(app, arguments).exit_code == 0
-    assert "a.glb" in (tmp_path / "model" / "MODEL_CARD.md").read_text()
+    card = (tmp_path / "model" / "MODEL_CARD.md").read_text()
+    assert "the mean of 3 runs, the last of 7 updates" in card
+    assert "a.glb" in card
     upscaler = Upscaler(tmp_path / "model", display_size=(41, 27), validate="off")
     random = np.random.default_rng(0)
     for _ in range(3):
