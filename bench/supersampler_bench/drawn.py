@@ -16,13 +16,12 @@ from supersampler.frame import Float32, Frame
 from supersampler.model_info import find_model, read_model_info
 from supersampler.providers import CPU
 from supersampler.shot import Shot, ShotFrame
-from supersampler_bench.extrapolation import Alternation, check_gbuffers
+from supersampler_bench.extrapolation import EVERY_SECOND, Alternation, check_gbuffers
 from supersampler_bench.record import Record, shot_record
 from supersampler_bench.scores import BORDER, WARM_UP_FRAMES
 from supersampler_bench.warping import warped
 
 WARP = "warp"
-EVERY_SECOND = "1:1"
 
 
 @dataclass(frozen=True)

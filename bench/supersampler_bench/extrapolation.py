@@ -29,6 +29,8 @@ from supersampler_bench.table import Column, sizes
 from supersampler_bench.table import markdown_table as scores_table
 from supersampler_bench.warping import further_back, warped, with_background
 
+EVERY_SECOND = "1:1"
+"""The alternation that hides one frame after each shaded one."""
 BETWEEN = "psnr_between"
 """Of the frames that were shaded, which step on what hidden ones have left."""
 COLUMNS = (

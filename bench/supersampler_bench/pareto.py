@@ -14,7 +14,7 @@ from supersampler import model_names
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_bench.fitting import gbuffers_of
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.record import Record, machine_name, ratio_of
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.speed import Setting, measure_settings
 
@@ -144,8 +144,7 @@ def _scores(record: Record) -> Iterator[tuple[float, Spec, Mapping[str, float | 
 
 def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
     for shot in record.get("shots", ()):
-        ratio = shot["display_size"][0] / shot["render_size"][0]
-        yield from ({"ratio": ratio, **method} for method in shot["methods"])
+        yield from ({"ratio": ratio_of(shot), **method} for method in shot["methods"])
 
 
 def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:

@@ -12,14 +12,14 @@ from typing import Any
 
 from supersampler.frame import Size
 from supersampler.upscaler import Upscaler
+from supersampler_bench.extrapolation import EVERY_SECOND
 from supersampler_bench.fitting import dressed
 from supersampler_bench.pareto import METRICS
-from supersampler_bench.record import Record, machine_name
+from supersampler_bench.record import Record, machine_name, ratio_of
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.speed import WARM_UP, frames_of
 
 BENCH = "extrapolation"
-EVERY_SECOND = "1:1"
 SHOWN = ("psnr", "ssim", "flip", "tpsnr")  # the last of all frames
 
 
@@ -121,8 +121,7 @@ def hidden_of(record: Record) -> Iterator[Hidden]:
 
 def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
     for shot in record["shots"]:
-        ratio = shot["display_size"][0] / shot["render_size"][0]
-        yield from ({"ratio": ratio, **alternation} for alternation in shot["alternations"])
+        yield from ({"ratio": ratio_of(shot), **alternation} for alternation in shot["alternations"])
 
 
 def hidden_rows(measured: Sequence[Hidden]) -> list[dict[str, Any]]:

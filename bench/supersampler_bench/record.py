@@ -116,6 +116,12 @@ def write_json(record: Record, path: Path) -> None:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
 
+def ratio_of(shot: Record) -> float:
+    """Display over render size of a shot, of what `shot_record` says of it."""
+    ratio: float = shot["display_size"][0] / shot["render_size"][0]
+    return ratio
+
+
 def shot_record(shot: Shot) -> dict[str, Any]:
     """Return what a record says of a shot, besides where its pixels are from."""
     file = shot.path if shot.path.is_file() else shot.path / "shot.json"

@@ -74,7 +74,7 @@ def reflected(base, normal, least):
 
 @njit
 def told_at(base, normal, depth, at, pixel, plane, good, numbers):
-    """What sixteen surfaces are told from, each in standard deviations; and what they reflect."""
+    """What sixteen `good` surfaces are told from, in standard deviations; and what all of them reflect."""
     b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
     d = gather(depth, at)
     good = good & known(b[0]) & known(b[1]) & known(b[2]) & known(n[0]) & known(n[1]) & known(n[2])
@@ -299,7 +299,8 @@ def draw(
             px = led_to(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
             py = led_to(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
             px, py = clamped(px, 0.0, n[THEN_W] - 1.0), clamped(py, 0.0, n[THEN_H] - 1.0)
-            own, share = told_at(base, normal, depth, at, 3, 1, at >= np.int32(0), n)
+            every = at >= np.int32(0)
+            own, share = told_at(base, normal, depth, at, 3, 1, every, n)
             least = four_least(
                 own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings, n[DISTANCE],
                 room,
