@@ -30,7 +30,7 @@ class Row:
     tpsnr: float
 
 
-SUBJECTS: Mapping[str, Mapping[str, Callable[[], Task]]] = {
+SUBJECTS: Mapping[str, Mapping[str, Callable[[], Task[Any]]]] = {
     "classifier": ablation_classifier.VARIANTS,
     "gbuffer-small-4x": ablation_gbuffer.VARIANTS,
 }
@@ -56,7 +56,7 @@ class Ablation:
     workers: int = 1
 
     @property
-    def variants(self) -> Mapping[str, Callable[[], Task]]:
+    def variants(self) -> Mapping[str, Callable[[], Task[Any]]]:
         """Of the method."""
         return SUBJECTS[self.method]
 

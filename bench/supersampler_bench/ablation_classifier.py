@@ -27,7 +27,9 @@ def changed(**fields: Any) -> Callable[[], Classifier]:
 
 METHODS: Mapping[str, Callable[[], Classifier]] = {
     "all inputs seen": changed(),
-    "half the width (`classifier-small`)": lambda: SmallClassifier(SmallConfig(inputs=INPUTS)),
+    "half the width (`classifier-small`)": lambda: SmallClassifier(
+        SmallConfig(inputs=INPUTS, rectified=True, own_motion=True, corrected=True)
+    ),
     "the paper's form (`classifier-paper`)": lambda: PaperClassifier(PaperConfig(inputs=INPUTS)),
     "past not cut to the box": changed(rectified=False),
     "no past by the pixel's own motion": changed(own_motion=False),
@@ -51,8 +53,8 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
 }
 
 
-def _task(make: Callable[[], Classifier]) -> Callable[[], Task]:
+def _task(make: Callable[[], Classifier]) -> Callable[[], Task[Any]]:
     return lambda: ClassifierTask(make())
 
 
-VARIANTS: Mapping[str, Callable[[], Task]] = {name: _task(make) for name, make in METHODS.items()}
+VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {name: _task(make) for name, make in METHODS.items()}

@@ -52,22 +52,22 @@ class Lacking(SmallGBuffer4):
         return surfaces._replace(**{name: getattr(grey, name) for name in self.unread})
 
 
-def lacking(*unread: str) -> Callable[[], Task]:
+def lacking(*unread: str) -> Callable[[], Task[Any]]:
     """Return what makes the task of one without these buffers."""
     return lambda: GBufferTask(Lacking(unread))
 
 
-def changed(**fields: Any) -> Callable[[], Task]:
+def changed(**fields: Any) -> Callable[[], Task[Any]]:
     """Return what makes the task of one with other settings."""
     return lambda: GBufferTask(SmallGBuffer4(GBufferConfig(ratio=4, **{"network": NETWORK, **fields})))
 
 
-def built(**fields: Any) -> Callable[[], Task]:
+def built(**fields: Any) -> Callable[[], Task[Any]]:
     """Return what makes the task of one with other settings of the network."""
     return changed(network=replace(NETWORK, **fields))
 
 
-VARIANTS: Mapping[str, Callable[[], Task]] = {
+VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
     "all of it": changed(),
     "without base colour": lacking("base_color"),
     "without normals": lacking("normal"),

@@ -46,7 +46,7 @@ class Upscaler:
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
             moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
-            in [0, 1]. A frame without other tiles is a copy. "auto" is half a step of an 8-bit picture;
+            in [0, 1]. A frame without other tiles is a copy. "auto" is a step of an 8-bit picture;
             "exact" draws every pixel, as graphs always do.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).

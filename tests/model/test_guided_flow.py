@@ -13,7 +13,6 @@ from supersampler import Frame, halton_jitter
 from supersampler.frame import Size
 from supersampler.graph_session import frame_inputs
 from supersampler_export.half import InHalf
-from supersampler_model.color import inverse_tone
 from supersampler_model.data.analytic import EXTENT, places
 from supersampler_model.method import Method
 from supersampler_model.method import Size as Extent
@@ -71,12 +70,12 @@ def test_untrained_it_draws_what_guided_warp_draws(pattern: str) -> None:
     count = pattern.count("u")
     ours, theirs = (run(method.eval(), frames, pattern)[:count] for method in (GuidedFlow(), GuidedWarp()))
     for one, other in zip(ours, theirs, strict=True):
-        torch.testing.assert_close(one, other, rtol=0.0, atol=0.0)
+        torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
 
 
 def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reproduced() -> None:
     still = gathered(Shadow(0.0))
-    torch.testing.assert_close(*still.pictures, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(still.pictures.later, still.pictures.earlier, rtol=1e-5, atol=1e-6)
     frames = [tensors(Shadow(0.0).frame(i)) for i in range(4)]
     image = run(GuidedFlow().eval(), frames, "susu")[-len(HISTORY) - 1]
     off = (image - frames[3]["color"]).abs()
@@ -85,7 +84,7 @@ def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reprodu
 
 
 def test_the_network_sees_a_shadow_where_it_was_in_each_frame() -> None:
-    later, earlier = (p[0, 0, 9].numpy() for p in gathered(Shadow(3.0)).pictures)  # frames 2 and 0, in 3
+    later, earlier = (p[0, 0, 9].numpy() for p in gathered(Shadow(3.0)).pictures[:2])  # frames 2 and 0, in 3
     middle = 0.5 * (later.min() + later.max())
     edges = [2.0 * np.interp(middle, row, np.arange(len(row))) for row in (later, earlier)]
     assert edges[0] - edges[1] == pytest.approx(6.0, abs=1.0)
@@ -94,39 +93,58 @@ def test_the_network_sees_a_shadow_where_it_was_in_each_frame() -> None:
 def test_a_flow_moves_a_shadow_and_leaves_textures_where_they_are() -> None:
     scene = Shadow(4.0)
     now, truth = gathered(scene), tensors(scene.frame(3))["color"]
-    said = torch.zeros(1, 3, *halved(truth).shape[2:])
-    method = GuidedFlow()
-    stays = method.finish(now, said).image
+    method, said = GuidedFlow(), sure_of(truth)
+    stays = method.finish(now, said)
     said[:, 0] = -2.0  # light is read two half-size pixels to the left: it has moved four to the right
-    after = method.finish(now, said).image
+    after = method.finish(now, said)
     edge = np.s_[..., 4:-4, 28:44]
     before = (stays - truth)[edge].abs().mean()
     assert (after - truth)[edge].abs().mean() < 0.45 * before
     far = np.s_[..., 4:-4, 50:60]
-    assert (after - stays)[far].abs().mean() < 0.004  # light that differs a little is not taken
+    assert (after - stays)[far].abs().mean() < 0.2 * (truth.roll(4, dims=3) - truth)[far].abs().mean()
 
 
 def test_a_gain_brightens_all_alike_and_no_more_than_it_may() -> None:
     now = gathered(Shadow(0.0))
-    said = torch.zeros(1, 3, 18, 32)
-    plain = GuidedFlow().finish(now, said).light
+    said = sure_of(now.light)
+    plain = GuidedFlow().finish(now, said)
     said[:, 2] = 9.0
-    bright = GuidedFlow(GuidedFlowConfig(stops=1.0)).finish(now, said).light
-    torch.testing.assert_close(inverse_tone(bright), 2.0 * inverse_tone(plain), rtol=1e-4, atol=1e-5)
+    bright = GuidedFlow(GuidedFlowConfig(stops=1.0)).finish(now, said)
+    torch.testing.assert_close(bright, 2.0 * plain, rtol=1e-4, atol=1e-5)
 
 
-def test_unlike_surfaces_keep_their_own_light() -> None:
+def test_light_is_taken_as_far_as_the_network_is_sure() -> None:
+    now = gathered(Shadow(0.0))
+    said = sure_of(now.light)
+    said[:, 2] = 0.5
+    said[:, 3] = torch.tensor([-30.0, 30.0]).repeat(16)
+    plain, image = (GuidedFlow().finish(now, s) for s in (0.0 * said, said))
+    torch.testing.assert_close(image[..., ::4], plain[..., ::4])
+    torch.testing.assert_close(image[..., 2::4], 2.0 * plain[..., 2::4], rtol=1e-4, atol=1e-5)
+    middle = 1.5 * plain[..., 1::4]  # between a pixel that is not and one that is
+    torch.testing.assert_close(image[..., 1::4], middle, rtol=1e-4, atol=1e-5)
+
+
+def test_light_does_not_move_from_one_surface_to_another() -> None:
     now = gathered(Shadow(4.0))
     turned = now.surface.normal.clone()
-    turned[..., 1::2, 1::2] = torch.tensor([1.0, 0.0, 0.0])[:, None, None]  # those that halving leaves out
-    said = torch.zeros(1, 3, 18, 32)
+    turned[..., 32:] = torch.tensor([1.0, 0.0, 0.0])[:, None, None]
+    said = sure_of(now.light)
     said[:, 0] = -2.0
     method = GuidedFlow()
-    image = method.finish(now._replace(surface=now.surface._replace(normal=turned)), said).image
-    kept, other = (method.finish(now, s).image for s in (0.0 * said, said))
-    torch.testing.assert_close(image[..., 1::2, 1::2], kept[..., 1::2, 1::2])
-    torch.testing.assert_close(image[..., ::2, ::2], other[..., ::2, ::2])
-    assert (kept - other).abs().max() > 0.3
+    image = method.finish(now._replace(surface=now.surface._replace(normal=turned)), said)
+    kept, moved = (method.finish(now, s) for s in (0.0 * said, said))
+    torch.testing.assert_close(image[..., 32:36], kept[..., 32:36], rtol=0.02, atol=0.01)
+    for same in (np.s_[..., :32], np.s_[..., 36:]):
+        torch.testing.assert_close(image[same], moved[same], rtol=1e-4, atol=1e-5)
+    assert (kept - moved)[..., 32:36].abs().max() > 0.3
+
+
+def sure_of(image: Tensor) -> Tensor:
+    """What a network says that leaves the light of an image's size where it is, and is sure of it."""
+    said = torch.zeros(1, 4, *halved(image).shape[2:])
+    said[:, 3] = 30.0
+    return said
 
 
 # --- the past ---
@@ -221,10 +239,10 @@ def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() 
         seen = method.gather(
             surface, now["gbuffer_roughness"], now["motion"], now["jitter"], past_of(*history)
         )
-        for picture in seen.pictures:
+        for picture in seen.pictures[:2]:
             assert 0.0 <= picture.min() <= picture.max() < 1.0
         with torch.no_grad():
-            image = method.finish(seen, method.net(*seen.pictures)[0]).image
+            image = method.finish(seen, method.net(*seen.pictures[:2])[0])
         assert 0.0 <= image.min() <= image.max() <= 65504.0
 
 

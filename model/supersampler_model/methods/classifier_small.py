@@ -15,9 +15,13 @@ class SmallConfig(ClassifierConfig):
 
     Attributes:
         network: its widths.
+        rectified, own_motion, corrected: parts that take time, and of which a trained network has little.
     """
 
     network: NetworkConfig = field(default_factory=lambda: NETWORK)
+    rectified: bool = False
+    own_motion: bool = False
+    corrected: bool = False
 
 
 class SmallClassifier(Classifier):

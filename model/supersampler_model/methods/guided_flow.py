@@ -3,8 +3,8 @@
 Light that is taken from like surfaces of the last shaded frame is where it was on them: shadows, reflections
 and the light of lamps that move are left behind. A small network compares the light of the last two shaded
 frames, both brought to this frame's surfaces, at half size, and says how that of the last one is to be moved.
-Only where that changes it, and on surfaces alike, it takes the place of the light of full size
-(Wu et al. 2023, section 4.3).
+Light of full size follows, as far as surfaces are alike and the network is sure (Wu et al. 2023, section
+4.3).
 """
 
 from collections.abc import Mapping
@@ -14,28 +14,36 @@ from typing import Any, ClassVar, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from supersampler_model.color import bounded, exposure_for, finite, inverse_tone, tone
-from supersampler_model.method import BETWEEN, EARLIER, HALF, PREVIOUS, RENDER, SHADED, Fused, render_size_of
+from supersampler_model.color import bounded, exposure_for, finite, tone
+from supersampler_model.method import (
+    BETWEEN,
+    EARLIER,
+    HALF,
+    PREVIOUS,
+    RENDER,
+    SHADED,
+    Fused,
+    Size,
+    render_size_of,
+)
 from supersampler_model.methods.guided import (
+    FARTHEST,
     GuidedWarpConfig,
     Shaded,
     Surface,
     back_to_shaded,
     guided_light,
-    light_of,
     reflectance,
     samples_at,
     shaded_of,
     surface_of,
 )
 from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.motion import usable_motion
-from supersampler_model.networks.flow import FLOW, GAIN, PICTURE, FlowNetwork, FlowNetworkConfig, moved
-from supersampler_model.networks.gbuffer import doubled
+from supersampler_model.motion import read, usable_motion
+from supersampler_model.networks.flow import FLOW, GAIN, PICTURE, SHARE, FlowNetwork, FlowNetworkConfig, moved
 from supersampler_model.sampling import sum_of
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-DARK = 1e-3  # toned light whose differences count in full
 
 
 @dataclass(frozen=True)
@@ -45,20 +53,18 @@ class GuidedFlowConfig:
     Attributes:
         network: its widths.
         warp: see there.
-        farthest: that light is moved, pixels of half the render size.
+        farthest: that light is moved, pixels of the render size.
         stops: that it is made brighter or darker at most; 0 leaves it to the flow alone.
-        alike: likeness of two surfaces from which one is lit as the other (delta 1 of equation 6).
-        changed: relative change of light from which it counts (delta 2).
-        ramp: half the width of either threshold, as a share of it.
+        turned: difference of two normals of one standard deviation: light is moved along a surface alone.
+        apart: of two depths, as a share of one.
     """
 
     network: FlowNetworkConfig = field(default_factory=FlowNetworkConfig)
     warp: GuidedWarpConfig = field(default_factory=GuidedWarpConfig)
-    farthest: float = 32.0
+    farthest: float = 64.0
     stops: float = 2.0
-    alike: float = 0.1
-    changed: float = 0.1
-    ramp: float = 0.5
+    turned: float = 0.5
+    apart: float = 0.1
 
 
 class Past(NamedTuple):
@@ -73,21 +79,29 @@ class Past(NamedTuple):
     between_jitter: Tensor  # (1, 2)
 
 
+class Places(NamedTuple):
+    """Where this frame's pixels were."""
+
+    motion: Tensor  # (1, 2, h, w) back to the last shaded frame
+    last: tuple[Tensor, Tensor]  # (1, 1, h, w) each, columns and rows of that frame
+    earlier: tuple[Tensor, Tensor]  # of the one before
+
+
+class Pictures(NamedTuple):
+    """What the network sees of a frame."""
+
+    later: Tensor  # (1, PICTURE, h / 2, w / 2) light of the last shaded frame, toned, and roughness
+    earlier: Tensor  # the same of the one before
+    exposure: Tensor  # (1,) of the toned light in them
+
+
 class Gathered(NamedTuple):
     """What is known of a frame before the network speaks."""
 
     surface: Surface
     light: Tensor  # (1, 3, h, w) guided, of the last shaded frame
-    pictures: tuple[Tensor, Tensor]  # (1, PICTURE, h / 2, w / 2) later and earlier
-    exposure: Tensor  # (1,) of the toned light in them
+    pictures: Pictures
     motion: Tensor  # (1, 2, h, w) back to the last shaded frame
-
-
-class Finished(NamedTuple):
-    """What is made of it."""
-
-    image: Tensor  # (1, 3, h, w) linear RGB
-    light: Tensor  # (1, 3, h / 2, w / 2) toned, of the network alone
 
 
 class Step(NamedTuple):
@@ -156,7 +170,7 @@ class GuidedFlow(LearnedMethod):
     def fused(self) -> Fused | None:
         """All of FRNet."""
         inputs = dict.fromkeys(("later", "earlier"), (1, PICTURE, *HALF))
-        return Fused(self.net, inputs, {"said": (1, FLOW + GAIN, *HALF)}, ratio=1)
+        return Fused(self.net, inputs, {"said": (1, FLOW + GAIN + SHARE, *HALF)}, ratio=1)
 
     def forward(
         self,
@@ -202,68 +216,81 @@ class GuidedFlow(LearnedMethod):
         )
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         gathered = self.gather(now, gbuffer_roughness, motion, jitter, past)
-        (said,) = self.net(*gathered.pictures)
-        image = self.finish(gathered, said).image
-        return Step(image, *self.left(gathered, jitter, past))
+        (said,) = self.net(gathered.pictures.later, gathered.pictures.earlier)
+        image = self.finish(gathered, said)
+        return Step(image, *self.left(gathered.motion, jitter, past))
 
     def gather(self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, past: Past) -> Gathered:
         """Bring the light of both shaded frames to this frame's surfaces, of the earlier one at half size."""
-        c = self.config.warp
-        total, long_ago = motions_of(motion, jitter, past)
-        x, y = samples_at(total, jitter, render_size_of(past.last.color), past.last.jitter)
-        light = guided_light(now, past.last, x, y, c)
-        x, y = samples_at(long_ago, jitter, render_size_of(past.earlier.color), past.earlier.jitter)
+        places = places_of(motion, jitter, past)
+        light = guided_light(now, past.last, *places.last, self.config.warp)
+        pictures = self.pictures(halved(light), now, roughness, places, past)
+        return Gathered(now, light, pictures, places.motion)
+
+    def pictures(
+        self, later: Tensor, now: Surface, roughness: Tensor, places: Places, past: Past
+    ) -> Pictures:
+        """Bring the light of the earlier frame, too, to every fourth of this frame's pixels.
+
+        Args:
+            later: (1, 3, h / 2, w / 2) light of the last one there.
+            now: this frame's surfaces, (h, w), as the next two.
+            roughness: theirs.
+            places: where they were.
+            past: the history.
+        """
         few = Surface(*map(halved, now))
-        lights = [halved(light), guided_light(few, past.earlier, halved(x), halved(y), c)]
-        nothing = torch.zeros_like(light[0, 0, 0, :1])
-        exposure = exposure_for(lights[0], torch.ones_like(few.depth), nothing, nothing)
+        x, y = map(halved, places.earlier)
+        earlier = guided_light(few, past.earlier, x, y, self.config.warp)
+        nothing = torch.zeros_like(later[0, 0, 0, :1])
+        exposure = exposure_for(later, torch.ones_like(few.depth), nothing, nothing)
         rough = halved(finite(roughness).clamp(0.0, 1.0))
-        later, earlier = (torch.cat([self.shown(one, exposure), rough], dim=1) for one in lights)
-        return Gathered(now, light, (later, earlier), exposure, total)
+        seen, before = (torch.cat([shown(light, exposure), rough], dim=1) for light in (later, earlier))
+        return Pictures(seen, before, exposure)
 
-    def shown(self, light: Tensor, exposure: Tensor) -> Tensor:
-        """Toned light, as the network sees it."""
-        return tone(light * exposure).clamp(max=TONED)
+    def finish(self, gathered: Gathered, said: Tensor) -> Tensor:
+        """(1, 3, h, w) the picture, of what the network says."""
+        surface = gathered.surface
+        light = self.refined(gathered.light, self.guides(surface), said)
+        return bounded(light * reflectance(surface, self.config.warp))
 
-    def finish(self, gathered: Gathered, said: Tensor) -> Finished:
-        """Move the light and make it brighter or darker; take it where that matters (equations 5 and 6)."""
-        c, surface = self.config, gathered.surface
-        stays = gathered.pictures[0][:, :3]
-        flow = said[:, :FLOW].clamp(-c.farthest, c.farthest)
-        gain = (said[:, FLOW:].clamp(-1.0, 1.0) * (c.stops * 0.6931472)).exp()
-        refined = inverse_tone(moved(stays, flow)) * gain
-        toned = tone(refined)
-        changed = self.passes(length(toned - stays) / length(toned).clamp(min=DARK), c.changed)
-        size = render_size_of(surface.depth)
-        few = [halved(part) for part in (surface.base_color, surface.normal)]
-        near, facing, light, counts = (
-            doubled(part)[:, :, : size.height, : size.width]
-            for part in (*few, refined / gathered.exposure, changed)
-        )
-        apart = length(near - surface.base_color) / 3.0**0.5
-        along = channel_sum(facing * surface.normal)
-        share = counts * self.passes((1.0 - apart) * along, c.alike)
-        mixed = gathered.light + share * (light - gathered.light)
-        return Finished(bounded(mixed * reflectance(surface, c.warp)), toned)
+    def guides(self, surface: Surface) -> Tensor:
+        """(1, 4, h, w) what tells surfaces apart over which light moves: normal and depth, in deviations."""
+        c = self.config
+        distance = surface.depth.clamp(min=FARTHEST).log()  # whose differences are shares
+        return torch.cat([surface.normal / c.turned, distance / c.apart], dim=1)
 
-    def passes(self, value: Tensor, threshold: float) -> Tensor:
-        """0 below a threshold, 1 above, with a ramp between, for gradients to pass."""
-        width = 2.0 * self.config.ramp * threshold
-        return ((value - threshold) / width + 0.5).clamp(0.0, 1.0)
+    def refined(self, light: Tensor, guides: Tensor, said: Tensor) -> Tensor:
+        """Light that is moved and made brighter or darker, where the network is sure of it.
 
-    def left(self, gathered: Gathered, jitter: Tensor, past: Past) -> list[Tensor]:
-        """Return what is left to the next frame, in the order of `history`."""
+        The mask of IFRNet, which the network says, is in the place of the thresholds of equations 5 and 6.
+
+        Args:
+            light: (n, 3, h, w) guided.
+            guides: (n, 4, h, w) of the surfaces.
+            said: (n, FLOW + GAIN + SHARE, h / 2, w / 2) by the network.
+        """
+        c = self.config
+        said = between(said, render_size_of(light))
+        flow, gain, sure = said[:, :FLOW], said[:, FLOW : FLOW + GAIN], said[:, FLOW + GAIN :]
+        there = moved(torch.cat([light, guides], dim=1), (2.0 * flow).clamp(-c.farthest, c.farthest))
+        off = there[:, 3:] - guides
+        alike = (-0.5 * sum_of([off[:, i : i + 1] ** 2 for i in range(4)])).exp()
+        brighter = (gain.clamp(-1.0, 1.0) * (c.stops * 0.6931472)).exp()
+        refined = (light + alike * (there[:, :3] - light)) * brighter
+        return light + sure.sigmoid() * (refined - light)
+
+    def left(self, motion: Tensor, jitter: Tensor, past: Past) -> list[Tensor]:
+        """Return what is left to the next frame, in the order of `history`.
+
+        motion: back to the last shaded frame.
+        """
         return [
             *(past.last.color, *past.last.surface, past.last.jitter * 1.0),
-            *(gathered.motion, jitter * 1.0, usable_motion(past.shaded_motion)),
+            *(motion, jitter * 1.0, usable_motion(past.shaded_motion)),
             *(past.earlier.color, *past.earlier.surface, past.earlier.jitter * 1.0),
             *(usable_motion(past.between), past.between_jitter * 1.0),
         ]
-
-    def true_light(self, color: Tensor, gathered: Gathered) -> Tensor:
-        """(1, 3, h / 2, w / 2) toned light that the network should have made, of a frame's own colour."""
-        light = light_of(color, gathered.surface, self.config.warp)
-        return self.shown(halved(light), gathered.exposure)
 
 
 def past_of(*history: Tensor) -> Past:
@@ -274,11 +301,26 @@ def past_of(*history: Tensor) -> Past:
     return Past(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
 
 
+def places_of(motion: Tensor, jitter: Tensor, past: Past) -> Places:
+    """Where this frame's pixels were in the last two shaded frames, which may be of other sizes."""
+    ways = motions_of(motion, jitter, past)
+    last, earlier = (
+        samples_at(way, jitter, render_size_of(frame.color), frame.jitter)
+        for way, frame in zip(ways, (past.last, past.earlier), strict=True)
+    )
+    return Places(ways[0], last, earlier)
+
+
 def motions_of(motion: Tensor, jitter: Tensor, past: Past) -> tuple[Tensor, Tensor]:
-    """(1, 2, h, w) each: where this frame's pixels were in the last shaded frame, and in the earlier one."""
+    """(1, 2, h, w) each: back to the last shaded frame, and to the earlier one."""
     total = back_to_shaded(motion, jitter, past.motion, past.motion_jitter)
     before = back_to_shaded(past.shaded_motion, past.last.jitter, past.between, past.between_jitter)
     return total, back_to_shaded(total, jitter, before, past.last.jitter)
+
+
+def shown(light: Tensor, exposure: Tensor) -> Tensor:
+    """Toned light, as the network sees it."""
+    return tone(light * exposure).clamp(max=TONED)
 
 
 def halved(image: Tensor) -> Tensor:
@@ -290,11 +332,9 @@ def halved(image: Tensor) -> Tensor:
     return image[:, :, ::2, ::2]
 
 
-def length(vector: Tensor) -> Tensor:
-    """(n, 3, h, w) -> (n, 1, h, w); its gradient is finite at 0."""
-    return (channel_sum(vector * vector) + 1e-12).sqrt()
-
-
-def channel_sum(image: Tensor) -> Tensor:
-    """(n, 3, h, w) -> (n, 1, h, w)."""
-    return sum_of([image[:, i : i + 1] for i in range(3)])
+def between(image: Tensor, size: Size) -> Tensor:
+    """What the upper left of each four pixels has, (n, c, h / 2, w / 2), between these, too: linear."""
+    every = torch.zeros((image.shape[0], 1, size.height, size.width), device=image.device)
+    x = every + 0.5 * torch.arange(size.width, device=image.device)
+    y = every + 0.5 * torch.arange(size.height, device=image.device)[:, None]
+    return read(image, x, y)

@@ -17,7 +17,7 @@ from supersampler_model.networks.classifier import Block, cut_to, padded
 from supersampler_model.networks.gbuffer import doubled
 
 PICTURE = 4  # channels of a picture: toned light, roughness
-FLOW, GAIN = 2, 1  # what is said of a pixel
+FLOW, GAIN, SHARE = 2, 1, 1  # what is said of a pixel
 AGO = 3.0  # frames since the earlier picture, for one since the later: where every second frame is shaded
 
 
@@ -38,7 +38,7 @@ class Decoder(nn.Module):
 
     Args:
         width: of the level's features.
-        above: of those of the level above; None at the finest, which says the gain in their place.
+        above: of those of the level above; None at the finest, which says gain and share in their place.
         deepest: whether no level has handed anything to this one.
     """
 
@@ -46,7 +46,7 @@ class Decoder(nn.Module):
         super().__init__()
         seen = 2 * width if deepest else 3 * width + FLOW
         self.blocks = nn.Sequential(Block(seen, width), Block(width, width))
-        self.flow = nn.Conv2d(width, 4 * (FLOW if above else FLOW + GAIN), 1)
+        self.flow = nn.Conv2d(width, 4 * (FLOW if above else FLOW + GAIN + SHARE), 1)
         self.features = nn.Conv2d(width, 4 * above, 1) if above else None
         for parameter in self.flow.parameters():
             nn.init.zeros_(parameter)  # begins as light that stays on its surface
@@ -74,27 +74,21 @@ class FlowNetwork(nn.Module):
         )
 
     def forward(self, later: Tensor, earlier: Tensor) -> tuple[Tensor]:
-        """(n, FLOW + GAIN, h, w) what is said of each pixel; see `refine`."""
-        return (self.refine(later, earlier)[0],)
-
-    def refine(self, later: Tensor, earlier: Tensor) -> tuple[Tensor, list[Tensor]]:
         """Compare two pictures (n, PICTURE, h, w), in [0, 1], as light was in two shaded frames.
 
         Returns:
-            (n, FLOW + GAIN, h, w): how far off light is to be read in the later one, pixels of it, and the
-            gain; and the features that levels were handed, from the finest.
+            (n, FLOW + GAIN + SHARE, h, w): how far off light is to be read in the later one, pixels of it;
+            its gain; and the logit of the share that it takes.
         """
         n = later.shape[0]
         pyramid = self.features(torch.cat([later, earlier]))  # in one pass
         said, features = self.decoder[-1](torch.cat([pyramid[-1][:n], pyramid[-1][n:]], dim=1))
-        handed: list[Tensor] = []
         for both, decoder in zip(reversed(pyramid[:-1]), reversed(self.decoder[:-1]), strict=True):
             flow = said
             seen = [features, moved(both[:n], flow), moved(both[n:], AGO * flow), flow.to(both.dtype)]
-            handed.insert(0, features)
             more, features = decoder(torch.cat(seen, dim=1))
             said = torch.cat([2.0 * doubled(flow) + more[:, :FLOW], more[:, FLOW:]], dim=1)
-        return cut_to(said, later), handed
+        return (cut_to(said, later),)
 
     def features(self, pictures: Tensor) -> list[Tensor]:
         """Features of pictures (n, PICTURE, h, w), from the finest level, of whole pixels of the coarsest."""

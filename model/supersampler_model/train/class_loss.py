@@ -14,11 +14,14 @@ class ClassifierWeights(PictureWeights):
     """Weights of the terms.
 
     Attributes:
+        rms: more than of pictures in general: where a pixel may be on either side of an edge, squares lead to
+            the mean, absolute errors to the likelier of the two.
         ghost: of the absolute error where the past is of no use, beside that everywhere.
         classes: of the cross entropies.
         rarest: the largest weight of a rare class in them.
     """
 
+    rms: float = 3.0
     ghost: float = 0.5
     classes: float = 0.05
     rarest: float = 8.0

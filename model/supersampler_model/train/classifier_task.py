@@ -18,7 +18,7 @@ from supersampler_model.train.task import State, Stepped, Task
 from supersampler_model.train.windows import Sample, Stream
 
 
-class ClassifierTask(Task):
+class ClassifierTask(Task[Sample]):
     """Pictures and classes; states are in the order of `Classifier.history`."""
 
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:

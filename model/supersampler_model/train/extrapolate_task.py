@@ -35,13 +35,10 @@ class ExtrapolateWeights(ClassifierWeights):
     """Weights of the terms; see `ClassifierWeights`.
 
     Attributes:
-        rms: more than of frames that are all shaded: light that is guessed calls for the mean of what may be
-            there, to which squares lead, not the median.
         ghost_drawn: as `ghost`, in frames that are drawn (equation 11).
         features: of how far apart what both encoders find in one frame is (equation 13).
     """
 
-    rms: float = 3.0
     ghost_drawn: float = 1.0
     features: float = 0.1
 

@@ -40,7 +40,7 @@ class GBufferWeights(PictureWeights):
     reflective_structure: float = 0.75
 
 
-class GBufferTask(Task):
+class GBufferTask(Task[Sample]):
     """Pictures alone; states are in the order of `GBuffer.history`."""
 
     def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:

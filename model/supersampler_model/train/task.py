@@ -1,10 +1,11 @@
 """What training asks of a method that learns: one step of a batch of crops, and where these come from."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
+import torch
 from torch import Tensor
 
 from supersampler_model.data.dataset import Dataset
@@ -12,10 +13,43 @@ from supersampler_model.method import Method, Size
 from supersampler_model.methods.taau import Taau
 from supersampler_model.train.losses import PictureWeights
 from supersampler_model.train.walk import Walk
-from supersampler_model.train.windows import Sample, Stream
+from supersampler_model.train.windows import Place
 
 State = list[Tensor]
 """What one crop's frame leaves to the next, in an order of the task's own."""
+
+
+class Crop(Protocol):
+    """What is looked at of one frame of a crop, whatever a task reads beside it."""
+
+    @property
+    def exposure(self) -> Tensor:
+        """(1,) that pictures are shown with."""
+
+    @property
+    def reference(self) -> Tensor:
+        """(1, 3, H, W) linear RGB, NaN where it is not known."""
+
+    @property
+    def reset(self) -> bool:
+        """Whether it does not follow from the frame before."""
+
+    def on(self, device: torch.device) -> Self:
+        """Return it with its tensors on `device`."""
+
+
+CropT = TypeVar("CropT", bound=Crop)
+CropsT = TypeVar("CropsT", bound=Crop, covariant=True)
+
+
+class Crops(Protocol[CropsT]):
+    """An endless walk through crops, frame by frame."""
+
+    place: Place
+    """From which it goes on when it is next iterated over."""
+
+    def __iter__(self) -> Iterator[CropsT]:
+        """Frames, from `place` on."""
 
 
 class Stepped(NamedTuple):
@@ -27,7 +61,7 @@ class Stepped(NamedTuple):
     terms: Mapping[str, Tensor] = MappingProxyType({})  # of the loss beside the picture's, weighted scalars
 
 
-class Task(ABC):
+class Task(ABC, Generic[CropT]):
     """A method, and how it is trained.
 
     The trainer keeps the states from frame to frame, cuts their gradients off between updates, and saves
@@ -69,13 +103,13 @@ class Task(ABC):
         return Walk(method, display)
 
     @abstractmethod
-    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Crops of sets that went through `data`, as `Stream` describes them."""
+    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Crops[CropT]:
+        """Crops of sets that went through `data`, `size` pixels wide and high."""
 
     @abstractmethod
-    def first_state(self, sample: Sample) -> State:
+    def first_state(self, sample: CropT) -> State:
         """No past, for the first frame of a crop."""
 
     @abstractmethod
-    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+    def step(self, samples: list[CropT], states: list[State]) -> Stepped:
         """Step each crop once, the parts that learn for all of them together."""

@@ -1,6 +1,7 @@
 """`TASKS` finds how a method is trained by the method's name."""
 
 from collections.abc import Callable, Mapping
+from typing import Any
 
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.methods.classifier_paper import PaperClassifier
@@ -18,26 +19,26 @@ from supersampler_model.train.task import Task
 from supersampler_model.trained import Trained
 
 
-def _classifier(method: type[Classifier]) -> Callable[[Trained | None], Task]:
+def _classifier(method: type[Classifier]) -> Callable[[Trained | None], Task[Any]]:
     return lambda weights: ClassifierTask(method() if weights is None else method.of(weights))
 
 
-def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task]:
+def _gbuffer(method: type[GBuffer]) -> Callable[[Trained | None], Task[Any]]:
     return lambda weights: GBufferTask(method() if weights is None else method.of(weights))
 
 
-def _extrapolate(weights: Trained | None) -> Task:
+def _extrapolate(weights: Trained | None) -> Task[Any]:
     if weights is None:
         return ExtrapolateTask(Extrapolate())
     own = weights.method == Extrapolate.name
     return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.begun(weights))
 
 
-def _flow(weights: Trained | None) -> Task:
+def _flow(weights: Trained | None) -> Task[Any]:
     return FlowTask(GuidedFlow() if weights is None else GuidedFlow.of(weights))
 
 
-TASKS: Mapping[str, Callable[[Trained | None], Task]] = {
+TASKS: Mapping[str, Callable[[Trained | None], Task[Any]]] = {
     **{method.name: _classifier(method) for method in (Classifier, SmallClassifier, PaperClassifier)},
     **{
         method.name: _gbuffer(method)

@@ -30,8 +30,8 @@ from supersampler_model.train.checkpoint import (
 )
 from supersampler_model.train.losses import picture_loss, shown
 from supersampler_model.train.optimizer import Muon
-from supersampler_model.train.task import State, Task
-from supersampler_model.train.windows import Place, Sample, on
+from supersampler_model.train.task import Crop, State, Task
+from supersampler_model.train.windows import Place
 from supersampler_model.trained import Trained
 
 
@@ -83,7 +83,7 @@ class Trainer:
             folder holds a run of other data, another method, other weights of the loss or another plan.
     """
 
-    def __init__(self, task: Task, datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
+    def __init__(self, task: Task[Any], datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = _device()
         self.average: Method = deepcopy(task.method).cpu()  # where it is validated
@@ -98,7 +98,7 @@ class Trainer:
             raise ArgumentError("batch", got=plan.batch, want=want)
         seeds = [[plan.seed, self.rank, index] for index in range(count)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
-        self._walks: list[Iterator[Sample]] = [iter(s) for s in self._streams]
+        self._walks: list[Iterator[Crop]] = [iter(s) for s in self._streams]
         self._states: Sequence[State | None] = [None] * count
         self._off: Tensor | None = None
         path = folder / f"checkpoint-{self.rank}.pt"
@@ -190,7 +190,7 @@ class Trainer:
 
     def _frame(self) -> dict[str, Tensor]:
         """Step all streams by one frame; returns the terms of the loss."""
-        samples = [on(self.device, next(walk)) for walk in self._walks]
+        samples = [next(walk).on(self.device) for walk in self._walks]
         known = [None if s.reset else state for s, state in zip(samples, self._states, strict=True)]
         fresh = torch.tensor([state is None for state in known], device=self.device)
         states = [

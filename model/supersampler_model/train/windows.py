@@ -8,7 +8,7 @@ is the screen: what comes from outside it has no past, and is labelled so by the
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import torch
@@ -45,14 +45,13 @@ class Sample(NamedTuple):
     gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
     hidden: bool = False  # whether it is to be drawn without its colour
 
-
-def on(device: torch.device, sample: Sample) -> Sample:
-    """Return the sample with its tensors on `device`."""
-    moved = sample._asdict()
-    moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
-    moved["view"] = sample.view._replace(jitter=sample.view.jitter.to(device))
-    moved["gbuffer"] = {name: value.to(device) for name, value in sample.gbuffer.items()}
-    return Sample(**moved)
+    def on(self, device: torch.device) -> Self:
+        """Return the sample with its tensors on `device`."""
+        moved = self._asdict()
+        moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
+        moved["view"] = self.view._replace(jitter=self.view.jitter.to(device))
+        moved["gbuffer"] = {name: value.to(device) for name, value in self.gbuffer.items()}
+        return self._replace(**moved)
 
 
 @dataclass(frozen=True)
@@ -215,17 +214,7 @@ class Stream:
         seed: Sequence[int],
         draw: Draw = draw_cut,
     ) -> None:
-        slack = 0.02  # sizes are whole pixels
-        self._sequences = [
-            (dataset, entry, count)
-            for dataset in datasets
-            for entry in dataset.entries("train")
-            if ratios[0] - slack <= entry.ratio <= ratios[1] + slack
-            and (count := dataset.complete(entry)) > 1
-        ]
-        if not self._sequences:
-            want = f"two frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
-            raise ArgumentError("data", got="nothing of use", want=want)
+        self._sequences = sequences_of(datasets, ratios, least=2)
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
         if size > smallest:
             raise ArgumentError("size", got=size, want=f"at most {smallest}, the smaller side of a display")
@@ -247,6 +236,33 @@ class Stream:
                 sample = cut.sample(frame, reset=frame.reset or index == first)
                 yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
             self.place = Place(self.place.window + 1, 0)
+
+
+def sequences_of(
+    datasets: Sequence[Dataset], ratios: tuple[float, float], *, least: int
+) -> list[tuple[Dataset, SequenceEntry, int]]:
+    """Return the sequences to train on, with the number of their frames.
+
+    Args:
+        datasets: that they are of.
+        ratios: least and largest.
+        least: frames in a row that a sequence must have.
+
+    Raises:
+        ArgumentError: there are none.
+    """
+    slack = 0.02  # sizes are whole pixels
+    found = [
+        (dataset, entry, count)
+        for dataset in datasets
+        for entry in dataset.entries("train")
+        if ratios[0] - slack <= entry.ratio <= ratios[1] + slack
+        and (count := dataset.complete(entry)) >= least
+    ]
+    if not found:
+        want = f"{least} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
+        raise ArgumentError("data", got="nothing of use", want=want)
+    return found
 
 
 def _seen(corner: int, size: int, ratio: float, extent: int) -> slice:

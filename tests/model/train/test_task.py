@@ -48,7 +48,7 @@ class Mixture(Method):
         return F.softplus(self.net(seen))
 
 
-class MixtureTask(Task):
+class MixtureTask(Task[Sample]):
     """Crops as they are in `gbuffer_windows`; the images' total variation is a term of the loss."""
 
     def __init__(self) -> None:
