@@ -27,8 +27,8 @@ from supersampler.tensors import Tensor, render_size_of, taken
 ExecutorName = Literal["auto", "graph", "host"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 Skip = Literal["auto", "exact"] | float
-TOLERANCE = 1.0 / 255.0
-"""Of skip="auto": a step of an 8-bit screen."""
+TOLERANCE = 0.5 / 255.0
+"""Of skip="auto": half a step of an 8-bit screen."""
 
 
 class Model:

@@ -46,8 +46,9 @@ class Upscaler:
         skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
             moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
             pixels have changed by no more than this in that period, root mean square of what a screen shows,
-            in [0, 1]. A frame without other tiles is a copy. "auto" is a step of an 8-bit picture;
-            "exact" draws every pixel, as graphs always do.
+            in [0, 1]; four times as much in the next period, eight times in further ones, as what then still
+            changes goes round in a circle. A frame without other tiles is a copy. "auto" is half a step of an
+            8-bit picture; "exact" draws every pixel, as graphs always do.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
         extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp", or a

@@ -20,6 +20,7 @@ from supersampler import (
 from supersampler.frame import Float32
 from supersampler.history import Result
 from supersampler.host.layout import TILE
+from supersampler.host.skipping import allowed_change
 from supersampler.host.tiles import Tiles
 
 METHODS = ["taa", "taau", "classifier"]
@@ -203,6 +204,12 @@ def test_a_larger_tolerance_settles_sooner(models: dict[str, Model]) -> None:
             upscaler.step(scene(index))
         works.append(upscaler.stats.work)
     assert works[0] == 5 * PERIOD > works[1] > works[2]
+
+
+def test_what_stands_still_for_longer_may_change_by_more_up_to_a_bound() -> None:
+    allowed = allowed_change(0.01, np.arange(1, 8, dtype=np.int32))
+    np.testing.assert_allclose(allowed, [0.01, 0.04, 0.08, 0.08, 0.08, 0.08, 0.08])
+    assert not allowed_change(0.0, np.arange(1, 8, dtype=np.int32)).any()
 
 
 def test_what_is_carried_is_blended_in_every_frame(models: dict[str, Model]) -> None:

@@ -9,12 +9,13 @@ import numpy as np
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
+from supersampler.model import TOLERANCE
 from supersampler.state import State
 
 STEP = 1.0 / 255.0
 """Of an 8-bit picture: what pictures that should be alike may differ by on average."""
-REST = 0.5 / 255.0
-"""What a picture at rest may change by in a period: half of what skipping takes for rest."""
+REST = TOLERANCE
+"""What a picture at rest may change by in a period: skipping leaves it as it is from there on."""
 ROUNDING = 1e-5
 """What single precision makes pictures differ by, on average, where nothing is in bytes."""
 RECOVERY = 48

@@ -23,6 +23,8 @@ LEAST = 0.1
 """Share of the tiles below which it is not worth while to leave them out."""
 SETTLED = 16
 """Frames between two looks at a tile, at least, also where jitter repeats sooner or there is none."""
+CIRCLES = 1.0, 4.0, 8.0
+"""What a tile may change by in the first period, the second and each further one, and yet rest."""
 
 _FACTORS = np.array([pow(0x9E3779B97F4A7C15, k, 2**64) for k in range(1, 9)], np.uint64)
 
@@ -122,7 +124,8 @@ class Skipping:
         places = address(left.looks.pixels), address(changes)
         self._bands.cover("skip", runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
         known = (left.looked == left.looks.stamps) & (left.matched > interval)
-        left.still |= due & known & (changes <= tolerance * tolerance)
+        allowed = allowed_change(tolerance, (left.matched - 1) // interval)
+        left.still |= due & known & (changes <= allowed * allowed)
         left.looked[due] = left.looks.stamps[due] = new_stamp()
 
     def _sums(self, planes: Planes) -> Sums:
@@ -132,6 +135,18 @@ class Skipping:
         inputs = (*(address(plane) for plane in planes), address(planes.motion), w, h)
         self._bands.run("skip", rows, lambda y0, y1, _: self._sum(*inputs, y0, y1, address(words)))
         return np.asarray(words @ _FACTORS)
+
+
+def allowed_change(tolerance: float, periods: NDArray[np.int32]) -> Float32:
+    """What tiles may change by in a period and yet rest: more, the longer what they look at stands still.
+
+    What has not settled by then goes round in a circle, of which any part is as good.
+
+    Args:
+        tolerance: in the first period.
+        periods: since the first look at each tile; the first is 1.
+    """
+    return tolerance * np.array(CIRCLES, np.float32)[np.clip(periods, 1, len(CIRCLES)) - 1]
 
 
 def _copy(before: NDArray[Any], after: NDArray[Any], box: Box, worker: int) -> None:  # noqa: ARG001  # any
