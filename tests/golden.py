@@ -15,7 +15,7 @@ from supersampler_model.data.analytic import DiscOverPlane
 FOLDER = Path(__file__).parent / "golden"
 METHODS = [
     *("bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"),
-    *("gbuffer-small", "gbuffer-small-4x"),
+    *("gbuffer-small", "gbuffer-small-4x", "extrapolate"),
 ]
 RENDER, FRAME = (64, 36), 12
 

@@ -24,15 +24,18 @@ FLOORS = {
 """PSNR, dB, a tenth below what is measured: another processor rounds otherwise by less."""
 CONTRACTS = {"taa": 0.99, "taau": 0.99, "classifier": 0.95, "classifier-small": 0.93}
 """What is left of an error after a frame at rest."""
-PRODUCTS = {"classifier": 4200, "classifier-small": 2000, "gbuffer-small": 17500, "gbuffer-small-4x": 7200}
+PRODUCTS = {
+    "classifier": 4200, "classifier-small": 2000, "extrapolate": 4200,
+    "gbuffer-small": 17500, "gbuffer-small-4x": 7200,
+}  # fmt: skip
 """Multiply-adds a display pixel."""
 OPERATORS = {
     "bilinear": 90, "bicubic": 260, "taa": 600, "taau": 1150, "classifier": 1850, "classifier-small": 1700,
-    "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "guided-warp": 1250,
+    "gbuffer-small": 2150, "gbuffer-small-4x": 2150, "extrapolate": 1850, "guided-warp": 1250,
 }  # fmt: skip
 READS = {
     "bilinear": 0, "bicubic": 0, "taa": 5, "taau": 11, "classifier": 14, "classifier-small": 13,
-    "gbuffer-small": 20, "gbuffer-small-4x": 20, "guided-warp": 1,
+    "gbuffer-small": 20, "gbuffer-small-4x": 20, "extrapolate": 14, "guided-warp": 1,
 }  # fmt: skip
 """GridSample operators, which are most of what a graph's time is."""
 KILOBYTES = {"step.onnx": 450, "step.fp16.onnx": 300, "network.onnx": 340, "network.npz": 130}
