@@ -79,14 +79,6 @@ class Past(NamedTuple):
     between_jitter: Tensor  # (1, 2)
 
 
-class Places(NamedTuple):
-    """Where this frame's pixels were."""
-
-    motion: Tensor  # (1, 2, h, w) back to the last shaded frame
-    last: tuple[Tensor, Tensor]  # (1, 1, h, w) each, columns and rows of that frame
-    earlier: tuple[Tensor, Tensor]  # of the one before
-
-
 class Pictures(NamedTuple):
     """What the network sees of a frame."""
 
@@ -222,31 +214,18 @@ class GuidedFlow(LearnedMethod):
 
     def gather(self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, past: Past) -> Gathered:
         """Bring the light of both shaded frames to this frame's surfaces, of the earlier one at half size."""
-        places = places_of(motion, jitter, past)
-        light = guided_light(now, past.last, *places.last, self.config.warp)
-        pictures = self.pictures(halved(light), now, roughness, places, past)
-        return Gathered(now, light, pictures, places.motion)
-
-    def pictures(
-        self, later: Tensor, now: Surface, roughness: Tensor, places: Places, past: Past
-    ) -> Pictures:
-        """Bring the light of the earlier frame, too, to every fourth of this frame's pixels.
-
-        Args:
-            later: (1, 3, h / 2, w / 2) light of the last one there.
-            now: this frame's surfaces, (h, w), as the next two.
-            roughness: theirs.
-            places: where they were.
-            past: the history.
-        """
+        c = self.config.warp
+        total, long_ago = motions_of(motion, jitter, past)
+        x, y = samples_at(total, jitter, render_size_of(past.last.color), past.last.jitter)
+        light = guided_light(now, past.last, x, y, c)
+        x, y = samples_at(long_ago, jitter, render_size_of(past.earlier.color), past.earlier.jitter)
         few = Surface(*map(halved, now))
-        x, y = map(halved, places.earlier)
-        earlier = guided_light(few, past.earlier, x, y, self.config.warp)
-        nothing = torch.zeros_like(later[0, 0, 0, :1])
-        exposure = exposure_for(later, torch.ones_like(few.depth), nothing, nothing)
+        lights = [halved(light), guided_light(few, past.earlier, halved(x), halved(y), c)]
+        nothing = torch.zeros_like(light[0, 0, 0, :1])
+        exposure = exposure_for(lights[0], torch.ones_like(few.depth), nothing, nothing)
         rough = halved(finite(roughness).clamp(0.0, 1.0))
-        seen, before = (torch.cat([shown(light, exposure), rough], dim=1) for light in (later, earlier))
-        return Pictures(seen, before, exposure)
+        later, earlier = (torch.cat([tone(one * exposure).clamp(max=TONED), rough], dim=1) for one in lights)
+        return Gathered(now, light, Pictures(later, earlier, exposure), total)
 
     def finish(self, gathered: Gathered, said: Tensor) -> Tensor:
         """(1, 3, h, w) the picture, of what the network says."""
@@ -281,10 +260,7 @@ class GuidedFlow(LearnedMethod):
         return light + sure.sigmoid() * (refined - light)
 
     def left(self, motion: Tensor, jitter: Tensor, past: Past) -> list[Tensor]:
-        """Return what is left to the next frame, in the order of `history`.
-
-        motion: back to the last shaded frame.
-        """
+        """What is left to the next frame, in the order of `history`; `motion` goes to the last shaded one."""
         return [
             *(past.last.color, *past.last.surface, past.last.jitter * 1.0),
             *(motion, jitter * 1.0, usable_motion(past.shaded_motion)),
@@ -301,26 +277,11 @@ def past_of(*history: Tensor) -> Past:
     return Past(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
 
 
-def places_of(motion: Tensor, jitter: Tensor, past: Past) -> Places:
-    """Where this frame's pixels were in the last two shaded frames, which may be of other sizes."""
-    ways = motions_of(motion, jitter, past)
-    last, earlier = (
-        samples_at(way, jitter, render_size_of(frame.color), frame.jitter)
-        for way, frame in zip(ways, (past.last, past.earlier), strict=True)
-    )
-    return Places(ways[0], last, earlier)
-
-
 def motions_of(motion: Tensor, jitter: Tensor, past: Past) -> tuple[Tensor, Tensor]:
     """(1, 2, h, w) each: back to the last shaded frame, and to the earlier one."""
     total = back_to_shaded(motion, jitter, past.motion, past.motion_jitter)
     before = back_to_shaded(past.shaded_motion, past.last.jitter, past.between, past.between_jitter)
     return total, back_to_shaded(total, jitter, before, past.last.jitter)
-
-
-def shown(light: Tensor, exposure: Tensor) -> Tensor:
-    """Toned light, as the network sees it."""
-    return tone(light * exposure).clamp(max=TONED)
 
 
 def halved(image: Tensor) -> Tensor:
