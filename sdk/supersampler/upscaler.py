@@ -51,9 +51,9 @@ class Upscaler:
             8-bit picture; "exact" draws every pixel, as graphs always do.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
-        extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp", or a
-            model folder. It runs as `model` does, and so does what `model` has for drawn frames, if anything.
-            None keeps nothing for it.
+        extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp",
+            "guided-flow", or a model folder. It runs as `model` does, and so does what `model` has for drawn
+            frames, if anything. None keeps nothing for it.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
         record: a new file to record all calls to, for `supersampler replay`; `close` ends it.

@@ -176,6 +176,10 @@ def test_the_first_provider_is_told_to_capture_or_is_refused() -> None:
         GraphExecutor(load("taau").info, 1, [NAMES["directml"]], "fp32", capture=True)
 
 
+SIDES = (("width", 32), ("height", 18))
+"""Of every frame, those before included."""
+
+
 def graphs() -> list[Any]:
     names = [*model_names(), *extrapolation_names()]
     infos = [read_model_info(find_model(name)) for name in names]
@@ -191,7 +195,7 @@ def graph_at_one_size(path: Path, optimized: Path) -> onnx.GraphProto:
     ratio = read_model_info(path.parent).only_ratio
     display = DISPLAY if ratio is None else (round(32 * ratio), round(18 * ratio))
     sizes = extents(render=(32, 18), display=display, previous=(32, 18))
-    sizes |= {"shaded_width": 32, "shaded_height": 18}  # of the last shaded frame
+    sizes |= {f"{kind}_{side}": many for kind in ("shaded", "earlier", "between") for side, many in SIDES}
     options = ort.SessionOptions()
     for name, extent in sizes.items():
         options.add_free_dimension_override_by_name(name, extent)

@@ -1,7 +1,7 @@
 """Light on the surfaces of hidden frames, and on those of frames before them: what `guided-flow` learns from.
 
-Finding it takes ten times as long as a step of the network. So it is found once for each frame, and kept in
-memory: 1.7 MB for a frame of 320x180.
+Finding it takes far longer than a step of the network. So it is found once for each frame, and kept in
+memory: 1.8 MB for a frame of 320x180.
 """
 
 from collections.abc import Iterator, Sequence
