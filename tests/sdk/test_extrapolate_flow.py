@@ -16,8 +16,11 @@ from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.cli import app
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
+from supersampler.providers import CPU
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
+from supersampler_model.methods.guided_flow import GuidedFlow
+from supersampler_model.trained import load_trained, shipped_weights
 
 SIZE, DISPLAY = (64, 36), (128, 72)
 SIZES = (SIZE, (48, 27), (80, 45), SIZE, (33, 19), SIZE)
@@ -56,23 +59,41 @@ def run(upscaler: Upscaler, pattern: str, start: int = 0) -> list[Float32]:
     return alternate(upscaler, frame, pattern, start)
 
 
-@pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
-@pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
-def test_frames_are_drawn_as_torch_draws_them(
-    folder: Path, pattern: str, sizes: tuple[tuple[int, int], ...]
+def assert_alike(
+    model: Extrapolator, method: GuidedFlow, pattern: str, sizes: tuple[tuple[int, int], ...]
 ) -> None:
-    model, past, images = Extrapolator(folder, ["CPUExecutionProvider"], 1), None, []
+    """Each drawn frame is what torch draws."""
+    past, images = None, []
     for index, (kind, size) in enumerate(zip(pattern, sizes, strict=True)):
         if kind == "s":
             past = model.after_shaded(frame(index, size), past)
             continue
         image, past = model.draw(frame(index, size, color=None), past)
         images.append(image)
-    expected = drawn_by_torch(random_flow(TINY), lambda index: frame(index, sizes[index]), pattern)
+    expected = drawn_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
     for image, other in zip(images, [each for each in expected if each is not None], strict=True):
         off = np.abs(image - other)
         assert np.quantile(off, 0.99) < 1e-3
         assert off.mean() < 1e-4
+
+
+@pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
+@pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
+def test_frames_are_drawn_as_torch_draws_them(
+    folder: Path, pattern: str, sizes: tuple[tuple[int, int], ...]
+) -> None:
+    assert_alike(Extrapolator(folder, [CPU], 1), random_flow(TINY), pattern, sizes)
+
+
+def test_what_ships_draws_what_its_weights_draw_and_moves_light() -> None:
+    trained = GuidedFlow.of(load_trained(shipped_weights("guided-flow"))).eval()
+    assert_alike(Extrapolator("guided-flow", [CPU], 1), trained, "susuus", SIZES)
+    flow, plain = (
+        run(Upscaler("bilinear", display_size=DISPLAY, extrapolation=name), "susu")[-1]
+        for name in ("guided-flow", "guided-warp")
+    )
+    truth = Upscaler("bilinear", display_size=DISPLAY).step(frame(3))
+    assert np.square(flow - truth).mean() < np.square(plain - truth).mean()
 
 
 def test_the_folder_says_what_it_is(folder: Path) -> None:
