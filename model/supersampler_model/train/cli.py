@@ -16,7 +16,7 @@ from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
-from supersampler_model.train.tasks import BEGUN_BY, TASKS
+from supersampler_model.train.tasks import TASKS
 from supersampler_model.train.trainer import Plan, Trainer, Update
 from supersampler_model.train.validate import Validated, validate, validation_entries
 from supersampler_model.trained import load_trained, save_trained, shipped_weights
@@ -69,7 +69,8 @@ def train(
             datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
-    task = TASKS[name](None if init is None else load_trained(_weights(name, init)))
+    begin = shipped_weights(name) if init == "shipped" else init and Path(init)
+    task = TASKS[name](load_trained(begin) if begin else None)
     learned = task.method.learned
     begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
     named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
@@ -87,14 +88,6 @@ def train(
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
-
-
-def _weights(name: str, init: str) -> Path:
-    """Where the weights to begin with are; a method whose own do not ship yet may begin with another's."""
-    own = shipped_weights(name)
-    if init == "shipped":
-        return own if own.exists() else shipped_weights(BEGUN_BY.get(name, name))
-    return Path(init)
 
 
 def _report(

@@ -48,5 +48,3 @@ TASKS: Mapping[str, Callable[[Trained | None], Task[Any]]] = {
     GuidedFlow.name: _flow,
 }
 """`TASKS[name](weights)` begins with these weights, untrained if None."""
-BEGUN_BY: Mapping[str, str] = {Extrapolate.name: Classifier.name}
-"""Methods that also begin with another's weights."""

@@ -192,10 +192,11 @@ def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
         ExtrapolateTask(Extrapolate(SMALL), drawing=name)
 
 
-def test_the_command_begins_with_the_shipped_classifier_and_tells_both_kinds_apart(
+def test_the_command_begins_with_the_weights_of_a_classifier_and_tells_both_kinds_apart(
     data: Dataset, tmp_path: Path
 ) -> None:
-    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", "shipped"]
+    begun = str(shipped_weights("classifier"))
+    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", begun]
     done = CliRunner().invoke(
         app, ["train", "extrapolate", "--data", str(data.folder), "-o", str(tmp_path), *made]
     )

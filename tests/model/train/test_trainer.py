@@ -60,7 +60,7 @@ def test_a_run_that_was_stopped_ends_with_the_same_weights(dataset: Dataset, tmp
 
 def test_the_error_falls(dataset: Dataset, tmp_path: Path) -> None:
     losses: list[float] = []
-    plan = Plan(steps=30, batch=2, frames=2, size=48, rate=2e-2)
+    plan = Plan(steps=48, batch=2, frames=2, size=48, rate=2e-2)
     trainer(dataset, tmp_path, plan).run(on_update=lambda u: losses.append(sum(u.losses.values())))
     assert np.mean(losses[-8:]) < 0.9 * np.mean(losses[:8])
 
