@@ -84,7 +84,6 @@ class Pictures(NamedTuple):
 
     later: Tensor  # (1, PICTURE, h / 2, w / 2) light of the last shaded frame, toned, and roughness
     earlier: Tensor  # the same of the one before
-    exposure: Tensor  # (1,) of the toned light in them
 
 
 class Gathered(NamedTuple):
@@ -208,7 +207,7 @@ class GuidedFlow(LearnedMethod):
         )
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         gathered = self.gather(now, gbuffer_roughness, motion, jitter, past)
-        (said,) = self.net(gathered.pictures.later, gathered.pictures.earlier)
+        (said,) = self.net(*gathered.pictures)
         image = self.finish(gathered, said)
         return Step(image, *self.left(gathered.motion, jitter, past))
 
@@ -225,7 +224,7 @@ class GuidedFlow(LearnedMethod):
         exposure = exposure_for(lights[0], torch.ones_like(few.depth), nothing, nothing)
         rough = halved(finite(roughness).clamp(0.0, 1.0))
         later, earlier = (torch.cat([tone(one * exposure).clamp(max=TONED), rough], dim=1) for one in lights)
-        return Gathered(now, light, Pictures(later, earlier, exposure), total)
+        return Gathered(now, light, Pictures(later, earlier), total)
 
     def finish(self, gathered: Gathered, said: Tensor) -> Tensor:
         """(1, 3, h, w) the picture, of what the network says."""

@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import torch
 from torch import Tensor
-from torch.nn import functional as F
 
 from supersampler_model.color import tone
 
@@ -52,30 +51,3 @@ def _mean_error(off: Tensor, rms: float, weight: Tensor | float = 1.0) -> Tensor
     count = known.sum(dim=(1, 2, 3)).clamp(min=1)
     squared = (weight * off * off).sum(dim=(1, 2, 3)) / count
     return (weight * off.abs()).sum() / count.sum() + rms * (squared + 1e-6).sqrt().mean()
-
-
-def charbonnier(off: Tensor) -> Tensor:
-    """Absolute error, smooth at 0."""
-    return (off * off + 1e-6).sqrt()
-
-
-def census(image: Tensor, truth: Tensor, size: int) -> Tensor:
-    """(n, c, h, w) in [0, 1): how otherwise each value lies among its neighbours (Meister et al. 2018).
-
-    Args:
-        image: (n, c, h, w), of which differences far below 1 say nothing, and such far above 1 all the same.
-        truth: the same, of what it should be.
-        size: of the window, odd.
-    """
-    there, wanted = _ternary(image, size), _ternary(truth, size)
-    apart = (there - wanted).square()
-    return (apart / (0.1 + apart)).mean(dim=2)
-
-
-def _ternary(image: Tensor, size: int) -> Tensor:
-    """(n, c, size^2, h, w) difference of each neighbour, squashed to (-1, 1); the border is repeated."""
-    n, c, h, w = image.shape
-    wide = F.pad(image, [size // 2] * 4, mode="replicate")
-    around = F.unfold(wide.reshape(n * c, 1, *wide.shape[2:]), size).reshape(n, c, size * size, h, w)
-    apart = around - image[:, :, None]
-    return apart / (0.81 + apart.square()).sqrt()
