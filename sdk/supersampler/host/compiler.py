@@ -6,6 +6,7 @@ only to be compiled. Objects are kept by what they are made of (the sources, num
 """
 
 import ctypes
+import gc
 import hashlib
 import importlib
 import inspect
@@ -186,6 +187,8 @@ def _offer_symbols() -> None:
 
 
 if __name__ == "__main__":
+    gc.disable()  # of all that the compiler makes nothing must be freed: the process ends
     for _name in sys.argv[1:]:
         if _kept(_name) is None:
             _compile(_name)
+    os._exit(0)  # at once: someone waits

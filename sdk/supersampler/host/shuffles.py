@@ -8,9 +8,9 @@ from collections.abc import Callable
 from typing import Any
 
 from llvmlite import ir
-from numba import njit
 from numba.extending import intrinsic
 
+from supersampler.host.inner import inner
 from supersampler.host.vector import Vector, load4, load16
 
 _I32 = ir.IntType(32)
@@ -79,7 +79,7 @@ first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
 """Parts of three vectors in turns: a lane of each, then the next."""
 
 
-@njit
+@inner
 def transposed(rows: Any) -> Any:
     """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
     for _ in range(4):
@@ -93,14 +93,14 @@ def transposed(rows: Any) -> Any:
     return rows
 
 
-@njit
+@inner
 def load_thrice(pointer: Any, index: int) -> Any:
     """Three values in sixteen lanes: in four, in four, and in the rest."""
     values = load4(pointer, index)
     return _fours(values, values)
 
 
-@njit
+@inner
 def load_columns(pointer: Any, index: int) -> Any:
     """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
     p = pointer
@@ -112,7 +112,7 @@ def load_columns(pointer: Any, index: int) -> Any:
     ))  # fmt: skip
 
 
-@njit
+@inner
 def shuffled8(rows: Any, rounds: int) -> Any:
     """Eight vectors, some rounds on."""
     for _ in range(rounds):
@@ -124,7 +124,7 @@ def shuffled8(rows: Any, rounds: int) -> Any:
     return rows
 
 
-@njit
+@inner
 def shuffled4(rows: Any, rounds: int) -> Any:
     """Four vectors, some rounds on."""
     for _ in range(rounds):
@@ -133,7 +133,7 @@ def shuffled4(rows: Any, rounds: int) -> Any:
     return rows
 
 
-@njit
+@inner
 def load_columns8(pointer: Any, index: int) -> Any:
     """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
     p = pointer
@@ -144,20 +144,20 @@ def load_columns8(pointer: Any, index: int) -> Any:
     return shuffled8(rows, 4)
 
 
-@njit
+@inner
 def columns4(rows: Any) -> Any:
     """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
     return shuffled4(rows, 4)
 
 
-@njit
+@inner
 def load_columns4(pointer: Any, index: int) -> Any:
     """Sixteen pixels of four channels each, as four vectors of a channel each."""
     p = pointer
     return columns4((load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)))
 
 
-@njit
+@inner
 def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
     """Four values each of four places."""
     p, i, o = pointer, first, offset
@@ -165,7 +165,7 @@ def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) 
     return joined(upper, joined(load4(p, pitch * places[i + 2] + o), load4(p, pitch * places[i + 3] + o)))
 
 
-@njit
+@inner
 def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
     """Four values each of sixteen places, from pitch * place + offset on, as four vectors."""
     a = four_places(pointer, places, first, pitch, offset)
@@ -174,13 +174,13 @@ def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> A
     return columns4((a, b, c, four_places(pointer, places, first + 12, pitch, offset)))
 
 
-@njit
+@inner
 def rows4(columns: Any) -> Any:
     """Four vectors of a channel each as four vectors of four pixels each."""
     return shuffled4(columns, 2)
 
 
-@njit
+@inner
 def rows8(columns: Any) -> Any:
     """Eight vectors of a channel each as sixteen pixels of eight channels each."""
     return shuffled8(columns, 3)

@@ -37,7 +37,7 @@ class Tiles:
         runs = runs_of(wanted, GAP)
         self.drawn = _covered(runs, wanted.shape)
         self.any, self.all = bool(self.drawn.any()), bool(self.drawn.all())
-        around = runs if self.all else runs_of(grown(self.drawn, HALO), GAP)
+        around = runs if self.all or not self.any else runs_of(grown(self.drawn, HALO), GAP)
         self.seen = _covered(around, wanted.shape)
         self._runs = {False: runs, True: around}
 
@@ -76,6 +76,8 @@ def scaled(runs: Sequence[Box], unit: int, size: Size) -> list[Box]:
 
 def runs_of(mask: Bool, gap: int = 1) -> list[Box]:
     """Boxes of tiles that cover a mask; those of a row are at least `gap` apart, equal rows are one."""
+    if mask.all():  # mostly
+        return [Box(0, mask.shape[0], 0, mask.shape[1])]
     runs: list[Box] = []
     above: list[Box] = []
     for y, row in enumerate(mask):

@@ -1,8 +1,8 @@
 """Composing of `classifier` on a processor: what `Classifier.finish` does with what the network says."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.classifier_gather import (
     CONFIDENCE,
     COUNT,
@@ -58,7 +58,7 @@ HALVES = 32  # of a line of the caches
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
 
 
-@njit
+@inner
 def factor(value):
     """e^x, to 1e-5 of it: steps of bytes are larger."""
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
@@ -68,20 +68,20 @@ def factor(value):
     return p * float_of((to_int(past_planes) + np.int32(127)) << np.int32(23))
 
 
-@njit
+@inner
 def said(mixing, pitch, number, numbers, half):
     """One of so many numbers, of sixteen pixels in a row: left and right of packed ones from `half` on."""
     left, right = load8(mixing, number * pitch + half), load8(mixing, (number + numbers) * pitch + half)
     return zipped(left, right)
 
 
-@njit
+@inner
 def sharpened(color, sharp, detail):
     """A channel of the past with more of what the cubic has sharpened: `Classifier.pasts`, the first."""
     return clamped(color + sharp * detail, 0.0, TONED)
 
 
-@njit
+@inner
 def crossed(past_planes, above, at, below, first, last, sides, scale, sharp, detail):
     """The same, filtered by the learned cross before; first, last: where there is no left, no right."""
     up, left, right, low = sides
@@ -92,7 +92,7 @@ def crossed(past_planes, above, at, below, first, last, sides, scale, sharp, det
     return clamped(moved * scale + sharp * detail, 0.0, TONED)
 
 
-@njit
+@inner
 def cut_to_box(color, mean, reach):
     """`clip_to_center`, back in RGB."""
     y, o, g = ycocg(color[0], color[1], color[2])
@@ -107,12 +107,12 @@ def cut_to_box(color, mean, reach):
     return clamped(r, 0.0, TONED), clamped(g, 0.0, TONED), clamped(b, 0.0, TONED)
 
 
-@njit
+@inner
 def three(planes, at):
     return load16(planes, at), load16(planes, at + 16), load16(planes, at + 32)
 
 
-@njit
+@inner
 def kernel_at(samples, a, b, c, near, factors, i):
     """Sums of a pixel's 3x3 samples, of rows a, b and c, by learned weights: colours, and weights."""
     j, k, m = near[i], near[16 + i], near[32 + i]
@@ -125,7 +125,7 @@ def kernel_at(samples, a, b, c, near, factors, i):
     return upper + middle + lower
 
 
-@njit
+@inner
 def four_kernels(samples, a, b, c, near, factors, i):
     """Those of four pixels."""
     first = joined(
@@ -137,7 +137,7 @@ def four_kernels(samples, a, b, c, near, factors, i):
     return joined(first, second)
 
 
-@njit
+@inner
 def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
     """Those of sixteen pixels, as four vectors; near and out are scratch."""
     column = load16(columns_near, x)
@@ -153,7 +153,7 @@ def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
     return load_columns4(out, 0)
 
 
-@njit
+@inner
 def added(sums, weight, color):
     """Sums of weighted colours and of the weights."""
     r, g, b, total = sums
@@ -167,7 +167,7 @@ def make_compose_row(variant: Variant):
     sample_weight, sharpness, kernel = variant.pasts, variant.sharpness, variant.kernel_weights
     numbers = variant.said
 
-    @njit
+    @inner
     def compose_row(
         y, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near, row_near,
         across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image,
@@ -268,7 +268,7 @@ def make_compose_row(variant: Variant):
     return compose_row
 
 
-@njit
+@inner
 def remember(r, g, b, count, least, most, pixel, room, streams, history, image, out):
     """Write up to sixteen pixels of the picture, and what goes from frame to frame."""
     zero = count * 0.0
@@ -288,7 +288,7 @@ def remember(r, g, b, count, least, most, pixel, room, streams, history, image, 
     put(image, 3 * pixel + 32, last_third(r, g, b), streams & STREAMS_IMAGE)
 
 
-@njit
+@inner
 def put(pointer, index, vector, past_caches):
     if past_caches:
         stream(pointer, index, vector)

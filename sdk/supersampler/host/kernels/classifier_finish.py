@@ -1,8 +1,8 @@
 """Finish of `classifier` on a processor: the network's last layers, and what they say, composed."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.classifier_compose import factor, make_compose_row
 from supersampler.host.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
@@ -14,7 +14,7 @@ from supersampler.host.vector import dot4, load16, spread16, store, to_float, to
 WIDE = 16  # words of what the hidden layer gives
 
 
-@njit
+@inner
 def mix_row(
     hidden, words, weights, scales, biases, outputs, p0, p1, pitch, columns, out, logits, scale, classes, to
 ):
@@ -33,7 +33,7 @@ def mix_row(
         hold(columns, logits, scale, p1 - p, classes, to + 8 * p)
 
 
-@njit
+@inner
 def eight_sums(columns, words, weights, first):
     """Eight outputs of sixteen pixels."""
     a = b = c = d = e = f = g = h = spread16(np.int32(0))
@@ -50,7 +50,7 @@ def eight_sums(columns, words, weights, first):
     return a, b, c, d, e, f, g, h
 
 
-@njit
+@inner
 def hold(columns, logits, scale, count, classes, to):
     """Shares of the classes of up to sixteen packed pixels, eight bytes each."""
     a, b, c = (
@@ -78,13 +78,13 @@ def hold(columns, logits, scale, count, classes, to):
         classes[to // 4 + 2 * i + 1] = columns[16 + i]
 
 
-@njit
+@inner
 def odds_of(columns, byte, scale):
     value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
     return factor((to_float(value) - 128.0) * scale)
 
 
-@njit
+@inner
 def share(value):
     return to_int(value + 0.5)
 

@@ -5,8 +5,8 @@ a vector holds one pixel's channels instead. Rows end in padding up to a multipl
 """
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels import classifier_seen as see
 from supersampler.host.kernels.classifier_seen import complete, put, recall
 from supersampler.host.kernels.colors import (
@@ -56,27 +56,27 @@ FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, LEAST, MOST = 0, 3, 6, 7, 10,
 """Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants."""
 
 
-@njit
+@inner
 def toned_at(numbers, r, g, b):
     """Linear colours of the past, exposed and toned."""
     e = numbers[EXPOSURE]
     return toned(quarantined(r) * e, quarantined(g) * e, quarantined(b) * e)
 
 
-@njit
+@inner
 def only(where, values):
     """Three vectors; 0 elsewhere."""
     return select(where, values[0], 0.0), select(where, values[1], 0.0), select(where, values[2], 0.0)
 
 
-@njit
+@inner
 def put_all(planes, at, values):
     """Store vectors one after the other."""
     for c, value in enumerate(values):
         stream(planes, at + 16 * c, value)
 
 
-@njit
+@inner
 def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     """Whether the past shows what is there now, and how depth differs (equation 10)."""
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
@@ -94,7 +94,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     return surface, select(depth >= 0.0, clamped(apart, -1.0, 1.0), 0.0)
 
 
-@njit
+@inner
 def present_of(filtered, at, gamma):
     """This frame at sixteen pixels, from sums of samples: see `Present`."""
     p = load_columns(filtered, at)
@@ -126,17 +126,17 @@ def present_of(filtered, at, gamma):
     return frame, sample, minimum(p[3], 1.0), mean, reach, largest(varies[0], varies[1], varies[2])
 
 
-@njit
+@inner
 def roots(color):
     return root(color[0]), root(color[1]), root(color[2])
 
 
-@njit
+@inner
 def luma_of(color):
     return luminance(color[0], color[1], color[2])
 
 
-@njit
+@inner
 def apart_of(a, b):
     """The channel that differs most."""
     return largest(absolute(a[0] - b[0]), absolute(a[1] - b[1]), absolute(a[2] - b[2]))

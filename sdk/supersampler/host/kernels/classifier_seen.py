@@ -5,8 +5,8 @@ byte a pixel; 16 and 17 are at half size: six classes, drift, grain.
 """
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Floats, Words
@@ -35,13 +35,13 @@ from supersampler.host.vector import (
 CLASSES = 16  # word of a record
 
 
-@njit
+@inner
 def put(seen, at, value):
     """What the network sees, as a byte."""
     store(seen, at, to_int(clamped(value, 0.0, 1.0) * 255.0 + 0.5))
 
 
-@njit
+@inner
 def contrast_row(ring, above, here, below, wide, seen, seen_row, width, x0, x1):
     """How much the past differs around each pixel, and how far this frame's sample is outside of that."""
     for x in range(x0, x1, 16):
@@ -55,7 +55,7 @@ def contrast_row(ring, above, here, below, wide, seen, seen_row, width, x0, x1):
         put(seen, BEYOND * width + seen_row + x, maximum(maximum(low - luma, luma - high), 0.0))
 
 
-@njit
+@inner
 def words_of(seen, upper, lower):
     """Sixteen packed pixels: two of each row in the bytes of a word."""
     a, b = load16(seen, upper), load16(seen, upper + 16)
@@ -63,7 +63,7 @@ def words_of(seen, upper, lower):
     return evens(a, b) | odds(a, b) << np.int32(8) | evens(c, d) << np.int32(16) | odds(c, d) << np.int32(24)
 
 
-@njit
+@inner
 def pack_rows(seen, upper, lower, width, p0, p1, records, to):
     """Put two rows of bytes into records p0 to p1."""
     for x in range(p0, p1, 16):
@@ -82,7 +82,7 @@ def pack_rows(seen, upper, lower, width, p0, p1, records, to):
             store(records, to + RECORD * (x + i), rows[i])
 
 
-@njit
+@inner
 def recall(classes, places, at, weights, width, big_w, big_h, p0, p1, records, to):
     """What packed pixels p0 to p1 of a row were held for, (H / 2, W / 2, 8) bytes: two of its words.
 
@@ -109,7 +109,7 @@ def recall(classes, places, at, weights, width, big_w, big_h, p0, p1, records, t
             records[first + 1] = packed(value, 4) & at[64 + i]
 
 
-@njit
+@inner
 def halve(apart, upper, lower, p0, p1, means, row, half_stride):
     """Means of four pixels of how far past and frame are apart: signed, and not."""
     for x in range(p0, p1, 16):
@@ -159,7 +159,7 @@ def around(
                 records[at] = np.int32(records[at]) | np.int32(value)
 
 
-@njit
+@inner
 def complete(
     ring, seen, apart, records, means, y, below, wide, width, big_w, big_h, half_row, half_stride, x0, x1
 ):

@@ -3,8 +3,8 @@
 from typing import Any
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.vector import (
     bits_of,
     float_of,
@@ -21,58 +21,58 @@ MAX_HALF = 65504.0
 DARKNESS = 1e-12
 
 
-@njit
+@inner
 def usable(r: Any, g: Any, b: Any) -> Any:
     """Where every channel is a number in [0, 65504]."""
     low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
     return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
 
 
-@njit
+@inner
 def quarantined(c: Any) -> Any:
     """What is not a number in [0, 65504] becomes 0."""
     return select((c >= 0.0) & (c <= MAX_HALF), c, 0.0)
 
 
-@njit
+@inner
 def largest(r: Any, g: Any, b: Any) -> Any:
     return maximum(maximum(r, g), b)
 
 
-@njit
+@inner
 def toned(r: Any, g: Any, b: Any) -> Any:
     """Exposed linear RGB [0, inf) to [0, 1)."""
     scale = 1.0 / (largest(r, g, b) + 1.0)
     return r * scale, g * scale, b * scale
 
 
-@njit
+@inner
 def ycocg(r: Any, g: Any, b: Any) -> Any:
     both = (r + b) * 0.25
     return both + g * 0.5, (r - b) * 0.5, g * 0.5 - both
 
 
-@njit
+@inner
 def rgb(y: Any, co: Any, cg: Any) -> Any:
     return y + co - cg, y + cg, y - co - cg
 
 
-@njit
+@inner
 def luminance(r: Any, g: Any, b: Any) -> Any:
     return r * 0.2126 + g * 0.7152 + b * 0.0722
 
 
-@njit
+@inner
 def root(c: Any) -> Any:
     return square_root(maximum(c, 1e-6))
 
 
-@njit
+@inner
 def clamped(c: Any, low: float, high: float) -> Any:
     return minimum(maximum(c, low), high)
 
 
-@njit
+@inner
 def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     """Toned colours back to linear RGB without exposure, bounded: `bounded(inverse_tone(...) / exposure)`."""
     back = 1.0 / (maximum(1.0 - largest(r, g, b), 1.0 / MAX_HALF) * exposure)
@@ -81,7 +81,7 @@ def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     return select(r >= dark, r, 0.0), select(g >= dark, g, 0.0), select(b >= dark, b, 0.0)
 
 
-@njit
+@inner
 def exponential(x: Any) -> Any:
     """e^x of what is not above 0, to 3e-7 of it; 0 below e^-87."""
     y = maximum(x, -87.0) * 1.4426950408889634
@@ -92,7 +92,7 @@ def exponential(x: Any) -> Any:
     return select(x < -87.0, 0.0, p * float_of((to_int(whole) + np.int32(127)) << np.int32(23)))
 
 
-@njit
+@inner
 def logarithm(x: Any) -> Any:
     """Natural logarithm of normal numbers above 0, to 2e-7 of it or of one."""
     bits = bits_of(x) - np.int32(0x3F3504F3)  # the mantissa from the square root of a half to that of two

@@ -1,8 +1,8 @@
 """What a frame brings, as kernels want it: toned samples, usable depth and motion, what is in front."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import (
     clamped,
     logarithm,
@@ -33,18 +33,18 @@ LONGEST, FAR = 3e38, 1e6
 """Of motion, in pixels: what is no number, or more than that, is none; where it may lead at most."""
 
 
-@njit
+@inner
 def places_of(x, y, w):
     """Sixteen samples of a row from x on, the last repeated."""
     return minimum(ramp16() + np.int32(x), np.int32(w - 1)) + np.int32(y * w)
 
 
-@njit
+@inner
 def color_at(color, at):
     return gather(color, at * 3), gather(color, at * 3 + 1), gather(color, at * 3 + 2)
 
 
-@njit
+@inner
 def motion_at(motion, at):
     """Usable motion: what is not a number is none, what leads far off screen as far as is of any use."""
     mx, my = gather(motion, at * 2), gather(motion, at * 2 + 1)
@@ -102,7 +102,7 @@ def prepare(
             repeat_ends(plane, y * wide + PAD, w)
 
 
-@njit
+@inner
 def repeat_ends(plane, first, count, channels=1):
     """Fill the padding before and after `count` samples, of `channels` values each, from `first` on."""
     for x in range(PAD):
@@ -142,14 +142,14 @@ def closest(
         repeat_ends(eroded, here, w)
 
 
-@njit
+@inner
 def fours(out, at, first, second, third):
     """Write three vectors as sixteen samples of four values."""
     for i, row in enumerate(rows4((first, second, third, first * 0.0))):
         store(out, at + 16 * i, row)
 
 
-@njit
+@inner
 def opened_at(eroded, above, here, below, x):
     """Depth without thin things, of sixteen samples."""
     opened = load16(eroded, here + x)

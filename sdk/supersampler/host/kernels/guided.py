@@ -5,8 +5,8 @@ edges of things that move otherwise, samples are read sixteen at once.
 """
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import (
     DARKNESS,
     MAX_HALF,
@@ -45,12 +45,12 @@ STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
 
 
-@njit
+@inner
 def known(value):
     return absolute(value) <= MAX_HALF
 
 
-@njit
+@inner
 def three_at(image, at, pixel, plane):
     """Three channels, of which values are `pixel` apart from sample to sample, `plane` from each other."""
     first = at * np.int32(pixel)
@@ -61,7 +61,7 @@ def three_at(image, at, pixel, plane):
     )
 
 
-@njit
+@inner
 def reflected(base, normal, least):
     """What a channel's colour is divided by; one at the sky."""
     sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
@@ -72,7 +72,7 @@ def reflected(base, normal, least):
     )
 
 
-@njit
+@inner
 def told_at(base, normal, depth, at, pixel, plane, good, numbers):
     """What sixteen `good` surfaces are told from, in standard deviations; and what all of them reflect."""
     b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
@@ -87,12 +87,12 @@ def told_at(base, normal, depth, at, pixel, plane, good, numbers):
     return told, reflected(b, n, numbers[LEAST])
 
 
-@njit
+@inner
 def color_of(value):
     return select(known(value), clamped(value, 0.0, 1.0), 0.0)
 
 
-@njit
+@inner
 def side_of(value):
     return select(known(value), clamped(value, -1.0, 1.0), 0.0)
 
@@ -115,19 +115,19 @@ def enter(
             store(samples, (GUIDE + 2) * size + to, quarantined(b) / share[2])
 
 
-@njit
+@inner
 def led_to(place, jitter, other, size, other_size):
     """Where a pixel's motion leads, in another frame: 0 is the place of its first sample."""
     return (place + (jitter + np.float32(0.5))) * other_size / size - (other + np.float32(0.5))
 
 
-@njit
+@inner
 def usable_at(plane, at):
     value = gather(plane, at)
     return select(absolute(value) <= LONGEST, clamped(value, -FAR, FAR), 0.0)
 
 
-@njit
+@inner
 def between(plane, first, x, y, w, h):
     """Usable motion, of a plane (h, w) that begins at `first`, at a place: linear; the border beyond it."""
     x, y = clamped(x, 0.0, np.float32(w - 1)), clamped(y, 0.0, np.float32(h - 1))
@@ -141,7 +141,7 @@ def between(plane, first, x, y, w, h):
     return upper * (1.0 - t) + lower * t
 
 
-@njit
+@inner
 def back_to_shaded(motion, before, at, column, row, w, h, n):
     """Motion of sixteen pixels and, from where it leads, back to the shaded frame."""
     wide, high = np.float32(w), np.float32(h)
@@ -156,18 +156,18 @@ def back_to_shaded(motion, before, at, column, row, w, h, n):
     return clamped(mx + across, -FAR, FAR), clamped(my + down, -FAR, FAR)
 
 
-@njit
+@inner
 def taken(samples, c, size, at, first, together):
     """A plane's values at sixteen samples, the first of which is `first`."""
     return load16(samples, c * size + first) if together else gather(samples, at + np.int32(c * size))
 
 
-@njit
+@inner
 def squared(value):
     return value * value
 
 
-@njit
+@inner
 def apart(own, samples, size, at, first, together):
     """How far sixteen surfaces are from sixteen samples."""
     total = squared(own[0] - taken(samples, 0, size, at, first, together))
@@ -176,13 +176,13 @@ def apart(own, samples, size, at, first, together):
     return total
 
 
-@njit
+@inner
 def inside(place, count):
     """The column or row of a place, that of the border beyond it."""
     return to_int(clamped(place, 0.0, np.float32(count - 1)))
 
 
-@njit
+@inner
 def swapped(kept, other):
     """The one with the lesser key, and the other; samples are key, -log of the weight, and place."""
     first = other[0] < kept[0]
@@ -200,7 +200,7 @@ def swapped(kept, other):
     )
 
 
-@njit
+@inner
 def pushed(least, sample):
     """The four least of four, in order, and another."""
     a, sample = swapped(least[0], sample)
@@ -210,12 +210,12 @@ def pushed(least, sample):
     return a, b, c, d
 
 
-@njit
+@inner
 def key_of(off, number):
     return minimum(floor(off * STEPS), MOST) * NUMBERS + number
 
 
-@njit
+@inner
 def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, room):
     """The samples around sixteen places that weigh most.
 
@@ -250,7 +250,7 @@ def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, ri
     return least
 
 
-@njit
+@inner
 def light_at(least, samples, size):
     """Mean light of the chosen samples."""
     p, q, r, s = least[0][1], least[1][1], least[2][1], least[3][1]
@@ -264,14 +264,14 @@ def light_at(least, samples, size):
     )
 
 
-@njit
+@inner
 def mean_of(samples, plane, at, share):
     start = np.int32(plane)
     total = gather(samples, at[0] + start) * share[0] + gather(samples, at[1] + start) * share[1]
     return total + gather(samples, at[2] + start) * share[2] + gather(samples, at[3] + start) * share[3]
 
 
-@njit
+@inner
 def shown(light, share):
     """A channel of a colour: `bounded`."""
     value = minimum(light * share, MAX_HALF)

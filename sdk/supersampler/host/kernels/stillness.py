@@ -1,8 +1,8 @@
 """What tells whether anything changed: sums over the bits of tiles of a frame's inputs."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.frame import LONGEST
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.layout import SAMPLES, TILE
@@ -22,7 +22,7 @@ STILL = 1e-3  # of a sample: what a matrix leaves of no motion
 FACTOR = np.int32(0x2C1B3C6D)  # odd: a change of one word is never lost
 
 
-@njit
+@inner
 def moves(motion, at, row, count, height):
     """Whether anything in a tile moves; motion that is none counts as none, as in `frame.motion_at`."""
     most = spread16(np.float32(0.0))
@@ -35,7 +35,7 @@ def moves(motion, at, row, count, height):
     return not all_lanes(most <= STILL)
 
 
-@njit
+@inner
 def added(total, words, at, count):
     """Add `count` words of a row, sixteen at a time; the last is repeated up to whole sixteens."""
     for k in range(0, count, 16):

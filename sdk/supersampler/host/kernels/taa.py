@@ -1,8 +1,8 @@
 """`taa` on a processor, in one pass over the display; twin of `methods.taa` with Salvi's defaults."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
 from supersampler.host.kernels.frame import color_at, motion_at, places_of, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
@@ -82,7 +82,7 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
             store(box, (TAA_BOX * y + 7) * stride + x, my)
 
 
-@njit
+@inner
 def upsampled(planes, c, wide, column, row, across, down):
     """Linear interpolation of a plane between two columns and two rows."""
     a, b = row[0] + np.int32(c * wide), row[1] + np.int32(c * wide)
@@ -91,7 +91,7 @@ def upsampled(planes, c, wide, column, row, across, down):
     return upper * down[0] + lower * down[1]
 
 
-@njit
+@inner
 def enters(color, sample, low, high):
     """Where the segment from `color` to `sample` enters and leaves a slab."""
     step = sample - color
@@ -100,7 +100,7 @@ def enters(color, sample, low, high):
     return minimum(near, far), maximum(near, far)
 
 
-@njit
+@inner
 def clip_to_sample(past, sample, low, high):
     """Cut the segment from the past to the sample where it enters the box; see `rectification`."""
     a, b = enters(past[0], sample[0], low[0], high[0])
@@ -122,7 +122,7 @@ def clip_to_sample(past, sample, low, high):
     )
 
 
-@njit
+@inner
 def beyond(value, center, low, high):
     return absolute(value - center) / maximum((high - low) * 0.5, 1e-5)
 

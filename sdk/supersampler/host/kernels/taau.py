@@ -1,8 +1,8 @@
 """`taau` on a processor, in one pass over the display; twin of `methods.taau`."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import (
     DARKNESS,
     clamped,
@@ -53,7 +53,7 @@ NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
 the exposure has changed; TaauConfig."""
 
 
-@njit
+@inner
 def sum3(line, at):
     """Sums of three neighbours."""
     return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
@@ -93,7 +93,7 @@ def shade(
         repeat_ends(surface, here, w, 4)
 
 
-@njit
+@inner
 def present_of(filtered, near, x, sharpness):
     """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
     p, q = load_columns(filtered, 16 * x), load_columns4(near, 4 * x)
@@ -117,12 +117,12 @@ def present_of(filtered, near, x, sharpness):
     return frame, sample, minimum(q[3], 1.0), mean, spread
 
 
-@njit
+@inner
 def deviation(square, mean):
     return square_root(maximum(square - mean * mean, 0.0))
 
 
-@njit
+@inner
 def light_changed(numbers, mean, spread, mean_before, spread_before):
     """`change_of_light`: 1 where the mean of a neighbourhood moved by more than jitter explains."""
     noise = maximum(spread, spread_before) * numbers[CHANGE_DEVIATION]
@@ -131,7 +131,7 @@ def light_changed(numbers, mean, spread, mean_before, spread_before):
     return clamped((moved / noise - 1.0) / numbers[CHANGE_RAMP], 0.0, 1.0)
 
 
-@njit
+@inner
 def clipped(color, mean, spread, gamma, floor_):
     """`clip_to_center`, and how far outside of its box a colour was, in half extents."""
     y, o, g = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
@@ -144,7 +144,7 @@ def clipped(color, mean, spread, gamma, floor_):
     return (mean[0] + y * cut, mean[1] + o * cut, mean[2] + g * cut), over
 
 
-@njit
+@inner
 def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
     """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the past's weight."""
     n = numbers
@@ -171,7 +171,7 @@ def blend(numbers, present, past, count, power, surface, unchanged, speed, blur)
     return color, samples + confidence, left, select(known, 1.0 - weight, 0.0)
 
 
-@njit
+@inner
 def mixed(a, b, share):
     return a + share * (b - a)
 

@@ -1,8 +1,8 @@
 """Reading images: separable filters around samples, and the past where motion leads."""
 
 import numpy as np
-from numba import njit
 
+from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
 from supersampler.host.shuffles import joined, load_thrice, low_half
@@ -20,7 +20,7 @@ from supersampler.host.vector import (
 )
 
 
-@njit
+@inner
 def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
     """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
 
@@ -46,7 +46,7 @@ def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, ou
         store(out, 16 * x, near + far)
 
 
-@njit
+@inner
 def filter_row4(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
     """The same of the first four channels: down (H, 4), across (W, 4), line (stride, 4), out (W, 4)."""
     for x in range(columns[4 * x0], columns[4 * x1 - 1] + 1):
@@ -61,7 +61,7 @@ def filter_row4(samples, rows, down, columns, across, line, stride, x0, x1, y, o
         store(out, 4 * x, total)
 
 
-@njit
+@inner
 def cubic(t, sharpness):
     """Weights of the four samples around a place between the middle two."""
     s = 1.0 - t
@@ -70,7 +70,7 @@ def cubic(t, sharpness):
     return before, 1.0 - before - after - second, second, after
 
 
-@njit
+@inner
 def place(position, first, last, count, pitch, at, slot):
     """Put the offsets of the samples `first` to `last` beside floor(position) into slots; return the rest."""
     whole = floor(position)
@@ -81,7 +81,7 @@ def place(position, first, last, count, pitch, at, slot):
     return position - whole
 
 
-@njit
+@inner
 def aim(px, py, width, height, pitch, sharpness, at, weights):
     """Offsets and weights of sixteen warps: ten slots of sixteen, read back pixel by pixel.
 
@@ -98,14 +98,14 @@ def aim(px, py, width, height, pitch, sharpness, at, weights):
         store(weights, 16 * slot, weight)
 
 
-@njit
+@inner
 def aim_own(px, py, width, height, pitch, at, weights):
     """The same of linear warps alone, in the slots after those of `aim`."""
     store(weights, 160, place(px, 0, 1, width, pitch, at, 8))
     store(weights, 176, place(py, 0, 1, height, pitch * width, at, 10))
 
 
-@njit
+@inner
 def cubic4(h, at, weights, i):
     """Four values of the pixel `i` by a cubic."""
     a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
@@ -119,7 +119,7 @@ def cubic4(h, at, weights, i):
     return sharp + bottom * weights[112 + i]
 
 
-@njit
+@inner
 def linear4(h, a, b, c, d, t, u):
     """Four values between four places: upper left and right, lower left and right."""
     one = np.float32(1.0)
@@ -128,7 +128,7 @@ def linear4(h, a, b, c, d, t, u):
     return upper * (one - u) + lower * u
 
 
-@njit
+@inner
 def warp(history, at, weights, alone, out):
     """Sixteen pixels of the past, (16, 16): colour and state, linear; colour by a cubic; own motion's.
 
@@ -161,7 +161,7 @@ def warp(history, at, weights, alone, out):
         store(out, 16 * i, joined(soft, joined(sharp, own)))
 
 
-@njit
+@inner
 def warp5(history, at, weights, out):
     """Sixteen pixels of a past of five values, (16, 8): the first four by a cubic; the last four, linear."""
     h = history
@@ -172,19 +172,19 @@ def warp5(history, at, weights, out):
         store(out, 8 * i + 4, soft)
 
 
-@njit
+@inner
 def on_screen(px, py, width, height):
     """Where the past was on screen."""
     return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
 
 
-@njit
+@inner
 def followed(lane, y, mx, my, width, height):
     """Where sixteen pixels were, kept within two pixels of the screen."""
     return clamped(lane + mx, -2.0, width + 1.0), clamped(my + np.float32(y), -2.0, height + 1.0)
 
 
-@njit
+@inner
 def around(x, y, w, h, wide, places):
     """Where the four samples around places in the past are, and with what weights they count.
 
@@ -203,7 +203,7 @@ def around(x, y, w, h, wide, places):
     return sx * sy, tx * sy, sx * ty, tx * ty
 
 
-@njit
+@inner
 def hidden(depth, weights, befores, margin, ramp):
     """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
     share = depth * 0.0
@@ -213,7 +213,7 @@ def hidden(depth, weights, befores, margin, ramp):
     return select(depth >= 0.0, share, 0.0)
 
 
-@njit
+@inner
 def mean_of(values, weights):
     """Linear interpolation."""
     upper = values[0] * weights[0] + values[1] * weights[1]
