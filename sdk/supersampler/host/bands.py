@@ -2,8 +2,10 @@
 
 import time
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from typing import NamedTuple
+
+from supersampler.host.helpers import Helpers
 
 Work = Callable[[int, int, int], None]
 """Does rows from the first to before the second, as the worker of the third number."""
@@ -16,6 +18,20 @@ class Box(NamedTuple):
     y1: int
     x0: int
     x1: int
+
+
+class Job(NamedTuple):
+    """Boxes to do.
+
+    Attributes:
+        boxes: do not overlap.
+        work: does a box, as the worker of this number.
+        multiple: of rows, after a box's first, at which it may be cut.
+    """
+
+    boxes: Sequence[Box]
+    work: Callable[[Box, int], None]
+    multiple: int = 1
 
 
 class Bands:
@@ -34,7 +50,7 @@ class Bands:
     def __init__(self, threads: int) -> None:
         self.threads = threads
         self.seconds: dict[str, float] | None = None
-        self._others = ThreadPoolExecutor(threads - 1, "supersampler") if threads > 1 else None
+        self._helpers = Helpers(threads - 1)
 
     def run(self, stage: str, rows: int, work: Work) -> None:
         """Do all rows."""
@@ -43,35 +59,35 @@ class Bands:
     def cover(
         self, stage: str, boxes: Sequence[Box], work: Callable[[Box, int], None], *, multiple: int = 1
     ) -> None:
-        """Do all boxes, cut where the threads' shares end.
+        """Do all boxes, cut where the threads' shares end; see `Job`."""
+        self.together(stage, Job(boxes, work, multiple))
+
+    def together(self, stage: str, *jobs: Job) -> None:
+        """Do jobs of which none needs what another does.
 
         Args:
             stage: what the time counts as.
-            boxes: do not overlap.
-            work: does a box, as the worker of this number.
-            multiple: of rows, after a box's first, at which it may be cut.
+            jobs: which.
         """
-        began, shares = time.perf_counter(), shared(boxes, self.threads, multiple)
+        began = time.perf_counter()
+        shares = [shared(job.boxes, self.threads, job.multiple) for job in jobs]
 
-        def do(share: Sequence[Box], worker: int) -> None:
-            for box in share:
-                work(box, worker)
+        def do(worker: int) -> None:
+            for job, parts in zip(jobs, shares, strict=True):
+                for box in parts[worker] if worker < len(parts) else ():
+                    job.work(box, worker)
 
-        waiting = [
-            self._others.submit(do, share, worker)
-            for worker, share in enumerate(shares)
-            if worker and self._others is not None
-        ]
-        do(shares[0], 0)
-        for future in waiting:
-            future.result()
+        orders = [self._helpers.order(partial(do, worker)) for worker in range(1, max(map(len, shares)))]
+        try:
+            do(0)
+        finally:  # nobody may write to what the caller then frees
+            self._helpers.wait(orders)
         if self.seconds is not None:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
     def close(self) -> None:
         """Stop the threads."""
-        if self._others is not None:
-            self._others.shutdown()
+        self._helpers.close()
 
 
 def shared(boxes: Sequence[Box], count: int, multiple: int) -> list[list[Box]]:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.host.bands import Bands, Box
+from supersampler.host.bands import Bands, Box, Job
 from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
@@ -250,11 +250,13 @@ class ClassifierHost(Host):
             )  # fmt: skip
             self._gather(*inputs, *box, *(address(a) for a in own), *outputs)
 
-        self.bands.cover("gather", tiles.boxes(TILE, (s.width, big_h), halo=True), gather, multiple=2)
         depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
-        self.bands.run(
-            "read", h, lambda y0, y1, _: self._surfaces(depths, eroded, w, h, read.stride, y0, y1, to)
-        )
+
+        def leave(box: Box, _: int) -> None:
+            self._surfaces(depths, eroded, w, h, read.stride, box.y0, box.y1, to)
+
+        boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
+        self.bands.together("gather", Job(boxes, gather, 2), Job([Box(0, h, 0, 1)], leave))
 
     def _enter(self, space: _Space, tiles: Tiles) -> None:
         """What is known around each pixel, and the first layer, which sees it."""

@@ -1,6 +1,6 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +18,7 @@ Bytes = NDArray[np.uint8]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 ROOM = 16  # pixels after a row: kernels do several at once
+SIX = 6  # so many; they write nothing beyond a row that is at least as long
 
 
 LAYERS = ("network.enter", "network.descend", "network.level")
@@ -108,12 +109,29 @@ class Encoder:
     def run(self, tiles: Tiles) -> None:
         """All layers after the first."""
         for depth in range(len(self._levels)):
-            boxes = self.boxes(tiles, depth)
-            if depth:
-                self._descend(depth, boxes)
-            self._run_level(self._levels[depth], boxes)
+            self._run_level(depth, self.boxes(tiles, depth))
 
-    def _descend(self, depth: int, boxes: list[Box]) -> None:
+    def _run_level(self, depth: int, boxes: Sequence[Box]) -> None:
+        level, encode = self._levels[depth], self._encoding(depth)
+        if depth == 0:
+            self._bands.cover("encode", boxes, encode)
+            return
+        descend = self._descending(depth)
+        if len(boxes) > 1 or level.width < SIX:
+            self._bands.cover("encode", boxes, descend)
+            self._bands.cover("encode", boxes, encode)
+            return
+
+        def both(box: Box, worker: int) -> None:
+            # a row more on either side, in place of a wait: what two threads both write is the same
+            (whole,) = boxes
+            descend(box._replace(y0=max(box.y0 - 1, whole.y0), y1=min(box.y1 + 1, whole.y1)), worker)
+            encode(box, worker)
+
+        self._bands.cover("encode", boxes, both)
+
+    def _descending(self, depth: int) -> Callable[[Box, int], None]:
+        """The first layer of a level."""
         above, level = self._levels[depth - 1 : depth + 1]
         layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
         arguments = (
@@ -128,9 +146,11 @@ class Encoder:
             line = address(self._lines[worker])
             self._network.descend(*arguments, line, line, *more, *box)
 
-        self._bands.cover("encode", boxes, descend)
+        return descend
 
-    def _run_level(self, level: _Level, boxes: list[Box]) -> None:
+    def _encoding(self, depth: int) -> Callable[[Box, int], None]:
+        """The other two."""
+        level = self._levels[depth]
         spatial, last = level.spatial, level.last
         arguments = (
             address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
@@ -145,4 +165,4 @@ class Encoder:
             line = address(self._lines[worker])
             self._network.level(*arguments, line, line, *more, *box)
 
-        self._bands.cover("encode", boxes, encode)
+        return encode

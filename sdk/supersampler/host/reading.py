@@ -116,14 +116,12 @@ class Reader:
         (h, w), stride = planes.depth.shape, to.stride
         inputs = [address(plane) for plane in planes]
         color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
-        self._bands.run(
-            "read",
-            h,
-            lambda y0, y1, _: self._prepare(
-                *inputs, exposure, w, stride, y0, y1, color, depths, across, down
-            ),
-        )
         found = [address(plane) for plane in (to.front, to.own, to.eroded)]
-        self._bands.run(
-            "read", h, lambda y0, y1, _: self._closest(depths, across, down, w, h, stride, y0, y1, *found)
-        )
+
+        def read(y0: int, y1: int, _: int) -> None:
+            # a row more on either side: what two threads both write is the same
+            more = max(y0 - 1, 0), min(y1 + 1, h)
+            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down)
+            self._closest(depths, across, down, w, h, stride, y0, y1, *found)
+
+        self._bands.run("read", h, read)

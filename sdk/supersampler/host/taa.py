@@ -140,10 +140,13 @@ class TaaHost(Host):
         h, w = planes.depth.shape
         s, color, motion = space, address(planes.color), address(planes.motion)
         to, box = address(s.planes), address(s.box)
-        self.bands.run(
-            "read", h, lambda y0, y1, _: self._enter(color, motion, exposure, w, s.stride, y0, y1, to)
-        )
-        self.bands.run("read", h, lambda y0, y1, _: self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box))
+
+        def read(y0: int, y1: int, _: int) -> None:
+            # a row more on either side: what two threads both write is the same
+            self._enter(color, motion, exposure, w, s.stride, max(y0 - 1, 0), min(y1 + 1, h), to)
+            self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box)
+
+        self.bands.run("read", h, read)
 
     def _draw(
         self,

@@ -67,9 +67,11 @@ def nothing():
 def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width):
     """A 1x1 convolution of a row: words of four bytes in, `blocks` of 32 bytes out.
 
-    x: `pitch` words a pixel from `at` on, of which `words` count; out: `out_pitch` bytes from `to` on.
+    x: `pitch` words a pixel from `at` on, of which `words` count; out: `out_pitch` bytes from `to` on. What
+    follows a row is not written to, as another thread may read it, unless the row is shorter than SIX.
     """
-    for p in range(0, width, SIX):
+    for first in range(0, width, SIX):
+        p = min(first, max(width - SIX, 0))
         for block in range(blocks):
             sums = two_by_six(x, pitch, words, weights, 32 * words * block, at + p * pitch, nothing())
             put_six(sums, scales, biases, 32 * block, out, to + p * out_pitch, out_pitch)
