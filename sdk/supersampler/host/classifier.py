@@ -13,7 +13,7 @@ from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
-from supersampler.host.network import ALIGNED, LAYERS, ByteNetwork, Encoder
+from supersampler.host.network import LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
@@ -85,7 +85,8 @@ class _Scratch:
         self.warped = aligned((LANES, LANES))
         self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
         self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
-        self.tall, self.tent = aligned((2, space.half_stride))
+        self.drift, self.grain, self.tent = aligned((3, space.half_stride))
+        self.codes = aligned((space.half_stride,), np.int32)
         self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
         self.hidden = aligned((half_w, 4 * LANES), np.uint8)
         self.mixing = aligned((variant.outputs, half_w))
@@ -214,8 +215,7 @@ class ClassifierHost(Host):
             view.look(frame.jitter, self._filters)
             self._reader.read(planes, exposure, view.samples)
             self._gather_all(space, view, past, left, tiles)
-            self._enter(space, tiles)
-            space.encoder.run(tiles)
+            self._encode(space, tiles)
             self._compose(space, view, left, image, weight, tiles)
 
     def _gather_all(
@@ -258,19 +258,19 @@ class ClassifierHost(Host):
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
         self.bands.together("gather", Job(boxes, gather, 2), Job([Box(0, h, 0, 1)], leave))
 
-    def _enter(self, space: _Space, tiles: Tiles) -> None:
-        """What is known around each pixel, and the first layer, which sees it."""
+    def _encode(self, space: _Space, tiles: Tiles) -> None:
+        """The network up to its last layers, which sees what is known around each pixel, too."""
         s, (half_w, half_h), records = space, space.half, space.encoder.records
 
-        def enter(box: Box, worker: int) -> None:
+        def around(box: Box, worker: int) -> None:
             k = s.scratch[worker]
             self._around(
                 address(s.means), half_h, s.half_stride, records.shape[1], box.y0, min(box.y1, half_h),
-                box.x0, min(box.x1, half_w), address(k.tall), address(k.tent), address(records),
+                box.x0, min(box.x1, half_w), *(address(a) for a in (k.drift, k.grain, k.tent, k.codes)),
+                address(records),
             )  # fmt: skip
-            s.encoder.enter(box)
 
-        self.bands.cover("encode", s.encoder.boxes(tiles), enter, multiple=ALIGNED)
+        s.encoder.run(tiles, around)
 
     def _compose(
         self,

@@ -1,6 +1,7 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +16,9 @@ from supersampler.host.memory import address, aligned
 from supersampler.host.tiles import Tiles
 
 Bytes = NDArray[np.uint8]
+Work = Callable[[Box, int], None]  # does a box, as the worker of this number
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
-ALIGNED = 8  # the deepest level is at 1/8 of the packed size
+ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
 ROOM = 16  # pixels after a row: kernels do several at once
 SIX = 6  # so many; they write nothing beyond a row that is at least as long
 
@@ -55,11 +57,11 @@ class ByteNetwork:
 
 
 class _Level:
-    """Buffers of a level: x within a border of one pixel, and what it gives."""
+    """Buffers of a level: x within a border of one pixel, and what it gives; rows at which it may be cut."""
 
-    def __init__(self, layers: tuple[Layer, ...], width: int, height: int) -> None:
+    def __init__(self, layers: tuple[Layer, ...], width: int, height: int, multiple: int) -> None:
         self.first, self.spatial, self.last = layers
-        self.width, self.height = width, height
+        self.width, self.height, self.multiple = width, height, multiple
         self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
         self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
         self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
@@ -83,7 +85,8 @@ class Encoder:
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
         self._levels = [
-            _Level(layers, width >> level, height >> level) for level, layers in enumerate(network.levels)
+            _Level(layers, width >> level, height >> level, ALIGNED >> level)
+            for level, layers in enumerate(network.levels)
         ]
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((bands.threads, most), np.uint8)
@@ -92,46 +95,51 @@ class Encoder:
         rows = [level.row_of(level.out) for level in self._levels]
         self.pitches = np.array([*pitches, *rows], np.int32)
 
-    def boxes(self, tiles: Tiles, depth: int = 0) -> list[Box]:
-        """What a level has to do for these tiles."""
-        level = self._levels[depth]
-        return tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
+    def run(self, tiles: Tiles, around: Work) -> None:
+        """All of it.
 
-    def enter(self, box: Box) -> None:
-        """The first layer, of packed pixels; bands of whole ALIGNED."""
-        level, layer, records = self._levels[0], self._levels[0].first, self.records
-        self._network.enter(
-            address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
-            layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width,
-            *self._half, *box,
-        )  # fmt: skip
+        Args:
+            tiles: that it is run for.
+            around: completes the records of a box, which may be the same box again.
+        """
+        for depth, level in enumerate(self._levels):
+            boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
+            first = self._descending(depth) if depth else self._entering(around)
+            self._run_level(level, boxes, first, self._encoding(level))
 
-    def run(self, tiles: Tiles) -> None:
-        """All layers after the first."""
-        for depth in range(len(self._levels)):
-            self._run_level(depth, self.boxes(tiles, depth))
-
-    def _run_level(self, depth: int, boxes: Sequence[Box]) -> None:
-        level, encode = self._levels[depth], self._encoding(depth)
-        if depth == 0:
-            self._bands.cover("encode", boxes, encode)
-            return
-        descend = self._descending(depth)
+    def _run_level(self, level: _Level, boxes: Sequence[Box], first: Work, others: Work) -> None:
+        """All layers of a level, of which the others see one pixel around them."""
+        cover = partial(self._bands.cover, "encode", boxes, multiple=level.multiple)
         if len(boxes) > 1 or level.width < SIX:
-            self._bands.cover("encode", boxes, descend)
-            self._bands.cover("encode", boxes, encode)
+            cover(first)
+            cover(others)
             return
 
-        def both(box: Box, worker: int) -> None:
+        def all_layers(box: Box, worker: int) -> None:
             # a row more on either side, in place of a wait: what two threads both write is the same
             (whole,) = boxes
-            descend(box._replace(y0=max(box.y0 - 1, whole.y0), y1=min(box.y1 + 1, whole.y1)), worker)
-            encode(box, worker)
+            first(box._replace(y0=max(box.y0 - 1, whole.y0), y1=min(box.y1 + 1, whole.y1)), worker)
+            others(box, worker)
 
-        self._bands.cover("encode", boxes, both)
+        cover(all_layers)
 
-    def _descending(self, depth: int) -> Callable[[Box, int], None]:
-        """The first layer of a level."""
+    def _entering(self, around: Work) -> Work:
+        """The first layer of all, of packed pixels."""
+        level, layer, records = self._levels[0], self._levels[0].first, self.records
+        arguments = (
+            address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
+            layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width,
+            *self._half,
+        )  # fmt: skip
+
+        def enter(box: Box, worker: int) -> None:
+            around(box, worker)
+            self._network.enter(*arguments, *box)
+
+        return enter
+
+    def _descending(self, depth: int) -> Work:
+        """The first layer of a deeper level."""
         above, level = self._levels[depth - 1 : depth + 1]
         layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
         arguments = (
@@ -148,9 +156,8 @@ class Encoder:
 
         return descend
 
-    def _encoding(self, depth: int) -> Callable[[Box, int], None]:
-        """The other two."""
-        level = self._levels[depth]
+    def _encoding(self, level: _Level) -> Work:
+        """The other two layers of a level."""
         spatial, last = level.spatial, level.last
         arguments = (
             address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,

@@ -20,7 +20,6 @@ from supersampler.host.vector import (
     maximum,
     minimum,
     packed,
-    prefetch,
     select,
     spread16,
     store,
@@ -124,39 +123,62 @@ def halve(apart, upper, lower, p0, p1, means, row, half_stride):
     repeat_ends(means, (row * 2 + 1) * half_stride + PAD + p0, p1 - p0)
 
 
+@inner
+def looks_at(row, y, height):
+    """How many of the nine looks of two means of three rows, one of the other, around row y are at `row`."""
+    count = 0
+    for first in range(-1, 2):
+        middle = min(max(y + first, 0), height - 1)
+        for second in range(-1, 2):
+            count += min(max(middle + second, 0), height - 1) == row
+    return np.float32(count)
+
+
+@inner
+def tent_row(means, height, half_stride, plane, y, p0, p1, tall, line):
+    """A plane of means around row y by a tent of 5 x 5: `tall`, from PAD on, values to be cut to bytes."""
+    a, b = looks_at(y - 2, y, height), looks_at(y - 1, y, height)
+    c, d, e = looks_at(y, y, height), looks_at(y + 1, y, height), looks_at(y + 2, y, height)
+    row, pitch = (
+        plane * half_stride,
+        2 * half_stride,
+    )  # rows that are not there are not looked at: any will do
+    i, j, k = row + max(y - 2, 0) * pitch, row + max(y - 1, 0) * pitch, row + y * pitch
+    m, n = row + min(y + 1, height - 1) * pitch, row + min(y + 2, height - 1) * pitch
+    for x in range(p0, p1 + 2 * PAD, 16):
+        upper = load16(means, i + x) * a + load16(means, j + x) * b
+        lower = load16(means, m + x) * d + load16(means, n + x) * e
+        store(tall, x, upper + load16(means, k + x) * c + lower)
+    for x in range(p0, p1, 16):
+        at = PAD + x
+        store(line, at, load16(tall, at - 1) + load16(tall, at) + load16(tall, at + 1))
+    repeat_ends(line, PAD + p0, p1 - p0)
+    for x in range(p0, p1, 16):
+        at = PAD + x
+        mean = (load16(line, at - 1) + load16(line, at) + load16(line, at + 1)) * (1.0 / 81.0)
+        store(tall, at, minimum(root(absolute(mean)) * 255.0 + 0.5, 255.0))
+
+
 def around(
     means: Floats, half_h: int, half_stride: int, half_row: int, y0: int, y1: int, p0: int, p1: int,
-    tall: Floats, line: Floats, records: Words,
+    drift: Floats, grain: Floats, line: Floats, codes: Words, records: Words,
 ):  # fmt: skip
     """Drift and grain of packed rows y0 to y1, pixels p0 to p1: bytes 6 and 7 of the half-size words.
 
-    means (half_h, 2, half_stride), with PAD on either side; tall and line (half_stride,) are scratch. A tent
-    of 5 x 5 is two means of 3 x 3; what is beyond the border repeats it both times.
+    means (half_h, 2, half_stride), with PAD on either side; drift, grain, line and codes (half_stride,) are
+    scratch. What is beyond the border repeats it both times. Done again, it changes nothing.
     """
     for y in range(y0, y1):
-        for plane in range(2):
-            for x in range(p0, p1 + 2 * PAD, 16):
-                for i in range(16):
-                    prefetch(records, (y * half_row + x + i) * RECORD + CLASSES + 1)
-                total = load16(means, plane * half_stride + x) * 0.0
-                for first in range(-1, 2):
-                    middle = min(max(y + first, 0), half_h - 1)
-                    for second in range(-1, 2):
-                        other = min(max(middle + second, 0), half_h - 1)
-                        total = total + load16(means, (other * 2 + plane) * half_stride + x)
-                store(tall, x, total)
-            for x in range(p0, p1, 16):
-                at = PAD + x
-                store(line, at, load16(tall, at - 1) + load16(tall, at) + load16(tall, at + 1))
-            repeat_ends(line, PAD + p0, p1 - p0)
-            for x in range(p0, p1, 16):
-                at = PAD + x
-                mean = (load16(line, at - 1) + load16(line, at) + load16(line, at + 1)) * (1.0 / 81.0)
-                store(tall, at, root(absolute(mean)) * 255.0 + 0.5)
-            for x in range(p0, p1):
-                value = np.int32(min(tall[PAD + x], np.float32(255.0))) << np.int32(16 + 8 * plane)
-                at = (y * half_row + x) * RECORD + CLASSES + 1
-                records[at] = np.int32(records[at]) | np.int32(value)
+        tent_row(means, half_h, half_stride, 0, y, p0, p1, drift, line)
+        tent_row(means, half_h, half_stride, 1, y, p0, p1, grain, line)
+        for x in range(p0, p1, 16):
+            at = PAD + x
+            code = to_int(load16(drift, at)) << np.int32(16) | to_int(load16(grain, at)) << np.int32(24)
+            store(codes, x, code)
+        first = y * half_row * RECORD + CLASSES + 1
+        for x in range(p0, p1):
+            at = first + x * RECORD
+            records[at] = np.int32(records[at] & 0xFFFF) | codes[x]
 
 
 @inner
