@@ -56,6 +56,7 @@ for _command in (
     cli_run.cost,
     cli_run.parts,
     cli_run.speed,
+    cli_run.start,
     cli_run.device,
     cli_run.skip,
     cli_run.parity,

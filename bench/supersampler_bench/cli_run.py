@@ -46,6 +46,34 @@ def cost(
     publish(record, tables, json, update)
 
 
+def start(
+    methods: Annotated[
+        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+    ] = "taa,taau,classifier-small,classifier",
+    size: Annotated[str, typer.Option(help="Of the frame, render pixels.")] = "480x270",
+    fresh: Annotated[int, typer.Option(min=1, help="Processes that begin with no kernels kept.")] = 3,
+    later: Annotated[int, typer.Option(min=1, help="Processes after that.")] = 5,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Time the first picture of a program: where kernels are compiled, and where they are kept.
+
+    Example:
+      supersampler bench start --methods classifier --update docs/executors.md
+    """
+    from supersampler_bench.start import markdown_table, measure_start, start_record
+
+    tables = {"start": markdown_table}
+    check_page(update, tables)
+    names, render = listed(methods), parse_size(size)
+    with Progress(console=ERRORS, transient=True) as progress:
+        task = progress.add_task("starting", total=len(names) * (fresh + later))
+        results = measure_start(
+            names, render, fresh=fresh, later=later, on_start=lambda: progress.advance(task)
+        )
+    publish(start_record(results, render, 2.0), tables, json, update)
+
+
 def parts(
     methods: Annotated[
         str, typer.Argument(help="Methods of the family of `gbuffer`, with commas between.")

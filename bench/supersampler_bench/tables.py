@@ -20,6 +20,7 @@ from supersampler_bench import (
     render_speed,
     skip,
     speed,
+    start,
 )
 from supersampler_bench.pareto_hidden import hidden_table
 from supersampler_bench.record import Record, read_record
@@ -46,6 +47,7 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "render": render_speed.markdown_table,
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
+    "start": start.markdown_table,
 }
 """By the bench."""
 
