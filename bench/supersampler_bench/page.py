@@ -45,6 +45,7 @@ SECTIONS = (
     ),
     Section("drawn", "Colours that were drawn", "At render size, against the same samples, shaded."),
     Section("speed", "Speed", "A step on the processor, beside variance clipping (`taa`) in the same run."),
+    Section("start", "First picture", "From a program's first line, with kernels to compile, and later."),
     Section("device", "Devices", "A step of the graph, with frame and picture in the device's memory."),
     Section("skip", "Skipping", "What is saved where nothing moves, and what it costs."),
     Section("stress", "Stress", "Methods run for long and treated badly; what is out of its bound is bold."),

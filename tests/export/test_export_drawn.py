@@ -1,4 +1,4 @@
-"""`extrapolate` is exported as two graphs, checked against torch, which share a history in an Upscaler."""
+"""`extrapolate` is two graphs, which share a history in an Upscaler and draw what torch draws."""
 
 from pathlib import Path
 
@@ -10,9 +10,8 @@ from lit_scene import LitScene
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.graph_session import frame_inputs
-from supersampler.model_info import read_model_info
+from supersampler.model_info import find_model, read_model_info
 from supersampler_export import folder as folder_module
-from supersampler_export import parity
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
 from supersampler_export.half import in_half
@@ -22,6 +21,7 @@ from supersampler_model.methods.classifier import ClassifierConfig
 from supersampler_model.methods.extrapolate import DrawnExtrapolate, Extrapolate
 from supersampler_model.methods.guided_warp import GuidedWarp
 from supersampler_model.networks.classifier import NetworkConfig
+from supersampler_model.trained import load_trained, shipped_weights
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(
@@ -45,13 +45,8 @@ def method() -> Extrapolate:
 
 
 @pytest.fixture(scope="module")
-def folder(method: Extrapolate, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("models") / "mine"
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(parity, "SIZES", parity.SIZES[2:7])  # not as traced, nor large
-        patch.setattr(folder_module, "in_half", lambda _: None)  # two graphs less to trace
-        write_model_folder(method, path)
-    return path
+def shipped() -> Extrapolate:
+    return Extrapolate.of(load_trained(shipped_weights("extrapolate"))).eval()
 
 
 def frame(index: int, kind: str) -> Frame:
@@ -79,19 +74,18 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
 
 
 @pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuususu"])
-def test_upscalers_draw_what_torch_draws_however_frames_alternate(
-    method: Extrapolate, folder: Path, pattern: str
-) -> None:
-    model = Model.load(folder, threads=1, providers="cpu")
+def test_upscalers_draw_what_torch_draws_however_frames_alternate(shipped: Extrapolate, pattern: str) -> None:
+    model = Model.load("extrapolate", threads=1, providers="cpu")
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
-    for index, truth in enumerate(by_torch(method, pattern)):
+    for index, truth in enumerate(by_torch(shipped, pattern)):
         step = upscaler.step if pattern[index] == "s" else upscaler.extrapolate
         off = np.abs(step(frame(index, pattern[index])) - truth)
         assert np.quantile(off, 0.99) < 1e-3
         assert off.mean() < 1e-4
 
 
-def test_both_folders_say_what_they_are_and_have_one_history(folder: Path) -> None:
+def test_both_folders_say_what_they_are_and_have_one_history() -> None:
+    folder = find_model("extrapolate")
     outer, inner = read_model_info(folder), read_model_info(folder / "drawn")
     assert (outer.method, inner.method) == ("extrapolate", "extrapolate-drawn")
     assert (outer.drawn, inner.drawn) == (folder / "drawn", None)
@@ -116,6 +110,15 @@ def test_nothing_is_written_where_either_is_off(
     with pytest.raises(ExportError):
         write_model_folder(method, tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
+
+
+def test_each_is_written_to_its_own_folder(
+    method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(folder_module, "_made", lambda one, _: {"model.json": one.name.encode()})
+    write_model_folder(method, tmp_path / "mine")
+    written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
+    assert written == {"mine/model.json": "extrapolate", "mine/drawn/model.json": "extrapolate-drawn"}
 
 
 def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None:

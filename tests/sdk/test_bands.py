@@ -1,10 +1,15 @@
 """Work is shared out whole, to no more threads than there are, cut only where it may be."""
 
+import gc
+import threading
+import time
+
 import numpy as np
+import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler.host.bands import Bands, Box, shared
+from supersampler.host.bands import Bands, Box, Job, shared
 
 boxes_in_rows = st.lists(
     st.tuples(st.integers(1, 40), st.integers(1, 60), st.integers(0, 9)), min_size=1, max_size=12
@@ -45,3 +50,49 @@ def test_the_time_of_a_stage_is_noted_where_it_is_asked_for() -> None:
     bands.cover("draw", [Box(0, 4, 0, 4)], lambda *_: None)
     assert list(bands.seconds) == ["read", "draw"]
     bands.close()
+
+
+def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
+    bands, rows = Bands(2), []
+    first = Job([Box(0, 8, 0, 16)], lambda box, worker: rows.append(("first", box.y0, box.y1, worker)))
+    second = Job([Box(0, 3, 0, 1)], lambda box, worker: rows.append(("second", box.y0, box.y1, worker)))
+    bands.together("gather", first, second)
+    assert sorted(rows) == [("first", 0, 4, 0), ("first", 4, 8, 1), ("second", 0, 2, 0), ("second", 2, 3, 1)]
+    bands.close()
+
+
+@pytest.mark.parametrize("failing", [0, 1])
+def test_what_a_thread_raises_is_raised_after_all_are_done_and_the_next_work_is_done(failing: int) -> None:
+    bands, done = Bands(2), []
+
+    def work(y0: int, y1: int, worker: int) -> None:
+        if worker == failing:
+            raise MemoryError("no room")
+        time.sleep(0.01)
+        done.append((y0, y1))
+
+    with pytest.raises(MemoryError, match="no room"):
+        bands.run("read", 10, work)
+    assert len(done) == 1
+    bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1)))
+    assert sorted(done[1:]) == [(0, 5), (5, 10)]
+    bands.close()
+
+
+def test_threads_end_with_what_they_help() -> None:
+    before = set(threading.enumerate())
+    bands = Bands(3)
+    threads = set(threading.enumerate()) - before
+    assert len(threads) == 2
+    del bands
+    gc.collect()
+    for thread in threads:
+        thread.join(5.0)
+        assert not thread.is_alive()
+
+
+def test_stopped_threads_take_no_work() -> None:
+    bands = Bands(2)
+    bands.close()
+    with pytest.raises(RuntimeError, match="stopped"):
+        bands.run("read", 10, lambda *_: None)
