@@ -90,12 +90,15 @@ def measure_hidden(records: Sequence[Record], display: Size, *, threads: int, st
     """Time all that records have scores of, in turns; the fastest first.
 
     Args:
-        records: of `bench extrapolation --json` or `bench pareto --json`; of others nothing is taken.
+        records: of `bench extrapolation --json` or `bench pareto --json`; of others nothing is taken, and of
+            what several have, the last.
         display: (width, height) of the pictures that are timed.
         threads: of the processor.
         steps: that count, of each kind of frame.
     """
-    runners = [_Runner(scored, display, threads) for record in records for scored in hidden_of(record)]
+    scored = [hidden for record in records for hidden in hidden_of(record)]
+    latest = {(hidden.upscaler, hidden.model, hidden.ratio): hidden for hidden in scored}
+    runners = [_Runner(hidden, display, threads) for hidden in latest.values()]
     for _ in range(steps):
         for runner in runners:
             runner.step()
