@@ -45,7 +45,7 @@ def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() 
 
 
 def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
-    before = {"bench": "pareto", "hidden": hidden_rows(list(hidden_of(extrapolation())))}
+    before: dict[str, Any] = {"bench": "pareto", "hidden": hidden_rows(list(hidden_of(extrapolation())))}
     before["hidden"][0]["scores"]["psnr"] = 20.0
     measured = measure_hidden([before, extrapolation()], (48, 27), threads=1, steps=1)
     assert sorted((h.upscaler, h.scores["psnr"]) for h in measured) == [("taa:exact", 29.0), ("taau", 29.0)]
