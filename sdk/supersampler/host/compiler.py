@@ -187,7 +187,7 @@ def _offer_symbols() -> None:
 
 
 if __name__ == "__main__":
-    gc.disable()  # of all that the compiler makes nothing must be freed: the process ends
+    gc.disable()  # nothing that the compiler makes need be freed: the process ends
     for _name in sys.argv[1:]:
         if _kept(_name) is None:
             _compile(_name)
