@@ -13,7 +13,7 @@ from supersampler.host.kernels.classifier_compose import factor
 from supersampler.host.kernels.colors import logarithm
 from supersampler.host.memory import address
 from supersampler.host.shuffles import load_columns, load_columns4, load_columns8
-from supersampler.host.vector import dot4, load16, store
+from supersampler.host.vector import dot4, load16, permuted, store
 
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 
@@ -47,7 +47,7 @@ def test_the_logarithm_is_exact_to_single_precision() -> None:
 @pytest.mark.parametrize("portable", [False, True])
 def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
     if portable:
-        monkeypatch.setattr(vector, "_multiplies_bytes", lambda: False)
+        monkeypatch.setattr(vector, "_has", lambda _: False)
 
     def all_of(total: Any, unsigned: Any, signed: Any, made: Any) -> None:
         store(made, 0, dot4(load16(total, 0), load16(unsigned, 0), load16(signed, 0)))
@@ -60,6 +60,21 @@ def test_four_bytes_are_multiplied_and_added_exactly(portable: bool, monkeypatch
     total, made = random.integers(-1000, 1000, 16).astype(np.int32), np.zeros(16, np.int32)
     run(all_of, [WORDS] * 4, total, unsigned.astype(np.uint8), signed.astype(np.int8), made)
     np.testing.assert_array_equal(made, total + (unsigned * signed).reshape(16, 4).sum(axis=1))
+
+
+@pytest.mark.parametrize("portable", [False, True])
+def test_lanes_go_where_an_index_says(portable: bool, monkeypatch: pytest.MonkeyPatch) -> None:
+    if portable:
+        monkeypatch.setattr(vector, "_has", lambda _: False)
+
+    def all_of(given: Any, index: Any, made: Any) -> None:
+        store(made, 0, permuted(load16(given, 0), load16(index, 0)))
+
+    random = np.random.default_rng(2)
+    given, made = random.random(16, np.float32), np.zeros(16, np.float32)
+    index = random.integers(0, 16, 16).astype(np.int32)
+    run(all_of, [FLOATS, WORDS, FLOATS], given, index, made)
+    np.testing.assert_array_equal(made, given[index])
 
 
 @pytest.mark.parametrize(("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)])

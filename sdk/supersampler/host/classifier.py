@@ -90,7 +90,7 @@ class _Scratch:
         self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
         self.hidden = aligned((half_w, 4 * LANES), np.uint8)
         self.mixing = aligned((variant.outputs, half_w))
-        self.near, self.factors = aligned((LANES, LANES), np.int32), aligned((9, LANES))
+        self.columns = aligned((LANES, LANES), np.int32)
         self.out = aligned((LANES, 8))
 
 
@@ -283,7 +283,7 @@ class ClassifierHost(Host):
     ) -> None:
         """The last layers, and the picture that they make of what was gathered."""
         s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
-        (w, h), (big_w, big_h) = left.render, (v.x.display, v.y.display)
+        (_, h), (big_w, big_h) = left.render, (v.x.display, v.y.display)
         across, down = columns_of(v.x.window(self._window)), v.y.window(self._window)
         decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
         layers = (
@@ -292,8 +292,8 @@ class ClassifierHost(Host):
         )  # fmt: skip
         last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
         gathered = (
-            address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
-            read.stride, w, h, address(v.x.near), address(v.y.near), address(across), address(down),
+            address(left.classes), address(s.past), address(s.rest), s.width, address(read.planes),
+            read.planes.shape[2], h, address(v.x.near), address(v.y.near), address(across), address(down),
         )  # fmt: skip
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
@@ -307,7 +307,7 @@ class ClassifierHost(Host):
             self._finish(
                 *e.kept, address(e.pitches), seen, seen, decoder.weights, decoder.scale, decoder.bias,
                 decoded, decoded, *layers, said, said, *last, address(k.mixing),
-                *gathered, address(k.near), address(k.factors), address(k.out), *outputs, *box,
+                *gathered, address(k.columns), address(k.out), *outputs, *box,
             )  # fmt: skip
 
         self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)

@@ -37,6 +37,7 @@ class Samples:
         w, h = render
         self.stride = stride = up_to(w, LANES)
         self.color = aligned((h, stride, LANES))
+        self.planes = aligned((h, 4, stride + 2 * PAD))
         self.depths, self.across, self.down, self.eroded = aligned((4, h, stride + 2 * PAD))
         self.front, self.own = aligned((2, h, stride, 4))
 
@@ -115,13 +116,14 @@ class Reader:
         """Tone the samples; find what is in front."""
         (h, w), stride = planes.depth.shape, to.stride
         inputs = [address(plane) for plane in planes]
-        color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
+        color, apart = address(to.color), address(to.planes)
+        depths, across, down = (address(plane) for plane in (to.depths, to.across, to.down))
         found = [address(plane) for plane in (to.front, to.own, to.eroded)]
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
             more = max(y0 - 1, 0), min(y1 + 1, h)
-            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down)
+            self._prepare(*inputs, exposure, w, stride, *more, color, apart, depths, across, down)
             self._closest(depths, across, down, w, h, stride, y0, y1, *found)
 
         self._bands.run("read", h, read)

@@ -15,7 +15,7 @@ from supersampler.host.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING
-from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
@@ -62,7 +62,7 @@ class _Space(View):
             (
                 np.zeros((stride, LANES), np.float32),
                 np.zeros((width, LANES), np.float32),
-                np.zeros((width, 4), np.float32),
+                np.zeros((4, stride + 2 * PAD + LANES), np.float32),
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
                 np.zeros((LANES, 8), np.float32),
@@ -198,11 +198,12 @@ class TaauHost(Host):
             ],
             np.float32,
         )  # fmt: skip
-        near_x, near_y = s.x.weights(self._near, scaled=True), s.y.weights(self._near, scaled=True)
+        near_x = columns_of(s.x.weights(self._near, scaled=True))
+        near_y = s.y.weights(self._near, scaled=True)
         inputs = (
-            address(read.color), address(read.front), address(left.surface), read.stride,
+            *(address(a) for a in (read.color, read.planes, read.front, left.surface)), read.stride,
             address(past.pixels), address(past.surface), past.surface.shape[1],
-            *(address(a) for a in (s.y.samples, s.down, near_y, s.x.samples, s.across, near_x)),
+            *(address(a) for a in (s.y.samples, s.down, near_y, s.x.samples, s.across, s.x.start, near_x)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip

@@ -27,15 +27,16 @@ class Axis:
     """How the display pixels of one axis look at the samples of a frame.
 
     Attributes:
-        near: nearest sample of each pixel; like `first` in whole LANES.
-        first: the one at or before where it looks.
+        near: nearest sample of each pixel; like `start` and `first` in whole LANES.
+        start: the one at or before where it looks, -1 at first where that is before the first.
+        first: the same, or the first.
         samples: (n, 4) the four around.
     """
 
     def __init__(self, display: int, render: int) -> None:
         self.display, self.render = display, render
         padded = up_to(display, LANES)
-        self.near, self.first = np.zeros(padded, np.int32), np.zeros(padded, np.int32)
+        self.near, self.start, self.first = np.zeros((3, padded), np.int32)
         self.samples = np.zeros((display, 4), np.int32)
         self._pixel = np.arange(display, dtype=np.float32)
         self._position = self._pixel
@@ -48,6 +49,7 @@ class Axis:
         position -= np.float32(jitter)
         first = np.floor(position)
         self.near[: self.display] = self._inside(np.floor(position + half))
+        self.start[: self.display] = first
         self.first[: self.display] = self._inside(first)
         samples = (first - 1)[:, None] + np.arange(4, dtype=np.float32)
         self.samples[:] = self._inside(samples)

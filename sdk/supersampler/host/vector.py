@@ -275,7 +275,7 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
     """Add to each i32 lane four products of unsigned with signed bytes; one instruction with AVX-512 VNNI."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        if _multiplies_bytes():
+        if _has("avx512vnni"):
             kind = ir.FunctionType(total.llvm, [total.llvm] * 3)
             name = "llvm.x86.avx512.vpdpbusd.512"
             return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
@@ -292,11 +292,31 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
     return total(total, bytes_, signed), make
 
 
-def _multiplies_bytes() -> bool:
+@intrinsic
+def permuted(_: Any, vector: Any, index: Any) -> Any:
+    """Sixteen f32 lanes, each from where `index`, i32 of 0 to 15, says; one instruction with AVX-512."""
+
+    def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
+        if _has("avx512f"):
+            kind = ir.FunctionType(vector.llvm, [vector.llvm, index.llvm])
+            name = "llvm.x86.avx512.permvar.sf.512"
+            return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
+        found = ir.Constant(vector.llvm, ir.Undefined)
+        for lane in range(vector.lanes):
+            at = ir.Constant(_I32, lane)
+            there = builder.and_(builder.extract_element(args[1], at), ir.Constant(_I32, vector.lanes - 1))
+            found = builder.insert_element(found, builder.extract_element(args[0], there), at)
+        return found
+
+    return vector(vector, index), make
+
+
+def _has(feature: str) -> bool:
+    """Whether the processor that is compiled for has it."""
     features = config.CPU_FEATURES
     if features is None:
         features = llvm.get_host_cpu_features().flatten()
-    return "+avx512vnni" in features.split(",")
+    return f"+{feature}" in features.split(",")
 
 
 @intrinsic(prefer_literal=True)

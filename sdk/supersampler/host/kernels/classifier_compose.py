@@ -22,12 +22,11 @@ from supersampler.host.kernels.colors import (
     rgb,
     ycocg,
 )
-from supersampler.host.layout import PAST
+from supersampler.host.kernels.warp import tap
+from supersampler.host.layout import PAD, PAST
 from supersampler.host.shuffles import (
     first_third,
-    joined,
     last_third,
-    load_columns4,
     rows8,
     second_third,
     shifted_in,
@@ -37,9 +36,8 @@ from supersampler.host.shuffles import (
 from supersampler.host.variant import Variant
 from supersampler.host.vector import (
     absolute,
+    bits_of,
     float_of,
-    floor,
-    load4,
     load8,
     load16,
     maximum,
@@ -50,10 +48,10 @@ from supersampler.host.vector import (
     spread16,
     store,
     stream,
-    to_int,
 )
 
 SIDE, SHARPEST = 0.01, 2.0
+ROUNDS = 12582912.0  # added to a number, leaves it rounded, in the last bits
 HALVES = 32  # of a line of the caches
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
 
@@ -62,10 +60,10 @@ STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
 def factor(value):
     """e^x, to 1e-5 of it: steps of bytes are larger."""
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
-    past_planes = floor(x + 0.5)
-    f = x - past_planes
+    rounded = x + ROUNDS
+    f = x - (rounded - ROUNDS)
     p = (((f * 9.58285e-3 + 5.590642e-2) * f + 2.4024099e-1) * f + 6.9312419e-1) * f + 1.0
-    return p * float_of((to_int(past_planes) + np.int32(127)) << np.int32(23))
+    return float_of(bits_of(p) + (bits_of(rounded) << np.int32(23)))
 
 
 @inner
@@ -113,47 +111,6 @@ def three(planes, at):
 
 
 @inner
-def kernel_at(samples, a, b, c, near, factors, i):
-    """Sums of a pixel's 3x3 samples, of rows a, b and c, by learned weights: colours, and weights."""
-    j, k, m = near[i], near[16 + i], near[32 + i]
-    upper = load4(samples, a + j) * factors[i] + load4(samples, a + k) * factors[16 + i]
-    upper = upper + load4(samples, a + m) * factors[32 + i]
-    middle = load4(samples, b + j) * factors[48 + i] + load4(samples, b + k) * factors[64 + i]
-    middle = middle + load4(samples, b + m) * factors[80 + i]
-    lower = load4(samples, c + j) * factors[96 + i] + load4(samples, c + k) * factors[112 + i]
-    lower = lower + load4(samples, c + m) * factors[128 + i]
-    return upper + middle + lower
-
-
-@inner
-def four_kernels(samples, a, b, c, near, factors, i):
-    """Those of four pixels."""
-    first = joined(
-        kernel_at(samples, a, b, c, near, factors, i), kernel_at(samples, a, b, c, near, factors, i + 1)
-    )
-    second = joined(
-        kernel_at(samples, a, b, c, near, factors, i + 2), kernel_at(samples, a, b, c, near, factors, i + 3)
-    )
-    return joined(first, second)
-
-
-@inner
-def kernel_of(samples, stride, w, h, row, columns_near, x, near, factors, out):
-    """Those of sixteen pixels, as four vectors; near and out are scratch."""
-    column = load16(columns_near, x)
-    for k in range(3):
-        inside = minimum(maximum(column + np.int32(k - 1), np.int32(0)), np.int32(w - 1))
-        store(near, 16 * k, inside * np.int32(16))
-    a = max(row - 1, 0) * stride * 16
-    b, c = row * stride * 16, min(row + 1, h - 1) * stride * 16
-    after = c + near[47]  # the last pixel's lower right
-    for i in range(16):
-        prefetch(samples, after + 16 * i)
-        store(out, 4 * i, kernel_at(samples, a, b, c, near, factors, i))
-    return load_columns4(out, 0)
-
-
-@inner
 def added(sums, weight, color):
     """Sums of weighted colours and of the weights."""
     r, g, b, total = sums
@@ -169,8 +126,8 @@ def make_compose_row(variant: Variant):
 
     @inner
     def compose_row(
-        y, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near, row_near,
-        across, down, near, factors, out, big_w, big_h, exposure, most_samples, contraction, history, image,
+        y, mixing, mixing_pitch, past_planes, rest, width, frame_planes, wide, h, columns_near, row_near,
+        across, down, out, big_w, big_h, exposure, most_samples, contraction, history, image,
         weight, tells, streams, x0, x1,
     ):  # fmt: skip
         """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
@@ -225,11 +182,15 @@ def make_compose_row(variant: Variant):
                 past = added(past, other * factor(said(mixing, mixing_pitch, number, numbers, pixels)), moved)
             kept = past[3]
             # this frame
+            first = columns_near[x]
+            index = load16(columns_near, x) - np.int32(first)
+            q = zero, zero, zero, zero
             for k in range(9):
                 begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
                 number = m + kernel + k
-                store(factors, 16 * k, begun * factor(said(mixing, mixing_pitch, number, numbers, pixels)))
-            q = kernel_of(samples, stride, w, h, row_near, columns_near, x, near, factors, out)
+                weigh = begun * factor(said(mixing, mixing_pitch, number, numbers, pixels))
+                row = min(max(row_near + k // 3 - 1, 0), h - 1)
+                q = tap(frame_planes, 4 * row * wide + PAD + first + k % 3 - 1, wide, index, weigh, q)
             frame = three(rest, half + 16 * FRAME)
             some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
             filtered = (

@@ -102,15 +102,15 @@ def make_finish_rows(*parts: str):
         hidden_scale: Floats, hidden_bias: Floats, hidden: Bytes, hidden_words: Words, logits: int,
         logits_scale: float, mixing_words: int, mixing_weights: Words, mixing_scale: Floats,
         mixing_bias: Floats, mixing: Floats, classes: Words, past_planes: Floats, rest: Halves, width: int,
-        samples: Floats, stride: int, w: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
-        down: Floats, near: Words, factors: Floats, out: Floats, big_w: int, big_h: int, exposure: float,
+        frame_planes: Floats, wide: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
+        down: Floats, columns: Words, out: Floats, big_w: int, big_h: int, exposure: float,
         most_samples: float, contraction: float, history: Floats, image: Floats, weight: Floats, tells: int,
         streams: int, y0: int, y1: int, p0: int, p1: int,
     ):  # fmt: skip
         """Decode, compose and remember packed rows y0 to y1, packed pixels p0 to p1.
 
-        kept0 to kept3: what the levels gave; read, decoded, hidden (each also as words), mixing, near,
-        factors, out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
+        kept0 to kept3: what the levels gave; read, decoded, hidden (each also as words), mixing,
+        columns, out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
         """
         half_w = (big_w + 1) // 2
         mixing_pitch = (half_w + 15) // 16 * 16
@@ -126,12 +126,12 @@ def make_finish_rows(*parts: str):
             )  # fmt: skip
             mix_row(
                 hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, outputs, p0, p1,
-                mixing_pitch, near, mixing, logits, logits_scale, classes, 8 * y * half_w,
+                mixing_pitch, columns, mixing, logits, logits_scale, classes, 8 * y * half_w,
             )  # fmt: skip
             for row in range(2 * y, min(2 * y + 2, big_h)):
                 compose_row(
-                    row, mixing, mixing_pitch, past_planes, rest, width, samples, stride, w, h, columns_near,
-                    rows_near[row], across, down, near, factors, out, big_w, big_h, exposure, most_samples,
+                    row, mixing, mixing_pitch, past_planes, rest, width, frame_planes, wide, h, columns_near,
+                    rows_near[row], across, down, out, big_w, big_h, exposure, most_samples,
                     contraction, history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
                 )  # fmt: skip
 

@@ -18,8 +18,9 @@ from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import (
     aim,
     around,
+    filter_across,
+    filter_down,
     filter_row,
-    filter_row4,
     followed,
     hidden,
     mean_of,
@@ -27,7 +28,15 @@ from supersampler.host.kernels.warp import (
     warp5,
 )
 from supersampler.host.layout import PAD, TAAU_PIXEL
-from supersampler.host.shuffles import gather4, load_columns, load_columns4, load_columns8, transposed
+from supersampler.host.shuffles import (
+    first_third,
+    gather4,
+    last_third,
+    load_columns,
+    load_columns8,
+    rows8,
+    second_third,
+)
 from supersampler.host.vector import (
     absolute,
     floor,
@@ -94,9 +103,9 @@ def shade(
 
 
 @inner
-def present_of(filtered, near, x, sharpness):
+def present_of(filtered, q, x, sharpness):
     """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
-    p, q = load_columns(filtered, 16 * x), load_columns4(near, 4 * x)
+    p = load_columns(filtered, 16 * x)
     a, b = 1.0 / maximum(p[3], 1e-6), 1.0 / maximum(p[7], 1e-6)
     sharp = select(p[7] > 0.9, sharpness, p[3] * 0.0)
     r, g, e = p[0] * a, p[1] * a, p[2] * a
@@ -177,18 +186,18 @@ def mixed(a, b, share):
 
 
 def step_rows(
-    samples: Floats, front: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
-    old_wide: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
-    column_weights: Floats, column_near: Floats, lefts: Words, columns_near: Words, tops: Words,
-    rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats, filtered: Floats,
-    near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
-    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+    samples: Floats, planes: Floats, front: Floats, surface: Floats, stride: int, history: Floats,
+    before: Floats, old_wide: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
+    column_weights: Floats, starts: Words, column_near: Floats, lefts: Words, columns_near: Words,
+    tops: Words, rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats,
+    filtered: Floats, near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats,
+    image: Floats, weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
     """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
 
-    samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history (H, W,
-    TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image, weight
-    (where `tells`): what comes out.
+    samples, planes, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history
+    (H, W, TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image,
+    weight (where `tells`): what comes out.
     """
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
@@ -196,7 +205,7 @@ def step_rows(
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         filter_row(samples, rows, row_weights, columns, column_weights, line, stride, x0, x1, y, filtered)
-        filter_row4(samples, rows, row_near, columns, column_near, line, stride, x0, x1, y, near)
+        filter_down(planes, wide, rows, row_near, y, near)
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
@@ -225,8 +234,9 @@ def step_rows(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
             tx, ty = px - floor(px), py - floor(py)
+            sample = filter_across(near, wide, starts, column_near, width, x)
             color, count, power, kept = blend(
-                numbers, present_of(filtered, near, x, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
+                numbers, present_of(filtered, sample, x, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
                 same, 1.0 - changed, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
@@ -234,15 +244,18 @@ def step_rows(
                 store(weight, y * width + x, kept)
             zero = power * 0.0
             r, g, b = color
-            columns_ = transposed((
-                r, g, b, count, power, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
-            ))  # fmt: skip
-            for i in range(16):
-                store(out, 16 * i, columns_[i])
+            pairs = rows8((r, g, b, count, power, zero, zero, zero))
+            for i in range(8):
+                store(out, 16 * i, pairs[i])
+            pixel = y * big_w + x
             for i in range(min(16, x1 - x)):
-                pixel = y * big_w + x + i
-                store(left, TAAU_PIXEL * pixel, load4(out, 16 * i))
-                left[TAAU_PIXEL * pixel + 4] = out[16 * i + 4]
-                image[3 * pixel] = out[16 * i]
-                image[3 * pixel + 1] = out[16 * i + 1]
-                image[3 * pixel + 2] = out[16 * i + 2]
+                store(left, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
+                left[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]
+            if x1 - x >= 16:
+                store(image, 3 * pixel, first_third(r, g, b))
+                store(image, 3 * pixel + 16, second_third(r, g, b))
+                store(image, 3 * pixel + 32, last_third(r, g, b))
+            else:
+                for i in range(x1 - x):
+                    for c in range(3):
+                        image[3 * (pixel + i) + c] = out[8 * i + c]

@@ -13,6 +13,7 @@ from supersampler.host.vector import (
     load16,
     maximum,
     minimum,
+    permuted,
     prefetch,
     select,
     store,
@@ -47,18 +48,40 @@ def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, ou
 
 
 @inner
-def filter_row4(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
-    """The same of the first four channels: down (H, 4), across (W, 4), line (stride, 4), out (W, 4)."""
-    for x in range(columns[4 * x0], columns[4 * x1 - 1] + 1):
-        total = load4(samples, 16 * (rows[4 * y] * stride + x)) * down[4 * y]
-        for k in range(1, 4):
-            total = total + load4(samples, 16 * (rows[4 * y + k] * stride + x)) * down[4 * y + k]
-        store(line, 4 * x, total)
-    for x in range(x0, x1):
-        total = load4(line, 4 * columns[4 * x]) * across[4 * x]
-        for k in range(1, 4):
-            total = total + load4(line, 4 * columns[4 * x + k]) * across[4 * x + k]
-        store(out, 4 * x, total)
+def tap(planes, at, wide, index, weight, sums):
+    """Add a sample for each of sixteen pixels, `index` from `at` on: its colour, weighted, and the weight."""
+    r, g, b, total = sums
+    r = r + permuted(load16(planes, at), index) * weight
+    g = g + permuted(load16(planes, at + wide), index) * weight
+    b = b + permuted(load16(planes, at + 2 * wide), index) * weight
+    return r, g, b, total + permuted(load16(planes, at + 3 * wide), index) * weight
+
+
+@inner
+def filter_down(planes, wide, rows, down, y, line):
+    """Sum the four rows of planes (h, 4, wide) that display row y looks at: line (4, wide)."""
+    a, b = 4 * rows[4 * y] * wide, 4 * rows[4 * y + 1] * wide
+    c, d = 4 * rows[4 * y + 2] * wide, 4 * rows[4 * y + 3] * wide
+    u, v, w, z = down[4 * y], down[4 * y + 1], down[4 * y + 2], down[4 * y + 3]
+    for x in range(0, 4 * wide, 16):
+        upper = load16(planes, a + x) * u + load16(planes, b + x) * v
+        store(line, x, upper + load16(planes, c + x) * w + load16(planes, d + x) * z)
+
+
+@inner
+def filter_across(line, wide, before, across, width, x):
+    """Sum four of a line's samples for each of sixteen pixels from x on: four vectors.
+
+    before (W,) says which sample is at or before where a pixel looks, across (4, W) with what weights those
+    around count.
+    """
+    first = before[x]
+    index = load16(before, x) - np.int32(first)
+    none = load16(line, 0) * 0.0
+    sums = none, none, none, none
+    for k in range(4):
+        sums = tap(line, PAD + first + k - 1, wide, index, load16(across, k * width + x), sums)
+    return sums
 
 
 @inner
