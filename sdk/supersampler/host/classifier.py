@@ -51,14 +51,6 @@ class ClassifierHistory:
     exposure: float = 0.0
 
 
-class _View(View):
-    """With rows that each thread filters samples in."""
-
-    def __init__(self, render: Size, display: Size, threads: int) -> None:
-        super().__init__(render, display)
-        self.lines = aligned((threads, self.samples.stride, LANES))
-
-
 class _Space:
     """Buffers for displays of one size."""
 
@@ -79,7 +71,6 @@ class _Scratch:
 
     def __init__(self, space: _Space, variant: Variant) -> None:
         width, half_w = space.width, space.half[0] + LANES
-        self.filtered = aligned((width, LANES))
         self.ring = aligned((3, width + 2 * PAD))
         self.slots, self.weights = aligned((12, LANES), np.int32), aligned((12, LANES))
         self.warped = aligned((LANES, LANES))
@@ -122,7 +113,7 @@ class ClassifierHost(Host):
             kernels[name] for name in (gather, *others, finish)
         )
         self._spaces = Workspaces(lambda display: _Space(self, display))
-        self._views = Workspaces(lambda render, display: _View(render, display, bands.threads))
+        self._views = Workspaces(lambda render, display: self._view(render, display))
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:
         """See `Executor`."""
@@ -169,7 +160,7 @@ class ClassifierHost(Host):
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = (_Space(self, display), _View(render, display, self.bands.threads))
+        space = (_Space(self, display), self._view(render, display))
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
@@ -198,6 +189,9 @@ class ClassifierHost(Host):
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
+    def _view(self, render: Size, display: Size) -> View:
+        return View(render, display, self._filters, self.bands.threads)
+
     def _draw(
         self,
         planes: Planes,
@@ -212,14 +206,14 @@ class ClassifierHost(Host):
         exposure = self._reader.exposure(frame, planes.color, past.exposure)
         left.jitter, left.exposure = frame.jitter, exposure
         with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
-            view.look(frame.jitter, self._filters)
+            view.look(frame.jitter)
             self._reader.read(planes, exposure, view.samples)
             self._gather_all(space, view, past, left, tiles)
             self._encode(space, tiles)
             self._compose(space, view, left, image, weight, tiles)
 
     def _gather_all(
-        self, space: _Space, view: _View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
+        self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
     ) -> None:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
         s, c, v, read = space, self._config, view, view.samples
@@ -234,7 +228,7 @@ class ClassifierHost(Host):
         inputs = (
             address(read.color), address(read.front), address(read.own), read.stride,
             address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
-            *(address(a) for a in (v.y.samples, v.down, v.x.samples, v.across)),
+            *(address(a) for a in (v.y.samples, v.down, v.x.start, v.across)),
             *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip
@@ -246,7 +240,7 @@ class ClassifierHost(Host):
         def gather(box: Box, worker: int) -> None:
             k = s.scratch[worker]
             own = (
-                v.lines[worker], k.filtered, k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart,
+                v.lines[worker], k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart,
             )  # fmt: skip
             self._gather(*inputs, *box, *(address(a) for a in own), *outputs)
 
@@ -275,7 +269,7 @@ class ClassifierHost(Host):
     def _compose(
         self,
         space: _Space,
-        view: _View,
+        view: View,
         left: ClassifierHistory,
         image: Float32,
         weight: Weight,
@@ -292,8 +286,8 @@ class ClassifierHost(Host):
         )  # fmt: skip
         last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
         gathered = (
-            address(left.classes), address(s.past), address(s.rest), s.width, address(read.planes),
-            read.planes.shape[2], h, address(v.x.near), address(v.y.near), address(across), address(down),
+            address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
+            read.wide, h, address(v.x.near), address(v.y.near), address(across), address(down),
         )  # fmt: skip
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),

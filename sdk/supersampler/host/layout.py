@@ -9,6 +9,12 @@ TILE = 32
 SAMPLES = 16
 """Samples of a side of the tiles that a frame is compared in with what it was."""
 
+SAMPLED = 10
+"""Planes of a row of samples: red, green, blue, usable; YCoCg and its squares."""
+FILTERED = 16
+"""Lines that filters make of them: four of the first, four of a second; YCoCg, its squares and usable of a
+third; one of none."""
+
 TAA_PIXEL = 3
 """Values of a pixel that go from frame to frame: linear RGB."""
 TAA_PLANES = 5

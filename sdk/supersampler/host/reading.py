@@ -10,7 +10,7 @@ from supersampler.display import EXPOSURE_KEY, adapted_exposure
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.compiler import Call
-from supersampler.host.layout import LANES, PAD
+from supersampler.host.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.host.memory import address, aligned
 from supersampler.host.tables import Axis, Filter, up_to
 
@@ -36,31 +36,42 @@ class Samples:
     def __init__(self, render: Size) -> None:
         w, h = render
         self.stride = stride = up_to(w, LANES)
-        self.color = aligned((h, stride, LANES))
-        self.planes = aligned((h, 4, stride + 2 * PAD))
-        self.depths, self.across, self.down, self.eroded = aligned((4, h, stride + 2 * PAD))
+        self.wide = stride + 2 * PAD
+        self.color = aligned((h, SAMPLED, self.wide))
+        self.depths, self.across, self.down, self.eroded = aligned((4, h, self.wide))
         self.front, self.own = aligned((2, h, stride, 4))
 
 
 class View:
     """How a display looks at frames of one size, and their samples.
 
+    Args:
+        render, display: sizes.
+        filters: of samples.
+        threads: that filter.
+
     Attributes:
         x, y: its axes.
-        across, down: (W, 4, 4) and (H, 4, 4) weights of the samples around, of up to three filters each.
+        down: (filters, H, 4) weights of the samples around, by row.
+        across: (4 * filters, W) the same by column, in whole LANES.
+        lines: that each thread filters in, FILTERED and four more.
         samples: of the frame that is looked at.
     """
 
-    def __init__(self, render: Size, display: Size) -> None:
+    def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
-        self.across, self.down = (aligned((n, 4, 4)) for n in display)
+        self._filters, width = filters, up_to(display[0], LANES)
+        self.down, self.across = aligned((len(filters), display[1], 4)), aligned((4 * len(filters), width))
         self.samples = Samples(render)
+        self.lines = aligned((threads, (FILTERED + 4) * self.samples.wide + LANES))
 
-    def look(self, jitter: tuple[float, float], filters: Sequence[Filter]) -> None:
+    def look(self, jitter: tuple[float, float]) -> None:
         """Look at a frame with this jitter."""
-        for axis, weights, offset in zip((self.x, self.y), (self.across, self.down), jitter, strict=True):
+        for axis, offset in zip((self.x, self.y), jitter, strict=True):
             axis.look(offset)
-            axis.fill(weights, filters)
+        for i, (kernel, scaled) in enumerate(self._filters):
+            self.down[i] = self.y.weights(kernel, scaled=scaled)
+            self.across[4 * i : 4 * i + 4, : self.x.display] = self.x.weights(kernel, scaled=scaled).T
 
 
 class Weight:
@@ -116,14 +127,13 @@ class Reader:
         """Tone the samples; find what is in front."""
         (h, w), stride = planes.depth.shape, to.stride
         inputs = [address(plane) for plane in planes]
-        color, apart = address(to.color), address(to.planes)
-        depths, across, down = (address(plane) for plane in (to.depths, to.across, to.down))
+        color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
         found = [address(plane) for plane in (to.front, to.own, to.eroded)]
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
             more = max(y0 - 1, 0), min(y1 + 1, h)
-            self._prepare(*inputs, exposure, w, stride, *more, color, apart, depths, across, down)
+            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down)
             self._closest(depths, across, down, w, h, stride, y0, y1, *found)
 
         self._bands.run("read", h, read)

@@ -94,13 +94,6 @@ def transposed(rows: Any) -> Any:
 
 
 @inner
-def load_thrice(pointer: Any, index: int) -> Any:
-    """Three values in sixteen lanes: in four, in four, and in the rest."""
-    values = load4(pointer, index)
-    return _fours(values, values)
-
-
-@inner
 def load_columns(pointer: Any, index: int) -> Any:
     """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
     p = pointer

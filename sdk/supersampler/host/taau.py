@@ -1,6 +1,6 @@
 """`taau` on a processor, in one pass over the display."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -15,7 +15,7 @@ from supersampler.host.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING
-from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
+from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
@@ -51,24 +51,21 @@ class TaauHistory:
 
 
 class _Space(View):
-    """Buffers for frames of one size; `scratch`: rows that one thread works on."""
+    """Buffers for frames of one size; `scratch`: what one thread works on."""
 
-    def __init__(self, render: Size, display: Size, threads: int) -> None:
-        super().__init__(render, display)
-        self.width = width = up_to(display[0], LANES)
-        stride = self.samples.stride
-        self.lines = np.zeros((threads, 3, stride + 2 * PAD), np.float32)
+    def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
+        super().__init__(render, display, filters, threads)
+        self.width = up_to(display[0], LANES)
+        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
         self.scratch = [
             (
-                np.zeros((stride, LANES), np.float32),
-                np.zeros((width, LANES), np.float32),
-                np.zeros((4, stride + 2 * PAD + LANES), np.float32),
+                self.lines[worker],
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
                 np.zeros((LANES, 8), np.float32),
-                np.zeros((LANES, LANES), np.float32),
+                np.zeros((LANES, 8), np.float32),
             )
-            for _ in range(threads)
+            for worker in range(threads)
         ]
 
 
@@ -90,10 +87,10 @@ class TaauHost(Host):
             Filter(gaussian(c["frame_sigma"]), False),
             Filter(catmull_rom, False),
             Filter(gaussian(c["moment_sigma"]), False),
+            Filter(gaussian(c["sample_sigma"]), True),
         ]
-        self._near = gaussian(c["sample_sigma"])
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
-        self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
+        self._spaces = Workspaces(lambda render, display: self._space(render, display))
 
     def zeros(self, display: Size, render: Size) -> TaauHistory:
         """See `Executor`."""
@@ -126,7 +123,7 @@ class TaauHost(Host):
             exposure = self._reader.exposure(frame, planes.color, past.exposure)
             left.jitter, left.exposure = frame.jitter, exposure
             with self._spaces.borrow(frame.size, display) as space:
-                space.look(frame.jitter, self._filters)
+                space.look(frame.jitter)
                 self._reader.read(planes, exposure, space.samples)
                 self._leave(space, left)
                 self._draw(space, past, left, image, weight, tiles)
@@ -142,7 +139,7 @@ class TaauHost(Host):
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = _Space(render, display, self.bands.threads)
+        space = self._space(render, display)
         working = held_bytes(space) + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
@@ -167,6 +164,9 @@ class TaauHost(Host):
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
+    def _space(self, render: Size, display: Size) -> _Space:
+        return _Space(render, display, self._filters, self.bands.threads)
+
     def _leave(self, space: _Space, left: TaauHistory) -> None:
         """What the next frame wants to know of this one's surfaces."""
         read, (w, h) = space.samples, left.render
@@ -175,7 +175,7 @@ class TaauHost(Host):
             "read",
             h,
             lambda y0, y1, worker: self._shade(
-                color, eroded, w, h, read.stride, y0, y1, address(space.lines[worker]), to
+                color, eroded, w, h, read.stride, y0, y1, address(space.shades[worker]), to
             ),
         )
 
@@ -198,12 +198,10 @@ class TaauHost(Host):
             ],
             np.float32,
         )  # fmt: skip
-        near_x = columns_of(s.x.weights(self._near, scaled=True))
-        near_y = s.y.weights(self._near, scaled=True)
         inputs = (
-            *(address(a) for a in (read.color, read.planes, read.front, left.surface)), read.stride,
+            *(address(a) for a in (read.color, read.front, left.surface)), read.stride,
             address(past.pixels), address(past.surface), past.surface.shape[1],
-            *(address(a) for a in (s.y.samples, s.down, near_y, s.x.samples, s.across, s.x.start, near_x)),
+            *(address(a) for a in (s.y.samples, s.down, s.x.start, s.across)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip

@@ -3,7 +3,7 @@
 Twins of `supersampler_model.sampling.positions`, `nearest` and `taps`, in the same single precision.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -59,11 +59,6 @@ class Axis:
         """(n, 4) of the samples around; `scaled`: the kernel is one of display pixels."""
         scale = np.float32(self.display / self.render if scaled else 1.0)
         return kernel(self._distance * scale)
-
-    def fill(self, weights: Float32, filters: Sequence[Filter]) -> None:
-        """The same of several filters, (n, 4, at least as many)."""
-        for i, (kernel, scaled) in enumerate(filters):
-            weights[:, :, i] = self.weights(kernel, scaled=scaled)
 
     def window(self, kernel: Kernel) -> Float32:
         """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""

@@ -22,8 +22,8 @@ from supersampler.host.kernels.colors import (
     rgb,
     ycocg,
 )
-from supersampler.host.kernels.warp import tap
-from supersampler.host.layout import PAD, PAST
+from supersampler.host.kernels.filters import tap
+from supersampler.host.layout import PAD, PAST, SAMPLED
 from supersampler.host.shuffles import (
     first_third,
     last_third,
@@ -126,7 +126,7 @@ def make_compose_row(variant: Variant):
 
     @inner
     def compose_row(
-        y, mixing, mixing_pitch, past_planes, rest, width, frame_planes, wide, h, columns_near, row_near,
+        y, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near, row_near,
         across, down, out, big_w, big_h, exposure, most_samples, contraction, history, image,
         weight, tells, streams, x0, x1,
     ):  # fmt: skip
@@ -190,7 +190,8 @@ def make_compose_row(variant: Variant):
                 number = m + kernel + k
                 weigh = begun * factor(said(mixing, mixing_pitch, number, numbers, pixels))
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
-                q = tap(frame_planes, 4 * row * wide + PAD + first + k % 3 - 1, wide, index, weigh, q)
+                at_row = SAMPLED * row * wide + PAD + first
+                q = tap(samples, at_row + k % 3 - 1, wide, index, weigh, q)
             frame = three(rest, half + 16 * FRAME)
             some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
             filtered = (

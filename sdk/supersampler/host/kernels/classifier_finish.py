@@ -102,7 +102,7 @@ def make_finish_rows(*parts: str):
         hidden_scale: Floats, hidden_bias: Floats, hidden: Bytes, hidden_words: Words, logits: int,
         logits_scale: float, mixing_words: int, mixing_weights: Words, mixing_scale: Floats,
         mixing_bias: Floats, mixing: Floats, classes: Words, past_planes: Floats, rest: Halves, width: int,
-        frame_planes: Floats, wide: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
+        samples: Floats, wide: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
         down: Floats, columns: Words, out: Floats, big_w: int, big_h: int, exposure: float,
         most_samples: float, contraction: float, history: Floats, image: Floats, weight: Floats, tells: int,
         streams: int, y0: int, y1: int, p0: int, p1: int,
@@ -130,7 +130,7 @@ def make_finish_rows(*parts: str):
             )  # fmt: skip
             for row in range(2 * y, min(2 * y + 2, big_h)):
                 compose_row(
-                    row, mixing, mixing_pitch, past_planes, rest, width, frame_planes, wide, h, columns_near,
+                    row, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near,
                     rows_near[row], across, down, out, big_w, big_h, exposure, most_samples,
                     contraction, history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
                 )  # fmt: skip

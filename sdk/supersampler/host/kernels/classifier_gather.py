@@ -18,13 +18,13 @@ from supersampler.host.kernels.colors import (
     root,
     toned,
 )
+from supersampler.host.kernels.filters import filter_all_across, filter_all_down
 from supersampler.host.kernels.frame import repeat_ends
 from supersampler.host.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.host.kernels.warp import (
     aim,
     aim_own,
     around,
-    filter_row,
     followed,
     hidden,
     on_screen,
@@ -95,9 +95,8 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
 
 
 @inner
-def present_of(filtered, at, gamma):
+def present_of(p, gamma):
     """This frame at sixteen pixels, from sums of samples: see `Present`."""
-    p = load_columns(filtered, at)
     scale = 1.0 / maximum(p[3], 1e-6)
     sample = (
         clamped(p[0] * scale, 0.0, TONED),
@@ -149,9 +148,9 @@ def make_gather_rows(*parts: str):
 
     def gather_rows(
         samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
-        old_wide: int, rows: Words, row_weights: Floats, columns: Words, column_weights: Floats,
+        old_wide: int, rows: Words, down: Floats, starts: Words, across: Floats,
         lefts: Words, columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int,
-        big_h: int, width: int, y0: int, y1: int, x0: int, x1: int, line: Floats, filtered: Floats,
+        big_h: int, width: int, y0: int, y1: int, x0: int, x1: int, line: Floats,
         ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats, seen: Bytes,
         apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes, half_row: int, records: Words,
         half_stride: int, means: Floats,
@@ -170,9 +169,7 @@ def make_gather_rows(*parts: str):
             inside = y0 <= y < y1
             ring_row = (y % 4) * SEEN * width
             if inside:
-                filter_row(
-                    samples, rows, row_weights, columns, column_weights, line, stride, x0, x_end, y, filtered
-                )
+                filter_all_down(samples, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line)
             for x in range(x0, x1, 16):
                 lane = to_float(ramp16() + np.int32(x))
                 depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
@@ -202,7 +199,8 @@ def make_gather_rows(*parts: str):
                 count, least, most = only(on, (q[3], q[4], q[5]))
                 put_all(past_planes, (y * width + x) * PAST, past)
                 surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
-                frame, sample, confidence, mean, reach, varies = present_of(filtered, 16 * x, numbers[GAMMA])
+                sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
+                frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[GAMMA])
                 to = (y * width + x) * planes
                 known = (*frame, *sample, confidence, *detail, surface, count, least, most)
                 put_all(rest, to, known)

@@ -13,8 +13,8 @@ from supersampler.host.kernels.colors import (
     ycocg,
 )
 from supersampler.host.kernels.types import Floats
-from supersampler.host.layout import PAD
-from supersampler.host.shuffles import rows4, transposed, zipped
+from supersampler.host.layout import PAD, SAMPLED
+from supersampler.host.shuffles import rows4, zipped
 from supersampler.host.vector import (
     absolute,
     gather,
@@ -69,13 +69,12 @@ def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
 
 def prepare(
     color: Floats, depth: Floats, motion: Floats, exposure: float, w: int, stride: int, y0: int, y1: int,
-    samples: Floats, planes: Floats, depths: Floats, across: Floats, down: Floats,
+    samples: Floats, depths: Floats, across: Floats, down: Floats,
 ):  # fmt: skip
-    """Tone the samples; depth and motion as usable planes.
+    """Tone the samples; depth and motion, where they are usable.
 
-    samples (h, stride, 16): red, green, blue, usable; the same; YCoCg, its squares; usable; 0.
-    planes (h, 4, PAD + stride + PAD): the first four; depths, across, down (h, PAD + stride + PAD). Ends of
-    planes repeat the border.
+    samples (h, SAMPLED, PAD + stride + PAD); depths, across, down (h, PAD + stride + PAD): ends repeat the
+    border.
     """
     zero = spread16(np.float32(0.0))
     wide = stride + 2 * PAD
@@ -86,24 +85,18 @@ def prepare(
             good = select(usable(r, g, b), 1.0, zero)
             r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
             r, g, b = r * good, g * good, b * good
-            to = 4 * y * wide + PAD + x
-            for c, value in enumerate((r, g, b, good)):
-                store(planes, to + c * wide, value)
             luma, orange, green = ycocg(r, g, b)
-            rows = transposed((
-                r, g, b, good, r, g, b, good, luma, orange, green,
-                luma * luma, orange * orange, green * green, good, zero,
-            ))  # fmt: skip
-            to = (y * stride + x) * 16
-            for i in range(16):
-                store(samples, to + 16 * i, rows[i])
+            squares = luma * luma, orange * orange, green * green
+            to = SAMPLED * y * wide + PAD + x
+            for c, value in enumerate((r, g, b, good, luma, orange, green, *squares)):
+                store(samples, to + c * wide, value)
             d, (mx, my) = gather(depth, at), motion_at(motion, at)
             to = y * wide + PAD + x
             store(depths, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
             store(across, to, mx)
             store(down, to, my)
-        for c in range(4):
-            repeat_ends(planes, (4 * y + c) * wide + PAD, w)
+        for c in range(SAMPLED):
+            repeat_ends(samples, (SAMPLED * y + c) * wide + PAD, w)
         for plane in (depths, across, down):
             repeat_ends(plane, y * wide + PAD, w)
 

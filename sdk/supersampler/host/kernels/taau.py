@@ -13,26 +13,28 @@ from supersampler.host.kernels.colors import (
     toned,
     ycocg,
 )
+from supersampler.host.kernels.filters import (
+    filter_across,
+    filter_all_across,
+    filter_all_down,
+    filter_down,
+)
 from supersampler.host.kernels.frame import fours, opened_at, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import (
     aim,
     around,
-    filter_across,
-    filter_down,
-    filter_row,
     followed,
     hidden,
     mean_of,
     on_screen,
     warp5,
 )
-from supersampler.host.layout import PAD, TAAU_PIXEL
+from supersampler.host.layout import FILTERED, PAD, SAMPLED, TAAU_PIXEL
 from supersampler.host.shuffles import (
     first_third,
     gather4,
     last_third,
-    load_columns,
     load_columns8,
     rows8,
     second_third,
@@ -83,8 +85,9 @@ def shade(
         for x in range(0, w, 16):
             luma = square = seen = load16(eroded, 0) * 0.0
             for row in (above, y, below):
-                q = load_columns(samples, (row * stride + x) * 16)
-                luma, square, seen = luma + q[8], square + q[11], seen + q[14]
+                at = SAMPLED * row * wide + PAD + x
+                luma, square = luma + load16(samples, at + 4 * wide), square + load16(samples, at + 7 * wide)
+                seen = seen + load16(samples, at + 3 * wide)
             store(line, PAD + x, luma)
             store(line, wide + PAD + x, square)
             store(line, 2 * wide + PAD + x, seen)
@@ -103,9 +106,8 @@ def shade(
 
 
 @inner
-def present_of(filtered, q, x, sharpness):
+def present_of(p, q, sharpness):
     """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
-    p = load_columns(filtered, 16 * x)
     a, b = 1.0 / maximum(p[3], 1e-6), 1.0 / maximum(p[7], 1e-6)
     sharp = select(p[7] > 0.9, sharpness, p[3] * 0.0)
     r, g, e = p[0] * a, p[1] * a, p[2] * a
@@ -186,16 +188,15 @@ def mixed(a, b, share):
 
 
 def step_rows(
-    samples: Floats, planes: Floats, front: Floats, surface: Floats, stride: int, history: Floats,
-    before: Floats, old_wide: int, rows: Words, row_weights: Floats, row_near: Floats, columns: Words,
-    column_weights: Floats, starts: Words, column_near: Floats, lefts: Words, columns_near: Words,
-    tops: Words, rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int, line: Floats,
-    filtered: Floats, near: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats,
-    image: Floats, weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+    samples: Floats, front: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
+    old_wide: int, rows: Words, down: Floats, starts: Words, across: Floats, lefts: Words,
+    columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int,
+    line: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
+    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
     """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
 
-    samples, planes, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history
+    samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history
     (H, W, TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image,
     weight (where `tells`): what comes out.
     """
@@ -204,8 +205,9 @@ def step_rows(
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     wide = stride + 2 * PAD
     for y in range(y0, y1):
-        filter_row(samples, rows, row_weights, columns, column_weights, line, stride, x0, x1, y, filtered)
-        filter_down(planes, wide, rows, row_near, y, near)
+        filter_all_down(samples, rows, down, big_h, y, starts, x0, x1, wide, line)
+        near = 4 * (3 * big_h + y)
+        filter_down(samples, 0, 4, rows, down, y, near, wide, 0, wide, line, FILTERED * wide)
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
@@ -234,9 +236,10 @@ def step_rows(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
             tx, ty = px - floor(px), py - floor(py)
-            sample = filter_across(near, wide, starts, column_near, width, x)
+            sums = filter_all_across(line, wide, starts, across, width, x)
+            sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
             color, count, power, kept = blend(
-                numbers, present_of(filtered, sample, x, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
+                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
                 same, 1.0 - changed, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip

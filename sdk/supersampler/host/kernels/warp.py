@@ -1,87 +1,22 @@
-"""Reading images: separable filters around samples, and the past where motion leads."""
+"""Reading the past where motion leads."""
 
 import numpy as np
 
 from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import clamped
 from supersampler.host.layout import PAD
-from supersampler.host.shuffles import joined, load_thrice, low_half
+from supersampler.host.shuffles import joined, low_half
 from supersampler.host.vector import (
     floor,
     load4,
     load8,
-    load16,
     maximum,
     minimum,
-    permuted,
     prefetch,
     select,
     store,
     to_int,
 )
-
-
-@inner
-def filter_row(samples, rows, down, columns, across, line, stride, x0, x1, y, out):
-    """Separable filters of the samples around display pixels x0 to x1 of a row, a vector of channels each.
-
-    rows (H, 4) and columns (W, 4) say which samples, down (H, 4, 4) and across (W, 4, 4) with what weights:
-    of channels 0 to 3, 4 to 7, and those after; line (stride, 16) is scratch; out (W, 16).
-    """
-    a, b, c, d = rows[4 * y], rows[4 * y + 1], rows[4 * y + 2], rows[4 * y + 3]
-    pitch = stride * 16
-    wa, wb = load_thrice(down, y * 16), load_thrice(down, y * 16 + 4)
-    wc, wd = load_thrice(down, y * 16 + 8), load_thrice(down, y * 16 + 12)
-    for x in range(16 * columns[4 * x0], 16 * columns[4 * x1 - 1] + 16, 16):
-        prefetch(samples, (d + 1) * pitch + x)  # what the next rows will look at, from afar
-        upper = load16(samples, a * pitch + x) * wa + load16(samples, b * pitch + x) * wb
-        lower = load16(samples, c * pitch + x) * wc + load16(samples, d * pitch + x) * wd
-        store(line, x, upper + lower)
-    for x in range(x0, x1):
-        i, j, k, m = columns[4 * x], columns[4 * x + 1], columns[4 * x + 2], columns[4 * x + 3]
-        w = 16 * x
-        near = load16(line, 16 * i) * load_thrice(across, w)
-        near = near + load16(line, 16 * j) * load_thrice(across, w + 4)
-        far = load16(line, 16 * k) * load_thrice(across, w + 8)
-        far = far + load16(line, 16 * m) * load_thrice(across, w + 12)
-        store(out, 16 * x, near + far)
-
-
-@inner
-def tap(planes, at, wide, index, weight, sums):
-    """Add a sample for each of sixteen pixels, `index` from `at` on: its colour, weighted, and the weight."""
-    r, g, b, total = sums
-    r = r + permuted(load16(planes, at), index) * weight
-    g = g + permuted(load16(planes, at + wide), index) * weight
-    b = b + permuted(load16(planes, at + 2 * wide), index) * weight
-    return r, g, b, total + permuted(load16(planes, at + 3 * wide), index) * weight
-
-
-@inner
-def filter_down(planes, wide, rows, down, y, line):
-    """Sum the four rows of planes (h, 4, wide) that display row y looks at: line (4, wide)."""
-    a, b = 4 * rows[4 * y] * wide, 4 * rows[4 * y + 1] * wide
-    c, d = 4 * rows[4 * y + 2] * wide, 4 * rows[4 * y + 3] * wide
-    u, v, w, z = down[4 * y], down[4 * y + 1], down[4 * y + 2], down[4 * y + 3]
-    for x in range(0, 4 * wide, 16):
-        upper = load16(planes, a + x) * u + load16(planes, b + x) * v
-        store(line, x, upper + load16(planes, c + x) * w + load16(planes, d + x) * z)
-
-
-@inner
-def filter_across(line, wide, before, across, width, x):
-    """Sum four of a line's samples for each of sixteen pixels from x on: four vectors.
-
-    before (W,) says which sample is at or before where a pixel looks, across (4, W) with what weights those
-    around count.
-    """
-    first = before[x]
-    index = load16(before, x) - np.int32(first)
-    none = load16(line, 0) * 0.0
-    sums = none, none, none, none
-    for k in range(4):
-        sums = tap(line, PAD + first + k - 1, wide, index, load16(across, k * width + x), sums)
-    return sums
 
 
 @inner

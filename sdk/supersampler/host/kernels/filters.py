@@ -1,0 +1,85 @@
+"""Separable filters of the samples around display pixels, of sixteen pixels at once.
+
+Rows of samples are summed to a line, plane by plane, then what lies around each pixel on the line. Rows have
+PAD samples before and after them that repeat their ends; `wide` is from one plane to the next.
+"""
+
+import numpy as np
+
+from supersampler.host.inner import inner
+from supersampler.host.layout import PAD, SAMPLED
+from supersampler.host.vector import load16, permuted, store
+
+
+@inner
+def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, line, to):
+    """Sum the four rows of samples that display row y looks at, from `plane` on, into lines from `to` on.
+
+    rows (H, 4) says which; down (., 4), from `filter_at` on, with what weights; columns x0 to x1 count.
+    """
+    pitch = SAMPLED * wide
+    i, j, k, m = (
+        rows[4 * y] * pitch,
+        rows[4 * y + 1] * pitch,
+        rows[4 * y + 2] * pitch,
+        rows[4 * y + 3] * pitch,
+    )
+    t, u, v, w = down[filter_at], down[filter_at + 1], down[filter_at + 2], down[filter_at + 3]
+    for c in range(plane, plane + count):
+        for x in range(c * wide + x0, c * wide + x1, 16):
+            upper = load16(samples, i + x) * t + load16(samples, j + x) * u
+            lower = load16(samples, k + x) * v + load16(samples, m + x) * w
+            store(line, to + x - plane * wide, upper + lower)
+
+
+@inner
+def looked(line, at, index, weight, total):
+    """Add a sample for each pixel, `index` from `at` on."""
+    return total + permuted(load16(line, at), index) * weight
+
+
+@inner
+def tap(line, at, wide, index, weight, sums):
+    """Add a sample of four planes."""
+    a, b, c, d = sums
+    a, b = looked(line, at, index, weight, a), looked(line, at + wide, index, weight, b)
+    c, d = looked(line, at + 2 * wide, index, weight, c), looked(line, at + 3 * wide, index, weight, d)
+    return a, b, c, d
+
+
+@inner
+def filter_across(line, to, wide, starts, across, row, width, x):
+    """Sum the four samples around each of sixteen pixels from x on, of four planes of a line from `to` on.
+
+    starts (W,): the sample at or before where a pixel looks; across (., W), from `row` on: weights of the
+    four around.
+    """
+    first = starts[x]
+    index = load16(starts, x) - np.int32(first)
+    none = load16(line, 0) * 0.0
+    sums = none, none, none, none
+    for k in range(4):
+        weight = load16(across, (row + k) * width + x)
+        sums = tap(line, to + PAD + first + k - 1, wide, index, weight, sums)
+    return sums
+
+
+@inner
+def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
+    """What pixels x0 to x1 of row y look at: line (FILTERED, wide), by three filters of down (., H, 4)."""
+    first = (PAD + np.int64(starts[x0]) - 1) // 16 * 16
+    last = PAD + np.int64(starts[x1 - 1]) + 3
+    one, two, three = 4 * y, 4 * (height + y), 4 * (2 * height + y)
+    filter_down(samples, 0, 4, rows, down, y, one, wide, first, last, line, 0)
+    filter_down(samples, 0, 4, rows, down, y, two, wide, first, last, line, 4 * wide)
+    filter_down(samples, 4, 6, rows, down, y, three, wide, first, last, line, 8 * wide)
+    filter_down(samples, 3, 1, rows, down, y, three, wide, first, last, line, 14 * wide)
+
+
+@inner
+def filter_all_across(line, wide, starts, across, width, x):
+    """Sums of all lines for sixteen pixels."""
+    a = filter_across(line, 0, wide, starts, across, 0, width, x)
+    b = filter_across(line, 4 * wide, wide, starts, across, 4, width, x)
+    c = filter_across(line, 8 * wide, wide, starts, across, 8, width, x)
+    return (*a, *b, *c, *filter_across(line, 12 * wide, wide, starts, across, 8, width, x))
