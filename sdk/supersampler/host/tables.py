@@ -62,8 +62,8 @@ class Axis:
 
     def window(self, kernel: Kernel) -> Float32:
         """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""
-        near = self.near[: self.display, None] + np.arange(-1, 2, dtype=np.float32)
-        return kernel(near.astype(np.float32) - self._position[:, None])
+        near: Float32 = self.near[: self.display, None].astype(np.float32)
+        return kernel(near + np.arange(-1, 2, dtype=np.float32) - self._position[:, None])
 
     def _inside(self, index: Float32) -> Float32:
         return np.clip(index, 0, self.render - 1)

@@ -12,18 +12,20 @@ from supersampler.host.vector import load16, permuted, store
 
 
 @inner
+def span(starts, x0, x1):
+    """Columns that pixels x0 to before x1 look at, the first of them at a whole vector; starts (W,)."""
+    return (PAD + np.int64(starts[x0]) - 1) // 16 * 16, PAD + np.int64(starts[x1 - 1]) + 3
+
+
+@inner
 def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, line, to):
     """Sum the four rows of samples that display row y looks at, from `plane` on, into lines from `to` on.
 
     rows (H, 4) says which; down (., 4), from `filter_at` on, with what weights; columns x0 to x1 count.
     """
     pitch = SAMPLED * wide
-    i, j, k, m = (
-        rows[4 * y] * pitch,
-        rows[4 * y + 1] * pitch,
-        rows[4 * y + 2] * pitch,
-        rows[4 * y + 3] * pitch,
-    )
+    i, j = rows[4 * y] * pitch, rows[4 * y + 1] * pitch
+    k, m = rows[4 * y + 2] * pitch, rows[4 * y + 3] * pitch
     t, u, v, w = down[filter_at], down[filter_at + 1], down[filter_at + 2], down[filter_at + 3]
     for c in range(plane, plane + count):
         for x in range(c * wide + x0, c * wide + x1, 16):
@@ -67,8 +69,7 @@ def filter_across(line, to, wide, starts, across, row, width, x):
 @inner
 def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
     """What pixels x0 to x1 of row y look at: line (FILTERED, wide), by three filters of down (., H, 4)."""
-    first = (PAD + np.int64(starts[x0]) - 1) // 16 * 16
-    last = PAD + np.int64(starts[x1 - 1]) + 3
+    first, last = span(starts, x0, x1)
     one, two, three = 4 * y, 4 * (height + y), 4 * (2 * height + y)
     filter_down(samples, 0, 4, rows, down, y, one, wide, first, last, line, 0)
     filter_down(samples, 0, 4, rows, down, y, two, wide, first, last, line, 4 * wide)

@@ -18,6 +18,7 @@ from supersampler.host.kernels.filters import (
     filter_all_across,
     filter_all_down,
     filter_down,
+    span,
 )
 from supersampler.host.kernels.frame import fours, opened_at, repeat_ends
 from supersampler.host.kernels.types import Floats, Words
@@ -206,8 +207,8 @@ def step_rows(
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         filter_all_down(samples, rows, down, big_h, y, starts, x0, x1, wide, line)
-        near = 4 * (3 * big_h + y)
-        filter_down(samples, 0, 4, rows, down, y, near, wide, 0, wide, line, FILTERED * wide)
+        near, (first, last) = 4 * (3 * big_h + y), span(starts, x0, x1)
+        filter_down(samples, 0, 4, rows, down, y, near, wide, first, last, line, FILTERED * wide)
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
