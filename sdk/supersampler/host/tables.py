@@ -62,8 +62,10 @@ class Axis:
 
     def window(self, kernel: Kernel) -> Float32:
         """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""
-        near: Float32 = self.near[: self.display, None].astype(np.float32)
-        return kernel(near + np.arange(-1, 2, dtype=np.float32) - self._position[:, None])
+        beside = np.arange(-1, 2, dtype=np.float32)
+        distance: Float32 = self.near[: self.display, None].astype(np.float32) + beside
+        distance -= self._position[:, None]
+        return kernel(distance)
 
     def _inside(self, index: Float32) -> Float32:
         return np.clip(index, 0, self.render - 1)
