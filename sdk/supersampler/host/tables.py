@@ -47,11 +47,11 @@ class Axis:
         half = np.float32(0.5)
         position = (self._pixel + half) * np.float32(self.render) / np.float32(self.display) - half
         position -= np.float32(jitter)
-        first = np.floor(position)
-        self.near[: self.display] = self._inside(np.floor(position + half))
+        first = _within_vectors(np.floor(position))
+        self.near[: self.display] = self._inside(_within_vectors(np.floor(position + half)))
         self.start[: self.display] = first
         self.first[: self.display] = self._inside(first)
-        samples = (first - 1)[:, None] + np.arange(4, dtype=np.float32)
+        samples = (first - np.float32(1.0))[:, None] + np.arange(4, dtype=np.float32)
         self.samples[:] = self._inside(samples)
         self._position, self._distance = position, samples - position[:, None]
 
@@ -69,6 +69,17 @@ class Axis:
 
     def _inside(self, index: Float32) -> Float32:
         return np.clip(index, 0, self.render - 1)
+
+
+def _within_vectors(index: Float32) -> Float32:
+    """Samples that LANES pixels look at, none LANES after the first's, where kernels would not find it.
+
+    At a ratio of one a pixel between two samples may be rounded to the later, and the first to the earlier:
+    either has what the pixel looks at beside it.
+    """
+    firsts = np.repeat(index[::LANES], LANES)[: len(index)]
+    bounded: Float32 = np.minimum(index, firsts + np.float32(LANES - 1))
+    return bounded
 
 
 def columns_of(table: Float32) -> Float32:

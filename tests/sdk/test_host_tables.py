@@ -1,0 +1,32 @@
+"""Where rows and columns look, as kernels can read it: sixteen pixels at once."""
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supersampler.host.layout import LANES
+from supersampler.host.tables import Axis, catmull_rom
+
+jitters = st.floats(-0.5, 0.5) | st.sampled_from([0.0, 1e-7, -1e-7, 0.4999999, 0.5, -0.5])
+
+
+@given(st.integers(1, 9000), st.floats(1.0, 4.0), jitters)
+def test_sixteen_pixels_look_at_sixteen_samples_in_a_row(render: int, ratio: float, jitter: float) -> None:
+    axis = Axis(round(render * ratio), render)
+    axis.look(jitter)
+    for table in (axis.start, axis.near):
+        whole = table[: axis.display // LANES * LANES].reshape(-1, LANES)
+        apart = whole - whole[:, :1]
+        assert apart.min(initial=0) >= 0
+        assert apart.max(initial=0) < LANES
+
+
+@pytest.mark.parametrize("size", [960, 3840, 8192])
+def test_a_pixel_on_a_sample_takes_it_however_it_is_rounded(size: int) -> None:
+    axis = Axis(size, size)
+    axis.look(1e-7)
+    weights = axis.weights(catmull_rom)
+    samples = axis.start[:size, None] + np.arange(-1, 3)
+    taken = np.where(samples == np.arange(size)[:, None], weights, 0.0).sum(axis=1)
+    np.testing.assert_allclose(taken, 1.0, atol=2e-3)
