@@ -4,7 +4,7 @@ Twins of `supersampler_model.sampling.positions`, `nearest` and `taps`, in the s
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,7 +51,7 @@ class Axis:
         self.near[: self.display] = self._inside(_within_vectors(np.floor(position + half)))
         self.start[: self.display] = first
         self.first[: self.display] = self._inside(first)
-        samples = (first - np.float32(1.0))[:, None] + np.arange(4, dtype=np.float32)
+        samples = first[:, None] + np.arange(-1.0, 3.0, dtype=np.float32)
         self.samples[:] = self._inside(samples)
         self._position, self._distance = position, samples - position[:, None]
 
@@ -71,15 +71,14 @@ class Axis:
         return np.clip(index, 0, self.render - 1)
 
 
-def _within_vectors(index: Float32) -> Float32:
+def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
     """Samples that LANES pixels look at, none LANES after the first's, where kernels would not find it.
 
     At a ratio of one a pixel between two samples may be rounded to the later, and the first to the earlier:
     either has what the pixel looks at beside it.
     """
     firsts = np.repeat(index[::LANES], LANES)[: len(index)]
-    bounded: Float32 = np.minimum(index, firsts + np.float32(LANES - 1))
-    return bounded
+    return np.minimum(index, firsts + np.float32(LANES - 1))
 
 
 def columns_of(table: Float32) -> Float32:
