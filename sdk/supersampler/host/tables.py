@@ -78,7 +78,7 @@ def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
     either has what the pixel looks at beside it.
     """
     firsts = np.repeat(index[::LANES], LANES)[: len(index)]
-    return np.minimum(index, firsts + np.float32(LANES - 1))
+    return np.asarray(np.minimum(index, firsts + np.float32(LANES - 1)))
 
 
 def columns_of(table: Float32) -> Float32:
