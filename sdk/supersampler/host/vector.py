@@ -12,12 +12,13 @@ import operator
 from collections.abc import Callable
 from typing import Any
 
-import llvmlite.binding as llvm
 from llvmlite import ir
-from numba.core import cgutils, config, types
+from numba.core import cgutils, types
 from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
+
+from supersampler.host.processor import add_products, permute
 
 _FAST = ("contract", "nsz")  # a * b + c may be one operation; nothing else is reordered
 _I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
@@ -272,51 +273,22 @@ float_of = _converter("f32", "bitcast")
 
 @intrinsic
 def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
-    """Add to each i32 lane four products of unsigned with signed bytes; one instruction with AVX-512 VNNI."""
+    """Add to each of sixteen i32 lanes four products of unsigned with signed bytes, exactly."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        if _has("avx512vnni"):
-            kind = ir.FunctionType(total.llvm, [total.llvm] * 3)
-            name = "llvm.x86.avx512.vpdpbusd.512"
-            return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
-        count = 4 * total.lanes
-        small, large = ir.VectorType(ir.IntType(8), count), ir.VectorType(_I32, count)
-        one = builder.zext(builder.bitcast(args[1], small), large)
-        products = builder.mul(one, builder.sext(builder.bitcast(args[2], small), large))
-        found = args[0]
-        for first in range(4):
-            lanes = ir.Constant(ir.VectorType(_I32, total.lanes), list(range(first, count, 4)))
-            found = builder.add(found, builder.shuffle_vector(products, products, lanes))
-        return found
+        return add_products(builder, *args)
 
     return total(total, bytes_, signed), make
 
 
 @intrinsic
 def permuted(_: Any, vector: Any, index: Any) -> Any:
-    """Sixteen f32 lanes, each from where `index`, i32 of 0 to 15, says; one instruction with AVX-512."""
+    """Sixteen f32 lanes, each from where `index`, i32 lanes of 0 to 15, says."""
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        if _has("avx512f"):
-            kind = ir.FunctionType(vector.llvm, [vector.llvm, index.llvm])
-            name = "llvm.x86.avx512.permvar.sf.512"
-            return builder.call(cgutils.get_or_insert_function(builder.module, kind, name), args)
-        found = ir.Constant(vector.llvm, ir.Undefined)
-        for lane in range(vector.lanes):
-            at = ir.Constant(_I32, lane)
-            there = builder.and_(builder.extract_element(args[1], at), ir.Constant(_I32, vector.lanes - 1))
-            found = builder.insert_element(found, builder.extract_element(args[0], there), at)
-        return found
+        return permute(builder, *args)
 
     return vector(vector, index), make
-
-
-def _has(feature: str) -> bool:
-    """Whether the processor that is compiled for has it."""
-    features = config.CPU_FEATURES
-    if features is None:
-        features = llvm.get_host_cpu_features().flatten()
-    return f"+{feature}" in features.split(",")
 
 
 @intrinsic(prefer_literal=True)
