@@ -13,7 +13,7 @@ from supersampler.host.kernels.classifier_compose import factor
 from supersampler.host.kernels.colors import logarithm
 from supersampler.host.memory import address
 from supersampler.host.shuffles import load_columns, load_columns4, load_columns8
-from supersampler.host.vector import dot4, load16, permuted, store
+from supersampler.host.vector import dot4, load16, picked, store
 
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 
@@ -78,13 +78,13 @@ def test_lanes_go_where_an_index_says(features: Collection[str], monkeypatch: py
     have_only(monkeypatch, features)
 
     def all_of(given: Any, index: Any, made: Any) -> None:
-        store(made, 0, permuted(load16(given, 0), load16(index, 0)))
+        store(made, 0, picked(given, 3, 5, load16(index, 0)))
 
     random = np.random.default_rng(2)
-    given, made = random.random(16, np.float32), np.zeros(16, np.float32)
-    index = random.integers(0, 16, 16).astype(np.int32)
+    given, made = random.random(32, np.float32), np.zeros(16, np.float32)
+    index = random.integers(0, 8, 16).astype(np.int32)
     run(all_of, [FLOATS, WORDS, FLOATS], given, index, made)
-    np.testing.assert_array_equal(made, given[index])
+    np.testing.assert_array_equal(made, given[3 + index + np.repeat([0, 5], 8)])
 
 
 @pytest.mark.parametrize(("load", "channels"), [(load_columns, 16), (load_columns8, 8), (load_columns4, 4)])

@@ -48,30 +48,54 @@ def _pairs(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> ir.Value:
     return builder.add(first, second)
 
 
-def permute(builder: ir.IRBuilder, vector: ir.Value, index: ir.Value) -> ir.Value:
-    """Put lanes where `index`, i32 lanes of 0 to 15, says that they are read."""
-    if has("avx512f"):
-        return _call(builder, "llvm.x86.avx512.permvar.sf.512", vector.type, vector, index)
-    if has("avx2"):
-        return _permuted_in_halves(builder, vector, index)
-    found = ir.Constant(vector.type, ir.Undefined)
-    for lane in range(LANES):
-        at = ir.Constant(_I32, lane)
-        there = builder.and_(builder.extract_element(index, at), ir.Constant(_I32, LANES - 1))
-        found = builder.insert_element(found, builder.extract_element(vector, there), at)
-    return found
+def pick(builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, step: ir.Value, index: ir.Value) -> ir.Value:
+    """Read f32 lanes from where `index`, i32 lanes of 0 to 7, says: from `at` on, of the upper half later.
 
-
-def _permuted_in_halves(builder: ir.IRBuilder, vector: ir.Value, index: ir.Value) -> ir.Value:
+    By `step`, which is at most 8.
+    """
     half = LANES // 2
-    low, high = (_lanes(builder, vector, first, half) for first in (0, half))
-    last = ir.Constant(ir.VectorType(_I32, half), [half - 1] * half)
-    found = []
-    for first in (0, half):
-        at = _lanes(builder, index, first, half)
-        one, other = (_call(builder, "llvm.x86.avx2.permps", low.type, part, at) for part in (low, high))
-        found.append(builder.select(builder.icmp_signed(">", at, last), other, one))
-    return _joined(builder, *found)
+    if has("avx512f"):
+        vector = ir.VectorType(ir.FloatType(), LANES)
+        upper = builder.insert_element(
+            ir.Constant(index.type, [0] * LANES), builder.trunc(step, _I32), _at(LANES // 2)
+        )
+        halves = ir.Constant(index.type, [0] * (LANES // 2) + [LANES // 2] * (LANES // 2))
+        index = builder.add(index, builder.shuffle_vector(upper, upper, halves))
+        return _call(
+            builder, "llvm.x86.avx512.permvar.sf.512", vector, _loaded(builder, pointer, at, LANES), index
+        )
+    half = LANES // 2
+    later = builder.add(at, step)
+    ends = [(at, _lanes(builder, index, 0, half)), (later, _lanes(builder, index, half, half))]
+    if has("avx2"):
+        found = []
+        for begin, lanes in ends:
+            values = _loaded(builder, pointer, begin, half)
+            found.append(_call(builder, "llvm.x86.avx2.permps", values.type, values, lanes))
+        return _joined(builder, *found)
+    vector = ir.Constant(ir.VectorType(ir.FloatType(), LANES), ir.Undefined)
+    for lane in range(LANES):
+        begin, lanes = ends[lane // half]
+        there = builder.and_(builder.extract_element(lanes, _at(lane % half)), _at(half - 1))
+        value = builder.load(builder.gep(pointer, [builder.add(begin, builder.zext(there, begin.type))]))
+        vector = builder.insert_element(vector, value, _at(lane))
+    return vector
+
+
+def _loaded(builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, count: int) -> ir.Value:
+    kind = ir.VectorType(ir.FloatType(), count).as_pointer()
+    value = builder.load(builder.bitcast(builder.gep(pointer, [at]), kind))
+    value.align = 4
+    return value
+
+
+def _spread(builder: ir.IRBuilder, value: ir.Value, vector: ir.VectorType) -> ir.Value:
+    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _at(0))
+    return builder.shuffle_vector(first, first, ir.Constant(vector, [0] * vector.count))
+
+
+def _at(lane: int) -> ir.Constant:
+    return ir.Constant(_I32, lane)
 
 
 def _call(builder: ir.IRBuilder, name: str, gives: ir.Type, *args: ir.Value) -> ir.Value:

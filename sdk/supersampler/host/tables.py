@@ -72,13 +72,16 @@ class Axis:
 
 
 def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
-    """Samples that LANES pixels look at, none LANES after the first's, where kernels would not find it.
+    """Samples that pixels look at, none farther from that of the first of eight or sixteen than the pixel is.
 
-    At a ratio of one a pixel between two samples may be rounded to the later, and the first to the earlier:
-    either has what the pixel looks at beside it.
+    So kernels find it (`vector.picked`). At a ratio of one a pixel between two samples may be rounded to the
+    later, and the first to the earlier: either has what the pixel looks at beside it.
     """
-    firsts = np.repeat(index[::LANES], LANES)[: len(index)]
-    return np.asarray(np.minimum(index, firsts + np.float32(LANES - 1)))
+    lanes = np.arange(len(index))
+    for count in (LANES, LANES // 2):
+        firsts = np.repeat(index[::count], count)[: len(index)]
+        index = np.minimum(index, firsts + (lanes % count).astype(np.float32))
+    return index
 
 
 def columns_of(table: Float32) -> Float32:

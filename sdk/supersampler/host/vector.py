@@ -18,7 +18,7 @@ from numba.core.errors import RequireLiteralValue
 from numba.core.typing.templates import AbstractTemplate, infer_global, signature
 from numba.extending import intrinsic, lower_builtin, models, register_model
 
-from supersampler.host.processor import add_products, permute
+from supersampler.host.processor import add_products, pick
 
 _FAST = ("contract", "nsz")  # a * b + c may be one operation; nothing else is reordered
 _I32, _I1, _F32 = ir.IntType(32), ir.IntType(1), ir.FloatType()
@@ -282,13 +282,16 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
 
 
 @intrinsic
-def permuted(_: Any, vector: Any, index: Any) -> Any:
-    """Sixteen f32 lanes, each from where `index`, i32 lanes of 0 to 15, says."""
+def picked(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
+    """Sixteen float32 from where `index`, i32 lanes of 0 to 7, says: from `at` on, of the upper eight later.
+
+    By `step`, which is at most 8.
+    """
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
-        return permute(builder, *args)
+        return pick(builder, *args)
 
-    return vector(vector, index), make
+    return index.of("f32")(pointer, types.intp, types.intp, index), make
 
 
 @intrinsic(prefer_literal=True)

@@ -22,7 +22,7 @@ from supersampler.host.kernels.colors import (
     rgb,
     ycocg,
 )
-from supersampler.host.kernels.filters import tap
+from supersampler.host.kernels.filters import places_in, tap
 from supersampler.host.layout import PAD, PAST, SAMPLED
 from supersampler.host.shuffles import (
     first_third,
@@ -182,8 +182,7 @@ def make_compose_row(variant: Variant):
                 past = added(past, other * factor(said(mixing, mixing_pitch, number, numbers, pixels)), moved)
             kept = past[3]
             # this frame
-            first = columns_near[x]
-            index = load16(columns_near, x) - np.int32(first)
+            first, step, index = places_in(columns_near, x)
             q = zero, zero, zero, zero
             for k in range(9):
                 begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
@@ -191,7 +190,7 @@ def make_compose_row(variant: Variant):
                 weigh = begun * factor(said(mixing, mixing_pitch, number, numbers, pixels))
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
                 at_row = SAMPLED * row * wide + PAD + first
-                q = tap(samples, at_row + k % 3 - 1, wide, index, weigh, q)
+                q = tap(samples, at_row + k % 3 - 1, wide, step, index, weigh, q)
             frame = three(rest, half + 16 * FRAME)
             some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
             filtered = (

@@ -8,7 +8,7 @@ import numpy as np
 
 from supersampler.host.inner import inner
 from supersampler.host.layout import PAD, SAMPLED
-from supersampler.host.vector import load16, permuted, store
+from supersampler.host.vector import load16, picked, ramp16, select, spread16, store
 
 
 @inner
@@ -35,18 +35,29 @@ def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, l
 
 
 @inner
-def looked(line, at, index, weight, total):
-    """Add a sample for each pixel, `index` from `at` on."""
-    return total + permuted(load16(line, at), index) * weight
+def places_in(starts, x):
+    """Where sixteen pixels from x on look, as `picked` reads it; starts (W,).
+
+    Where the first does, how much farther the ninth, and each from that of its eight on.
+    """
+    first, ninth = np.int64(starts[x]), np.int64(starts[x + 8])
+    base = select(ramp16() < np.int32(8), spread16(np.int32(first)), spread16(np.int32(ninth)))
+    return first, ninth - first, load16(starts, x) - base
 
 
 @inner
-def tap(line, at, wide, index, weight, sums):
+def looked(line, at, step, index, weight, total):
+    """Add a sample for each pixel."""
+    return total + picked(line, at, step, index) * weight
+
+
+@inner
+def tap(line, at, wide, step, index, weight, sums):
     """Add a sample of four planes."""
     a, b, c, d = sums
-    a, b = looked(line, at, index, weight, a), looked(line, at + wide, index, weight, b)
-    c, d = looked(line, at + 2 * wide, index, weight, c), looked(line, at + 3 * wide, index, weight, d)
-    return a, b, c, d
+    a, b = looked(line, at, step, index, weight, a), looked(line, at + wide, step, index, weight, b)
+    c = looked(line, at + 2 * wide, step, index, weight, c)
+    return a, b, c, looked(line, at + 3 * wide, step, index, weight, d)
 
 
 @inner
@@ -56,13 +67,12 @@ def filter_across(line, to, wide, starts, across, row, width, x):
     starts (W,): the sample at or before where a pixel looks; across (., W), from `row` on: weights of the
     four around.
     """
-    first = starts[x]
-    index = load16(starts, x) - np.int32(first)
+    first, step, index = places_in(starts, x)
     none = load16(line, 0) * 0.0
     sums = none, none, none, none
     for k in range(4):
         weight = load16(across, (row + k) * width + x)
-        sums = tap(line, to + PAD + first + k - 1, wide, index, weight, sums)
+        sums = tap(line, to + PAD + first + k - 1, wide, step, index, weight, sums)
     return sums
 
 
