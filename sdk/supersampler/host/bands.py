@@ -20,17 +20,21 @@ class Box(NamedTuple):
     x1: int
 
 
+BoxWork = Callable[[Box, int], None]
+"""Does a box, as the worker of this number."""
+
+
 class Job(NamedTuple):
     """Boxes to do.
 
     Attributes:
         boxes: do not overlap.
-        work: does a box, as the worker of this number.
+        work: on each.
         multiple: of rows, after a box's first, at which it may be cut.
     """
 
     boxes: Sequence[Box]
-    work: Callable[[Box, int], None]
+    work: BoxWork
     multiple: int = 1
 
 
@@ -56,9 +60,7 @@ class Bands:
         """Do all rows."""
         self.cover(stage, [Box(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker))
 
-    def cover(
-        self, stage: str, boxes: Sequence[Box], work: Callable[[Box, int], None], *, multiple: int = 1
-    ) -> None:
+    def cover(self, stage: str, boxes: Sequence[Box], work: BoxWork, *, multiple: int = 1) -> None:
         """Do all boxes, cut where the threads' shares end; see `Job`."""
         self.together(stage, Job(boxes, work, multiple))
 

@@ -113,7 +113,7 @@ class ClassifierHost(Host):
             kernels[name] for name in (gather, *others, finish)
         )
         self._spaces = Workspaces(lambda display: _Space(self, display))
-        self._views = Workspaces(lambda render, display: self._view(render, display))
+        self._views = Workspaces(self._view)
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:
         """See `Executor`."""

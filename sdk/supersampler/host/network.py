@@ -1,6 +1,6 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -9,14 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Size
-from supersampler.host.bands import Bands, Box
+from supersampler.host.bands import Bands, Box, BoxWork
 from supersampler.host.compiler import Call
 from supersampler.host.layout import RECORD, TILE
 from supersampler.host.memory import address, aligned
 from supersampler.host.tiles import Tiles
 
 Bytes = NDArray[np.uint8]
-Work = Callable[[Box, int], None]  # does a box, as the worker of this number
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
 ROOM = 16  # pixels after a row: kernels do several at once
@@ -95,7 +94,7 @@ class Encoder:
         rows = [level.row_of(level.out) for level in self._levels]
         self.pitches = np.array([*pitches, *rows], np.int32)
 
-    def run(self, tiles: Tiles, around: Work) -> None:
+    def run(self, tiles: Tiles, around: BoxWork) -> None:
         """All of it.
 
         Args:
@@ -107,7 +106,7 @@ class Encoder:
             first = self._descending(depth) if depth else self._entering(around)
             self._run_level(level, boxes, first, self._encoding(level))
 
-    def _run_level(self, level: _Level, boxes: Sequence[Box], first: Work, others: Work) -> None:
+    def _run_level(self, level: _Level, boxes: Sequence[Box], first: BoxWork, others: BoxWork) -> None:
         """All layers of a level, of which the others see one pixel around them."""
         cover = partial(self._bands.cover, "encode", boxes, multiple=level.multiple)
         if len(boxes) > 1 or level.width < SIX:
@@ -123,7 +122,7 @@ class Encoder:
 
         cover(all_layers)
 
-    def _entering(self, around: Work) -> Work:
+    def _entering(self, around: BoxWork) -> BoxWork:
         """The first layer of all, of packed pixels."""
         level, layer, records = self._levels[0], self._levels[0].first, self.records
         arguments = (
@@ -138,7 +137,7 @@ class Encoder:
 
         return enter
 
-    def _descending(self, depth: int) -> Work:
+    def _descending(self, depth: int) -> BoxWork:
         """The first layer of a deeper level."""
         above, level = self._levels[depth - 1 : depth + 1]
         layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
@@ -156,7 +155,7 @@ class Encoder:
 
         return descend
 
-    def _encoding(self, level: _Level) -> Work:
+    def _encoding(self, level: _Level) -> BoxWork:
         """The other two layers of a level."""
         spatial, last = level.spatial, level.last
         arguments = (

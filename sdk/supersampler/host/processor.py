@@ -5,7 +5,7 @@ from llvmlite import ir
 from numba.core import cgutils, config
 
 _I16, _I32 = ir.IntType(16), ir.IntType(32)
-LANES = 16
+LANES, HALF = 16, 8
 
 
 def has(feature: str) -> bool:
@@ -36,7 +36,7 @@ def _products_in_halves(builder: ir.IRBuilder, unsigned: ir.Value, signed: ir.Va
 def _pairs(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> ir.Value:
     """Sums of the products of two 16-bit numbers each."""
     if has("avx2"):
-        whole = ir.VectorType(_I32, LANES // 2)
+        whole = ir.VectorType(_I32, HALF)
         parts = [(_lanes(builder, v, 0, LANES), _lanes(builder, v, LANES, LANES)) for v in (one, other)]
         found = [_call(builder, "llvm.x86.avx2.pmadd.wd", whole, a, b) for a, b in zip(*parts, strict=True)]
         return _joined(builder, *found)
@@ -49,37 +49,37 @@ def _pairs(builder: ir.IRBuilder, one: ir.Value, other: ir.Value) -> ir.Value:
 
 
 def pick(builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, step: ir.Value, index: ir.Value) -> ir.Value:
-    """Read f32 lanes from where `index`, i32 lanes of 0 to 7, says: from `at` on, of the upper half later.
+    """Read sixteen f32: the first eight where their `index`, i32 of 0 to 7, says, from `at` on.
 
-    By `step`, which is at most 8.
+    The others from `at + step` on; `step` is at most 8.
     """
-    half = LANES // 2
     if has("avx512f"):
-        vector = ir.VectorType(ir.FloatType(), LANES)
-        upper = builder.insert_element(
-            ir.Constant(index.type, [0] * LANES), builder.trunc(step, _I32), _at(LANES // 2)
-        )
-        halves = ir.Constant(index.type, [0] * (LANES // 2) + [LANES // 2] * (LANES // 2))
-        index = builder.add(index, builder.shuffle_vector(upper, upper, halves))
-        return _call(
-            builder, "llvm.x86.avx512.permvar.sf.512", vector, _loaded(builder, pointer, at, LANES), index
-        )
-    half = LANES // 2
-    later = builder.add(at, step)
-    ends = [(at, _lanes(builder, index, 0, half)), (later, _lanes(builder, index, half, half))]
+        return _picked_at_once(builder, pointer, at, step, index)
+    ends = [
+        (at, _lanes(builder, index, 0, HALF)),
+        (builder.add(at, step), _lanes(builder, index, HALF, HALF)),
+    ]
     if has("avx2"):
-        found = []
-        for begin, lanes in ends:
-            values = _loaded(builder, pointer, begin, half)
-            found.append(_call(builder, "llvm.x86.avx2.permps", values.type, values, lanes))
-        return _joined(builder, *found)
-    vector = ir.Constant(ir.VectorType(ir.FloatType(), LANES), ir.Undefined)
+        permps = "llvm.x86.avx2.permps"
+        found = [(_loaded(builder, pointer, begin, HALF), lanes) for begin, lanes in ends]
+        return _joined(builder, *(_call(builder, permps, v.type, v, lanes) for v, lanes in found))
+    picked = ir.Constant(ir.VectorType(ir.FloatType(), LANES), ir.Undefined)
     for lane in range(LANES):
-        begin, lanes = ends[lane // half]
-        there = builder.and_(builder.extract_element(lanes, _at(lane % half)), _at(half - 1))
+        begin, lanes = ends[lane // HALF]
+        there = builder.and_(builder.extract_element(lanes, _at(lane % HALF)), _at(HALF - 1))
         value = builder.load(builder.gep(pointer, [builder.add(begin, builder.zext(there, begin.type))]))
-        vector = builder.insert_element(vector, value, _at(lane))
-    return vector
+        picked = builder.insert_element(picked, value, _at(lane))
+    return picked
+
+
+def _picked_at_once(
+    builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, step: ir.Value, index: ir.Value
+) -> ir.Value:
+    zeros = ir.Constant(index.type, [0] * LANES)
+    ninth = builder.insert_element(zeros, builder.trunc(step, _I32), _at(HALF))
+    steps = builder.shuffle_vector(ninth, ninth, ir.Constant(index.type, [0] * HALF + [HALF] * HALF))
+    values = _loaded(builder, pointer, at, LANES)
+    return _call(builder, "llvm.x86.avx512.permvar.sf.512", values.type, values, builder.add(index, steps))
 
 
 def _loaded(builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, count: int) -> ir.Value:
@@ -87,11 +87,6 @@ def _loaded(builder: ir.IRBuilder, pointer: ir.Value, at: ir.Value, count: int) 
     value = builder.load(builder.bitcast(builder.gep(pointer, [at]), kind))
     value.align = 4
     return value
-
-
-def _spread(builder: ir.IRBuilder, value: ir.Value, vector: ir.VectorType) -> ir.Value:
-    first = builder.insert_element(ir.Constant(vector, ir.Undefined), value, _at(0))
-    return builder.shuffle_vector(first, first, ir.Constant(vector, [0] * vector.count))
 
 
 def _at(lane: int) -> ir.Constant:

@@ -90,7 +90,7 @@ class TaauHost(Host):
             Filter(gaussian(c["sample_sigma"]), True),
         ]
         self._step, self._shade = kernels["taau.step_rows"], kernels["taau.shade"]
-        self._spaces = Workspaces(lambda render, display: self._space(render, display))
+        self._spaces = Workspaces(self._space)
 
     def zeros(self, display: Size, render: Size) -> TaauHistory:
         """See `Executor`."""

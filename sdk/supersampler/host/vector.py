@@ -283,9 +283,9 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
 
 @intrinsic
 def picked(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
-    """Sixteen float32 from where `index`, i32 lanes of 0 to 7, says: from `at` on, of the upper eight later.
+    """Read sixteen float32: the first eight where their `index`, i32 lanes of 0 to 7, says, from `at` on.
 
-    By `step`, which is at most 8.
+    The others from `at + step` on; `step` is at most 8.
     """
 
     def make(context: Any, builder: ir.IRBuilder, sig: Any, args: list[ir.Value]) -> ir.Value:
