@@ -16,7 +16,7 @@ from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import LAYERS, ByteNetwork, Encoder
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING
-from supersampler.host.tables import Filter, catmull_rom, columns_of, gaussian, up_to
+from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.variant import Variant
@@ -55,7 +55,7 @@ class _Space:
     """Buffers for displays of one size."""
 
     def __init__(self, host: "ClassifierHost", display: Size) -> None:
-        big_w, big_h = display
+        self.display = big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
         self.half_stride = up_to(half[0], LANES) + 2 * PAD
@@ -83,6 +83,14 @@ class _Scratch:
         self.mixing = aligned((variant.outputs, half_w))
         self.columns = aligned((LANES, LANES), np.int32)
         self.out = aligned((LANES, 8))
+        self.gathering = [
+            address(a)
+            for a in (self.ring, self.slots, self.weights, self.warped, self.places, self.seen, self.apart)
+        ]
+        self.around = [address(a) for a in (self.drift, self.grain, self.tent, self.codes)]
+        self.finishing = [
+            address(a) for a in (self.read, self.decoded, self.hidden, self.mixing, self.columns, self.out)
+        ]
 
 
 class ClassifierHost(Host):
@@ -108,7 +116,7 @@ class ClassifierHost(Host):
             Filter(catmull_rom, False),
             Filter(gaussian(c["moment_sigma"]), False),
         ]
-        self._window = gaussian(c["kernel_sigma"])
+        self._windows = [gaussian(c["kernel_sigma"])]
         self._gather, self._surfaces, self._around, self._finish = (
             kernels[name] for name in (gather, *others, finish)
         )
@@ -160,8 +168,8 @@ class ClassifierHost(Host):
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = (_Space(self, display), self._view(render, display))
-        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        space, view = _Space(self, display), self._view(render, display)
+        working = held_bytes(space) + view.most_bytes() + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
@@ -190,7 +198,7 @@ class ClassifierHost(Host):
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
     def _view(self, render: Size, display: Size) -> View:
-        return View(render, display, self._filters, self.bands.threads)
+        return View(render, display, self._filters, self.bands.threads, self._windows)
 
     def _draw(
         self,
@@ -217,7 +225,7 @@ class ClassifierHost(Host):
     ) -> None:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
         s, c, v, read = space, self._config, view, view.samples
-        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (v.x.display, v.y.display)
+        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
         numbers = np.array(
             [
                 left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
@@ -228,7 +236,7 @@ class ClassifierHost(Host):
         inputs = (
             address(read.color), address(read.front), address(read.own), read.stride,
             address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
-            *(address(a) for a in (v.y.samples, v.down, v.x.start, v.across)),
+            *(address(a) for a in (v.y.samples, v.y.weights, v.x.start, v.x.weights)),
             *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip
@@ -238,11 +246,8 @@ class ClassifierHost(Host):
         )  # fmt: skip
 
         def gather(box: Box, worker: int) -> None:
-            k = s.scratch[worker]
-            own = (
-                v.lines[worker], k.ring, k.slots, k.weights, k.warped, k.places, k.seen, k.apart,
-            )  # fmt: skip
-            self._gather(*inputs, *box, *(address(a) for a in own), *outputs)
+            lines = address(v.lines[worker])
+            self._gather(*inputs, *box, lines, *s.scratch[worker].gathering, *outputs)
 
         depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
 
@@ -255,14 +260,11 @@ class ClassifierHost(Host):
     def _encode(self, space: _Space, tiles: Tiles) -> None:
         """The network up to its last layers, which sees what is known around each pixel, too."""
         s, (half_w, half_h), records = space, space.half, space.encoder.records
+        given = address(s.means), half_h, s.half_stride, records.shape[1]
 
         def around(box: Box, worker: int) -> None:
-            k = s.scratch[worker]
-            self._around(
-                address(s.means), half_h, s.half_stride, records.shape[1], box.y0, min(box.y1, half_h),
-                box.x0, min(box.x1, half_w), *(address(a) for a in (k.drift, k.grain, k.tent, k.codes)),
-                address(records),
-            )  # fmt: skip
+            y1, x1 = min(box.y1, half_h), min(box.x1, half_w)
+            self._around(*given, box.y0, y1, box.x0, x1, *s.scratch[worker].around, address(records))
 
         s.encoder.run(tiles, around)
 
@@ -277,9 +279,9 @@ class ClassifierHost(Host):
     ) -> None:
         """The last layers, and the picture that they make of what was gathered."""
         s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
-        (_, h), (big_w, big_h) = left.render, (v.x.display, v.y.display)
-        across, down = columns_of(v.x.window(self._window)), v.y.window(self._window)
+        (_, h), (big_w, big_h) = left.render, s.display
         decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
+        pitches = address(e.pitches)
         layers = (
             address(e.records), e.records.shape[1] * e.records.shape[2],
             hidden.weights, hidden.blocks, hidden.scale, hidden.bias,
@@ -287,7 +289,7 @@ class ClassifierHost(Host):
         last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
         gathered = (
             address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
-            read.wide, h, address(v.x.near), address(v.y.near), address(across), address(down),
+            read.wide, h, *(address(a) for a in (v.x.near, v.y.near, v.x.windows, v.y.windows)),
         )  # fmt: skip
         outputs = (
             big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
@@ -296,12 +298,10 @@ class ClassifierHost(Host):
         )  # fmt: skip
 
         def finish(box: Box, worker: int) -> None:
-            k = s.scratch[worker]
-            seen, decoded, said = address(k.read), address(k.decoded), address(k.hidden)
+            seen, decoded, said, mixed, columns, out = s.scratch[worker].finishing
             self._finish(
-                *e.kept, address(e.pitches), seen, seen, decoder.weights, decoder.scale, decoder.bias,
-                decoded, decoded, *layers, said, said, *last, address(k.mixing),
-                *gathered, address(k.columns), address(k.out), *outputs, *box,
+                *e.kept, pitches, seen, seen, decoder.weights, decoder.scale, decoder.bias,
+                decoded, decoded, *layers, said, said, *last, mixed, *gathered, columns, out, *outputs, *box,
             )  # fmt: skip
 
         self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)

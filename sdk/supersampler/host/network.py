@@ -80,7 +80,7 @@ class Encoder:
     """
 
     def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
-        self._network, self._bands, self._half = network, bands, half
+        self._bands = bands
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
         self._levels = [
@@ -89,6 +89,10 @@ class Encoder:
         ]
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((bands.threads, most), np.uint8)
+        lines = [address(line) for line in self._lines]
+        self._first = [_entering(network, self._levels[0], self.records, half)]
+        self._first += [_descending(network, depth, self._levels, lines) for depth in range(1, len(KEPT))]
+        self._others = [_encoding(network, level, lines) for level in self._levels]
         self.kept = [address(level.out) for level in self._levels]
         pitches = [level.last.outputs for level in self._levels]
         rows = [level.row_of(level.out) for level in self._levels]
@@ -101,10 +105,14 @@ class Encoder:
             tiles: that it is run for.
             around: completes the records of a box, which may be the same box again.
         """
+
+        def enter(box: Box, worker: int) -> None:
+            around(box, worker)
+            self._first[0](box, worker)
+
         for depth, level in enumerate(self._levels):
             boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
-            first = self._descending(depth) if depth else self._entering(around)
-            self._run_level(level, boxes, first, self._encoding(level))
+            self._run_level(level, boxes, self._first[depth] if depth else enter, self._others[depth])
 
     def _run_level(self, level: _Level, boxes: Sequence[Box], first: BoxWork, others: BoxWork) -> None:
         """All layers of a level, of which the others see one pixel around them."""
@@ -122,53 +130,38 @@ class Encoder:
 
         cover(all_layers)
 
-    def _entering(self, around: BoxWork) -> BoxWork:
-        """The first layer of all, of packed pixels."""
-        level, layer, records = self._levels[0], self._levels[0].first, self.records
-        arguments = (
-            address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
-            layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width,
-            *self._half,
-        )  # fmt: skip
 
-        def enter(box: Box, worker: int) -> None:
-            around(box, worker)
-            self._network.enter(*arguments, *box)
+def _entering(network: ByteNetwork, level: _Level, records: NDArray[np.int32], half: Size) -> BoxWork:
+    """The first layer of all, of packed pixels."""
+    layer = level.first
+    arguments = (
+        address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
+        layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width, *half,
+    )  # fmt: skip
+    return lambda box, _: network.enter(*arguments, *box)
 
-        return enter
 
-    def _descending(self, depth: int) -> BoxWork:
-        """The first layer of a deeper level."""
-        above, level = self._levels[depth - 1 : depth + 1]
-        layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
-        arguments = (
-            address(above.out), above.last.outputs, above.row_of(above.out), first, level.given,
-        )  # fmt: skip
-        more = (
-            layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x),
-            layer.outputs, level.row_of(level.x), level.width,
-        )  # fmt: skip
+def _descending(network: ByteNetwork, depth: int, levels: Sequence[_Level], lines: list[int]) -> BoxWork:
+    """The first layer of a deeper level."""
+    above, level = levels[depth - 1 : depth + 1]
+    layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
+    arguments = address(above.out), above.last.outputs, above.row_of(above.out), first, level.given
+    more = (
+        layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x),
+        layer.outputs, level.row_of(level.x), level.width,
+    )  # fmt: skip
+    return lambda box, worker: network.descend(*arguments, lines[worker], lines[worker], *more, *box)
 
-        def descend(box: Box, worker: int) -> None:
-            line = address(self._lines[worker])
-            self._network.descend(*arguments, line, line, *more, *box)
 
-        return descend
-
-    def _encoding(self, level: _Level) -> BoxWork:
-        """The other two layers of a level."""
-        spatial, last = level.spatial, level.last
-        arguments = (
-            address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
-            spatial.scale, spatial.bias,
-        )  # fmt: skip
-        more = (
-            last.weights, last.blocks, last.scale, last.bias, address(level.out), last.outputs,
-            level.row_of(level.out),
-        )  # fmt: skip
-
-        def encode(box: Box, worker: int) -> None:
-            line = address(self._lines[worker])
-            self._network.level(*arguments, line, line, *more, *box)
-
-        return encode
+def _encoding(network: ByteNetwork, level: _Level, lines: list[int]) -> BoxWork:
+    """The other two layers of a level."""
+    spatial, last = level.spatial, level.last
+    arguments = (
+        address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
+        spatial.scale, spatial.bias,
+    )  # fmt: skip
+    more = (
+        last.weights, last.blocks, last.scale, last.bias, address(level.out), last.outputs,
+        level.row_of(level.out),
+    )  # fmt: skip
+    return lambda box, worker: network.level(*arguments, lines[worker], lines[worker], *more, *box)

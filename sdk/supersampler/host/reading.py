@@ -12,7 +12,8 @@ from supersampler.host.bands import Bands
 from supersampler.host.compiler import Call
 from supersampler.host.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.host.memory import address, aligned
-from supersampler.host.tables import Axis, Filter, up_to
+from supersampler.host.tables import Filter, Kernel, Looks, up_to
+from supersampler.plan import held_bytes
 
 READING = ("frame.measure", "frame.prepare", "frame.closest")
 
@@ -47,31 +48,35 @@ class View:
 
     Args:
         render, display: sizes.
-        filters: of samples.
+        filters, windows: of samples; see `Axis`.
         threads: that filter.
 
     Attributes:
-        x, y: its axes.
-        down: (filters, H, 4) weights of the samples around, by row.
-        across: (4 * filters, W) the same by column, in whole LANES.
+        x, y: its axes, as it looks at the frame.
         lines: that each thread filters in, FILTERED and four more.
         samples: of the frame that is looked at.
     """
 
-    def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
-        self.x, self.y = Axis(display[0], render[0]), Axis(display[1], render[1])
-        self._filters, width = filters, up_to(display[0], LANES)
-        self.down, self.across = aligned((len(filters), display[1], 4)), aligned((4 * len(filters), width))
+    def __init__(
+        self,
+        render: Size,
+        display: Size,
+        filters: Sequence[Filter],
+        threads: int,
+        windows: Sequence[Kernel] = (),
+    ) -> None:
+        self._looks = Looks(render, display, filters, windows)
+        self.look((0.0, 0.0))
         self.samples = Samples(render)
         self.lines = aligned((threads, (FILTERED + 4) * self.samples.wide + LANES))
 
     def look(self, jitter: tuple[float, float]) -> None:
         """Look at a frame with this jitter."""
-        for axis, offset in zip((self.x, self.y), jitter, strict=True):
-            axis.look(offset)
-        for i, (kernel, scaled) in enumerate(self._filters):
-            self.down[i] = self.y.weights(kernel, scaled=scaled)
-            self.across[4 * i : 4 * i + 4, : self.x.display] = self.x.weights(kernel, scaled=scaled).T
+        self.x, self.y = self._looks.at(jitter)
+
+    def most_bytes(self) -> int:
+        """What it comes to hold."""
+        return held_bytes(self) + self._looks.most_bytes()
 
 
 class Weight:

@@ -15,7 +15,7 @@ from supersampler.host.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import READING, Planes, Weight
 from supersampler.host.skipping import SKIPPING
-from supersampler.host.tables import Axis, columns_of, linear, up_to
+from supersampler.host.tables import Columns, Filter, Looks, linear, up_to
 from supersampler.host.tiles import Tiles
 from supersampler.host.trail import Trail
 from supersampler.host.workspaces import Workspaces
@@ -44,9 +44,9 @@ class _Space:
     """Buffers for frames of one size; `scratch`: rows that one thread works on."""
 
     def __init__(self, render: Size, display: Size, threads: int) -> None:
-        (w, h), (big_w, big_h) = render, display
-        self.width, self.stride = up_to(big_w, LANES), up_to(w, LANES)
-        self.x, self.y = Axis(big_w, w), Axis(big_h, h)
+        w, h = render
+        self.width, self.stride = up_to(display[0], LANES), up_to(w, LANES)
+        self.looks = Looks(render, display, [Filter(linear, False)], rows=Columns)
         self.planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
         self.box = np.zeros((h, TAA_BOX, self.stride), np.float32)
         self.scratch = [
@@ -107,10 +107,8 @@ class TaaHost(Host):
         if tiles.any:
             left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
             with self._spaces.borrow(frame.size, display) as space:
-                space.x.look(frame.jitter[0])
-                space.y.look(frame.jitter[1])
                 self._read(space, planes, left.exposure)
-                self._draw(space, past, left, image, weight, tiles)
+                self._draw(space, frame, past, left, image, weight, tiles)
         self._skipping.end(
             tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image,
             exposure=left.exposure, tolerance=tolerance or 0.0,
@@ -120,7 +118,7 @@ class TaaHost(Host):
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         space = _Space(render, display, self.bands.threads)
-        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        working = held_bytes(space) + space.looks.most_bytes() + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
@@ -151,6 +149,7 @@ class TaaHost(Host):
     def _draw(
         self,
         space: _Space,
+        frame: Frame,
         past: TaaHistory,
         left: TaaHistory,
         image: Float32,
@@ -159,15 +158,14 @@ class TaaHost(Host):
     ) -> None:
         s, display = space, left.display
         alpha = self._alpha if past.exposure > 0.0 else 1.0
-        numbers = [left.exposure, s.x.render, s.y.render, *display, alpha, self._gamma, SHARPNESS]
+        numbers = [left.exposure, *frame.size, *display, alpha, self._gamma, SHARPNESS]
         given = np.array(numbers, np.float32)
-        columns, rows_ = (columns_of(a.samples.astype(np.float32)).astype(np.int32) for a in (s.x, s.y))
-        across, down = columns_of(s.x.weights(linear)), columns_of(s.y.weights(linear))
+        places = [
+            (*axis.samples[1:3], *axis.weights[1:3], axis.near) for axis in s.looks.at(frame.jitter)
+        ]  # of the tent, the inner two weigh
         inputs = (
             address(s.planes), address(s.box), s.stride, address(past.pixels),
-            *(address(a) for a in (columns[1], columns[2], across[1], across[2], s.x.near)),
-            *(address(a) for a in (rows_[1], rows_[2], down[1], down[2], s.y.near, given)),
-            *display, s.width,
+            *(address(a) for a in (*places[0], *places[1], given)), *display, s.width,
         )  # fmt: skip
         outputs = address(left.pixels), address(image), *weight.arguments
 

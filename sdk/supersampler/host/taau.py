@@ -140,7 +140,7 @@ class TaauHost(Host):
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         space = self._space(render, display)
-        working = held_bytes(space) + self._skipping.most_bytes(display, render)
+        working = space.most_bytes() + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
@@ -189,7 +189,7 @@ class TaauHost(Host):
         tiles: Tiles,
     ) -> None:
         s, read, c = space, space.samples, self._config
-        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, (s.x.display, s.y.display)
+        (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
         change = left.exposure / past.exposure if past.exposure > 0.0 else 1.0
         numbers = np.array(
             [
@@ -201,7 +201,7 @@ class TaauHost(Host):
         inputs = (
             *(address(a) for a in (read.color, read.front, left.surface)), read.stride,
             address(past.pixels), address(past.surface), past.surface.shape[1],
-            *(address(a) for a in (s.y.samples, s.down, s.x.start, s.across)),
+            *(address(a) for a in (s.y.samples, s.y.weights, s.x.start, s.x.weights)),
             *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip

@@ -3,17 +3,23 @@
 Twins of `supersampler_model.sampling.positions`, `nearest` and `taps`, in the same single precision.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Float32
+from supersampler.frame import Float32, Size
 from supersampler.host.layout import LANES
+from supersampler.host.memory import aligned
+from supersampler.jitter import jitter_phase_count
+from supersampler.plan import held_bytes
 
-Int32 = NDArray[np.int32]
 Kernel = Callable[[Float32], Float32]
+
+MOST_PHASES = 128
+"""Of a jitter sequence, of which tables are kept."""
 
 
 class Filter(NamedTuple):
@@ -24,51 +30,96 @@ class Filter(NamedTuple):
 
 
 class Axis:
-    """How the display pixels of one axis look at the samples of a frame.
+    """How the display pixels of one axis look at the samples of a frame; as rows want it, pixel by pixel.
+
+    Args:
+        display, render: pixels and samples.
+        filters: of the four samples around a pixel.
+        windows: kernels of the three around the nearest, as if there were samples beyond the border.
+        jitter: of the frame on this axis, in samples.
 
     Attributes:
         near: nearest sample of each pixel; like `start` and `first` in whole LANES.
         start: the one at or before where it looks, -1 at first where that is before the first.
         first: the same, or the first.
         samples: (n, 4) the four around.
+        weights: (filters, n, 4) of these.
+        windows: (windows, n, 3) likewise.
     """
 
-    def __init__(self, display: int, render: int) -> None:
-        self.display, self.render = display, render
-        padded = up_to(display, LANES)
-        self.near, self.start, self.first = np.zeros((3, padded), np.int32)
-        self.samples = np.zeros((display, 4), np.int32)
-        self._pixel = np.arange(display, dtype=np.float32)
-        self._position = self._pixel
-        self._distance = np.zeros((display, 4), np.float32)
-
-    def look(self, jitter: float) -> None:
-        """Look at a frame with this jitter on this axis, in samples."""
+    def __init__(
+        self,
+        display: int,
+        render: int,
+        filters: Sequence[Filter],
+        windows: Sequence[Kernel],
+        jitter: float,
+    ) -> None:
         half = np.float32(0.5)
-        position = (self._pixel + half) * np.float32(self.render) / np.float32(self.display) - half
+        position = (np.arange(display, dtype=np.float32) + half) * np.float32(render) / np.float32(display)
+        position -= half
         position -= np.float32(jitter)
         first = _within_vectors(np.floor(position))
-        self.near[: self.display] = self._inside(_within_vectors(np.floor(position + half)))
-        self.start[: self.display] = first
-        self.first[: self.display] = self._inside(first)
+        near = np.clip(_within_vectors(np.floor(position + half)), 0, render - 1)
+        self.near, self.start, self.first = aligned((3, up_to(display, LANES)), np.int32)
+        self.near[:display], self.start[:display] = near, first
+        self.first[:display] = np.clip(first, 0, render - 1)
         samples = first[:, None] + np.arange(-1.0, 3.0, dtype=np.float32)
-        self.samples[:] = self._inside(samples)
-        self._position, self._distance = position, samples - position[:, None]
+        self.samples = np.clip(samples, 0, render - 1).astype(np.int32)
+        distance = samples - position[:, None]
+        scales = [np.float32(display / render if scaled else 1.0) for _, scaled in filters]
+        weights = [kernel(distance * scale) for (kernel, _), scale in zip(filters, scales, strict=True)]
+        self.weights = np.array(weights, np.float32).reshape(-1, display, 4)
+        beside = near[:, None] + np.arange(-1.0, 2.0, dtype=np.float32) - position[:, None]
+        self.windows = np.array([kernel(beside) for kernel in windows], np.float32).reshape(-1, display, 3)
 
-    def weights(self, kernel: Kernel, *, scaled: bool = False) -> Float32:
-        """(n, 4) of the samples around; `scaled`: the kernel is one of display pixels."""
-        scale = np.float32(self.display / self.render if scaled else 1.0)
-        return kernel(self._distance * scale)
 
-    def window(self, kernel: Kernel) -> Float32:
-        """(n, 3) of the three samples around the nearest, as if there were samples beyond the border."""
-        beside = np.arange(-1, 2, dtype=np.float32)
-        distance: Float32 = self.near[: self.display, None].astype(np.float32) + beside
-        distance -= self._position[:, None]
-        return kernel(distance)
+class Columns(Axis):
+    """As columns want it: `samples` (4, n), `weights` (4 * filters, n), `windows` (3 * windows, n)."""
 
-    def _inside(self, index: Float32) -> Float32:
-        return np.clip(index, 0, self.render - 1)
+    def __init__(
+        self,
+        display: int,
+        render: int,
+        filters: Sequence[Filter],
+        windows: Sequence[Kernel],
+        jitter: float,
+    ) -> None:
+        super().__init__(display, render, filters, windows, jitter)
+        self.samples, self.weights, self.windows = (
+            _columns_of(table) for table in (self.samples[None], self.weights, self.windows)
+        )
+
+
+class Looks:
+    """How a display looks at frames of one size. Jitter repeats, so the tables of one period are kept.
+
+    Args:
+        render, display: sizes.
+        filters, windows: see `Axis`.
+        rows: how those want it.
+    """
+
+    def __init__(
+        self,
+        render: Size,
+        display: Size,
+        filters: Sequence[Filter],
+        windows: Sequence[Kernel] = (),
+        rows: type[Axis] = Axis,
+    ) -> None:
+        self._phases = min(jitter_phase_count(display[0] / render[0]), MOST_PHASES)
+        keep = lru_cache(self._phases)
+        self._x = keep(partial(Columns, display[0], render[0], filters, windows))
+        self._y = keep(partial(rows, display[1], render[1], filters, windows))
+
+    def at(self, jitter: tuple[float, float]) -> tuple[Axis, Axis]:
+        """Of frames with this jitter: columns, rows."""
+        return self._x(jitter[0]), self._y(jitter[1])
+
+    def most_bytes(self) -> int:
+        """What it comes to hold."""
+        return self._phases * held_bytes(self.at((0.0, 0.0)))
 
 
 def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
@@ -84,10 +135,11 @@ def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
     return index
 
 
-def columns_of(table: Float32) -> Float32:
-    """(n, k) as k rows of whole LANES."""
-    rows = np.zeros((table.shape[1], up_to(len(table), LANES)), np.float32)
-    rows[:, : len(table)] = table.T
+def _columns_of(tables: NDArray[Any]) -> NDArray[Any]:
+    """(m, n, k) as m * k rows of whole LANES."""
+    m, n, k = tables.shape
+    rows = aligned((m * k, up_to(n, LANES)), tables.dtype.type)
+    rows[:, :n] = tables.transpose(0, 2, 1).reshape(m * k, n)
     return rows
 
 
