@@ -13,7 +13,7 @@ from supersampler.host.base import Host
 from supersampler.host.compiler import load_kernels
 from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
-from supersampler.host.network import LAYERS, ByteNetwork, Encoder
+from supersampler.host.network import LEVEL, ByteNetwork, Encoder
 from supersampler.host.reading import READING, Planes, View, Weight, bordered
 from supersampler.host.skipping import SKIPPING
 from supersampler.host.tables import Filter, catmull_rom, gaussian, up_to
@@ -26,6 +26,7 @@ from supersampler.plan import held_bytes
 
 CLASSES, ALL = 6, 255.0
 GATHER, FINISH = "classifier_gather.make_gather_rows", "classifier_finish.make_finish_rows"
+SURFACES = "frame.surfaces"
 
 
 @dataclass(eq=False)
@@ -58,10 +59,8 @@ class _Space:
         self.display = big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
-        self.half_stride = up_to(half[0], LANES) + 2 * PAD
         self.past = aligned((big_h * width + LANES, PAST))
         self.rest = aligned((big_h * width, host.variant.rest), np.uint16)
-        self.means = aligned((half[1], 2, self.half_stride))
         self.encoder = Encoder(host.network, half, host.bands)
         self.scratch = [_Scratch(self, host.variant) for _ in range(host.bands.threads)]
 
@@ -76,8 +75,6 @@ class _Scratch:
         self.warped = aligned((LANES, LANES))
         self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
         self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
-        self.drift, self.grain, self.tent = aligned((3, space.half_stride))
-        self.codes = aligned((space.half_stride,), np.int32)
         self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
         self.hidden = aligned((half_w, 4 * LANES), np.uint8)
         self.mixing = aligned((variant.outputs, half_w))
@@ -87,7 +84,6 @@ class _Scratch:
             address(a)
             for a in (self.ring, self.slots, self.weights, self.warped, self.places, self.seen, self.apart)
         ]
-        self.around = [address(a) for a in (self.drift, self.grain, self.tent, self.codes)]
         self.finishing = [
             address(a) for a in (self.read, self.decoded, self.hidden, self.mixing, self.columns, self.out)
         ]
@@ -106,10 +102,9 @@ class ClassifierHost(Host):
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         self.variant = Variant.of(info.config)
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
-        others = ("frame.surfaces", "classifier_seen.around")
-        kernels = load_kernels(gather, *READING, *LAYERS, *SKIPPING, *others, finish)
+        kernels = load_kernels(gather, *READING, LEVEL, *SKIPPING, SURFACES, finish)
         super().__init__(kernels, bands)
-        self.network = ByteNetwork(info.folder / "network.npz", kernels)
+        self.network = ByteNetwork(info.folder / "network.npz", kernels[LEVEL])
         self._config = c = info.config
         self._filters = [
             Filter(gaussian(c["sample_sigma"]), True),
@@ -117,9 +112,7 @@ class ClassifierHost(Host):
             Filter(gaussian(c["moment_sigma"]), False),
         ]
         self._windows = [gaussian(c["kernel_sigma"])]
-        self._gather, self._surfaces, self._around, self._finish = (
-            kernels[name] for name in (gather, *others, finish)
-        )
+        self._gather, self._surfaces, self._finish = (kernels[name] for name in (gather, SURFACES, finish))
         self._spaces = Workspaces(lambda display: _Space(self, display))
         self._views = Workspaces(self._view)
 
@@ -217,7 +210,7 @@ class ClassifierHost(Host):
             view.look(frame.jitter)
             self._reader.read(planes, exposure, view.samples)
             self._gather_all(space, view, past, left, tiles)
-            self._encode(space, tiles)
+            space.encoder.run(tiles)
             self._compose(space, view, left, image, weight, tiles)
 
     def _gather_all(
@@ -240,9 +233,10 @@ class ClassifierHost(Host):
             *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
             big_w, big_h, s.width,
         )  # fmt: skip
+        records, means = s.encoder.records, s.encoder.means
         outputs = (
-            *(address(a) for a in (s.past, s.rest, past.classes)), s.encoder.records.shape[1],
-            address(s.encoder.records), s.half_stride, address(s.means),
+            *(address(a) for a in (s.past, s.rest, past.classes)), records.shape[1], address(records),
+            means.shape[2], address(means),
         )  # fmt: skip
 
         def gather(box: Box, worker: int) -> None:
@@ -256,17 +250,6 @@ class ClassifierHost(Host):
 
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
         self.bands.together("gather", Job(boxes, gather, 2), Job([Box(0, h, 0, 1)], leave))
-
-    def _encode(self, space: _Space, tiles: Tiles) -> None:
-        """The network up to its last layers, which sees what is known around each pixel, too."""
-        s, (half_w, half_h), records = space, space.half, space.encoder.records
-        given = address(s.means), half_h, s.half_stride, records.shape[1]
-
-        def around(box: Box, worker: int) -> None:
-            y1, x1 = min(box.y1, half_h), min(box.x1, half_w)
-            self._around(*given, box.y0, y1, box.x0, x1, *s.scratch[worker].around, address(records))
-
-        s.encoder.run(tiles, around)
 
     def _compose(
         self,

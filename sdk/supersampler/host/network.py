@@ -1,7 +1,6 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
-from collections.abc import Mapping, Sequence
-from functools import partial
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -9,20 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Size
-from supersampler.host.bands import Bands, Box, BoxWork
+from supersampler.host.bands import Bands, Box
 from supersampler.host.compiler import Call
-from supersampler.host.layout import RECORD, TILE
+from supersampler.host.layout import LANES, PAD, RECORD, TILE
 from supersampler.host.memory import address, aligned
+from supersampler.host.tables import up_to
 from supersampler.host.tiles import Tiles
 
 Bytes = NDArray[np.uint8]
+LevelWork = Callable[[int, int, Box, int], None]
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
 ROOM = 16  # pixels after a row: kernels do several at once
 SIX = 6  # so many; they write nothing beyond a row that is at least as long
 
 
-LAYERS = ("network.enter", "network.descend", "network.level")
+LEVEL = "encode.level"
 
 
 class Layer:
@@ -40,10 +41,10 @@ class ByteNetwork:
 
     Args:
         path: network.npz of a model folder.
-        kernels: LAYERS.
+        level: the kernel LEVEL.
     """
 
-    def __init__(self, path: Path, kernels: Mapping[str, Call]) -> None:
+    def __init__(self, path: Path, level: Call) -> None:
         with np.load(path) as file:
             arrays = {name: np.ascontiguousarray(file[name]) for name in file.files}
         self.levels = [
@@ -52,7 +53,7 @@ class ByteNetwork:
         ]
         self.decoder, self.hidden, self.mixing = (Layer(arrays, n) for n in ("decoder", "hidden", "mixing"))
         self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
-        self.enter, self.descend, self.level = (kernels[name] for name in LAYERS)
+        self.level = level
 
 
 class _Level:
@@ -75,6 +76,7 @@ class Encoder:
 
     Attributes:
         records: (half height, row, RECORD) words, what is known of packed pixels.
+        means: (half height, 2, stride) from which what is around them gets there, with PAD on either side.
         kept: addresses of what each level gives.
         pitches: bytes a pixel of each, then bytes a row.
     """
@@ -83,85 +85,73 @@ class Encoder:
         self._bands = bands
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
+        self.means = aligned((half[1], 2, up_to(half[0], LANES) + 2 * PAD))
         self._levels = [
             _Level(layers, width >> level, height >> level, ALIGNED >> level)
             for level, layers in enumerate(network.levels)
         ]
+        self._scratch = aligned((bands.threads, 4, self.means.shape[2]))
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((bands.threads, most), np.uint8)
-        lines = [address(line) for line in self._lines]
-        self._first = [_entering(network, self._levels[0], self.records, half)]
-        self._first += [_descending(network, depth, self._levels, lines) for depth in range(1, len(KEPT))]
-        self._others = [_encoding(network, level, lines) for level in self._levels]
+        own = [
+            (*(address(row) for row in rows), address(line), address(line))
+            for rows, line in zip(self._scratch, self._lines, strict=True)
+        ]
+        seen = (
+            address(self.means), *half, self.means.shape[2], address(self.records),
+            self.records.shape[1] * RECORD,
+        )  # fmt: skip
+        self._work = [_work_of(network, self._levels, depth, seen, own) for depth in range(len(KEPT))]
         self.kept = [address(level.out) for level in self._levels]
         pitches = [level.last.outputs for level in self._levels]
         rows = [level.row_of(level.out) for level in self._levels]
         self.pitches = np.array([*pitches, *rows], np.int32)
 
-    def run(self, tiles: Tiles, around: BoxWork) -> None:
-        """All of it.
-
-        Args:
-            tiles: that it is run for.
-            around: completes the records of a box, which may be the same box again.
-        """
-
-        def enter(box: Box, worker: int) -> None:
-            around(box, worker)
-            self._first[0](box, worker)
-
-        for depth, level in enumerate(self._levels):
+    def run(self, tiles: Tiles) -> None:
+        """All of it, of tiles."""
+        for depth, (level, work) in enumerate(zip(self._levels, self._work, strict=True)):
             boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
-            self._run_level(level, boxes, self._first[depth] if depth else enter, self._others[depth])
+            if len(boxes) > 1 or level.width < SIX:
+                self._run_apart(level, boxes, work)
+            else:
+                self._run_whole(level, boxes, work)
 
-    def _run_level(self, level: _Level, boxes: Sequence[Box], first: BoxWork, others: BoxWork) -> None:
-        """All layers of a level, of which the others see one pixel around them."""
-        cover = partial(self._bands.cover, "encode", boxes, multiple=level.multiple)
-        if len(boxes) > 1 or level.width < SIX:
-            cover(first)
-            cover(others)
-            return
+    def _run_whole(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        (whole,) = boxes
 
-        def all_layers(box: Box, worker: int) -> None:
+        def do(box: Box, worker: int) -> None:
             # a row more on either side, in place of a wait: what two threads both write is the same
-            (whole,) = boxes
-            first(box._replace(y0=max(box.y0 - 1, whole.y0), y1=min(box.y1 + 1, whole.y1)), worker)
-            others(box, worker)
+            work(max(box.y0 - 1, whole.y0), min(box.y1 + 1, whole.y1), box, worker)
 
-        cover(all_layers)
+        self._bands.cover("encode", boxes, do, multiple=level.multiple)
+
+    def _run_apart(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        def first(box: Box, worker: int) -> None:
+            work(box.y0, box.y1, box._replace(y1=box.y0), worker)
+
+        def others(box: Box, worker: int) -> None:
+            work(box.y0, box.y0, box, worker)
+
+        for do in (first, others):
+            self._bands.cover("encode", boxes, do, multiple=level.multiple)
 
 
-def _entering(network: ByteNetwork, level: _Level, records: NDArray[np.int32], half: Size) -> BoxWork:
-    """The first layer of all, of packed pixels."""
-    layer = level.first
+def _work_of(
+    network: ByteNetwork,
+    levels: Sequence[_Level],
+    depth: int,
+    seen: Sequence[int],
+    own: Sequence[Sequence[int]],
+) -> LevelWork:
+    """Does a level: its first layer in rows from the first number to before the second, others in a box."""
+    above, level = levels[max(depth - 1, 0)], levels[depth]
+    skipped = KEPT[depth - 1] * 4 ** (depth - 1) if depth else 0
     arguments = (
-        address(records), RECORD, records.shape[1] * RECORD, layer.words, layer.weights, layer.blocks,
-        layer.scale, layer.bias, address(level.x), layer.outputs, level.row_of(level.x), level.width, *half,
+        *seen, address(above.out) + skipped, above.last.outputs, above.row_of(above.out),
+        level.given if depth else 0, level.first.words, level.first.weights, level.first.blocks,
+        level.first.scale, level.first.bias, address(level.x), level.first.outputs, level.row_of(level.x),
+        level.width, level.spatial.outputs, level.spatial.weights, level.spatial.scale, level.spatial.bias,
+        level.last.weights, level.last.blocks, level.last.scale, level.last.bias, address(level.out),
+        level.last.outputs, level.row_of(level.out),
     )  # fmt: skip
-    return lambda box, _: network.enter(*arguments, *box)
-
-
-def _descending(network: ByteNetwork, depth: int, levels: Sequence[_Level], lines: list[int]) -> BoxWork:
-    """The first layer of a deeper level."""
-    above, level = levels[depth - 1 : depth + 1]
-    layer, first = level.first, KEPT[depth - 1] * 4 ** (depth - 1)
-    arguments = address(above.out), above.last.outputs, above.row_of(above.out), first, level.given
-    more = (
-        layer.words, layer.weights, layer.blocks, layer.scale, layer.bias, address(level.x),
-        layer.outputs, level.row_of(level.x), level.width,
-    )  # fmt: skip
-    return lambda box, worker: network.descend(*arguments, lines[worker], lines[worker], *more, *box)
-
-
-def _encoding(network: ByteNetwork, level: _Level, lines: list[int]) -> BoxWork:
-    """The other two layers of a level."""
-    spatial, last = level.spatial, level.last
-    arguments = (
-        address(level.x), level.first.outputs, level.row_of(level.x), spatial.outputs, spatial.weights,
-        spatial.scale, spatial.bias,
-    )  # fmt: skip
-    more = (
-        last.weights, last.blocks, last.scale, last.bias, address(level.out), last.outputs,
-        level.row_of(level.out),
-    )  # fmt: skip
-    return lambda box, worker: network.level(*arguments, lines[worker], lines[worker], *more, *box)
+    return lambda y0, y1, box, worker: network.level(*arguments, *own[worker], y0, y1, *box)

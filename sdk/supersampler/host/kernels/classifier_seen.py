@@ -9,7 +9,6 @@ import numpy as np
 from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import clamped, root
 from supersampler.host.kernels.frame import repeat_ends
-from supersampler.host.kernels.types import Floats, Words
 from supersampler.host.kernels.warp import place
 from supersampler.host.layout import PAD, RECORD, SEEN
 from supersampler.host.shuffles import evens, odds, transposed
@@ -159,26 +158,24 @@ def tent_row(means, height, half_stride, plane, y, p0, p1, tall, line):
         store(tall, at, minimum(root(absolute(mean)) * 255.0 + 0.5, 255.0))
 
 
-def around(
-    means: Floats, half_h: int, half_stride: int, half_row: int, y0: int, y1: int, p0: int, p1: int,
-    drift: Floats, grain: Floats, line: Floats, codes: Words, records: Words,
-):  # fmt: skip
-    """Drift and grain of packed rows y0 to y1, pixels p0 to p1: bytes 6 and 7 of the half-size words.
+@inner
+def around_row(means, half_h, half_stride, y, p0, p1, drift, grain, line, codes, records, row):
+    """Drift and grain of packed pixels p0 to p1 of row y: bytes 6 and 7 of the half-size words of records.
 
     means (half_h, 2, half_stride), with PAD on either side; drift, grain, line and codes (half_stride,) are
-    scratch. What is beyond the border repeats it both times. Done again, it changes nothing.
+    scratch; records from `row` on. What is beyond the border repeats it both times. Done again, it changes
+    nothing.
     """
-    for y in range(y0, y1):
-        tent_row(means, half_h, half_stride, 0, y, p0, p1, drift, line)
-        tent_row(means, half_h, half_stride, 1, y, p0, p1, grain, line)
-        for x in range(p0, p1, 16):
-            at = PAD + x
-            code = to_int(load16(drift, at)) << np.int32(16) | to_int(load16(grain, at)) << np.int32(24)
-            store(codes, x, code)
-        first = y * half_row * RECORD + CLASSES + 1
-        for x in range(p0, p1):
-            at = first + x * RECORD
-            records[at] = np.int32(records[at] & 0xFFFF) | codes[x]
+    tent_row(means, half_h, half_stride, 0, y, p0, p1, drift, line)
+    tent_row(means, half_h, half_stride, 1, y, p0, p1, grain, line)
+    for x in range(p0, p1, 16):
+        at = PAD + x
+        code = to_int(load16(drift, at)) << np.int32(16) | to_int(load16(grain, at)) << np.int32(24)
+        store(codes, x, code)
+    first = row + CLASSES + 1
+    for x in range(p0, p1):
+        at = first + x * RECORD
+        records[at] = np.int32(records[at] & 0xFFFF) | codes[x]
 
 
 @inner

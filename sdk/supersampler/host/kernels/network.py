@@ -2,14 +2,12 @@
 
 Images are rows of pixels of channels, bytes, within a border of one pixel where 3x3 convolutions reach. A
 layer's sums of products become bytes again by a scale and a bias for each channel. Four bytes are multiplied
-and added at once: a word is what a processor takes in, 32 sums of six pixels what its registers hold. Kernels
-do rows y0 to y1 and pixels x0 to x1 of an image.
+and added at once: a word is what a processor takes in, 32 sums of six pixels what its registers hold.
 """
 
 import numpy as np
 
 from supersampler.host.inner import inner
-from supersampler.host.kernels.types import Bytes, Floats, Words
 from supersampler.host.vector import (
     dot4,
     load4,
@@ -140,76 +138,6 @@ def pool_row(x, at, pitch, row, channels, out, width):
             upper = maximum(load16(x, here), load16(x, here + pitch))
             lower = maximum(load16(x, here + row), load16(x, here + row + pitch))
             store(out, p * channels + c, maximum(upper, lower))
-
-
-def enter(
-    records: Words, pitch: int, row: int, words: int, weights: Words, blocks: int, scales: Floats,
-    biases: Floats, out: Bytes, out_pitch: int, out_row: int, width: int, half_width: int,
-    half_height: int, y0: int, y1: int, x0: int, x1: int,
-):  # fmt: skip
-    """The first layer of all, of records; beyond the picture its last row and column are repeated."""
-    for y in range(y0, y1):
-        at = min(y, half_height - 1) * row
-        if x1 == width:
-            for p in range(half_width, width + SIX):
-                for k in range(pitch):
-                    records[at + p * pitch + k] = records[at + (half_width - 1) * pitch + k]
-        to = (y + 1) * out_row + (x0 + 1) * out_pitch
-        pointwise_row(
-            records,
-            at + x0 * pitch,
-            pitch,
-            words,
-            weights,
-            blocks,
-            scales,
-            biases,
-            out,
-            to,
-            out_pitch,
-            x1 - x0,
-        )
-        if x1 == width:
-            clear(out, (y + 1) * out_row + (width + 1) * out_pitch, out_pitch)
-
-
-def descend(
-    above: Bytes, above_pitch: int, above_row: int, first: int, channels: int, pooled: Bytes,
-    pooled_words: Words, words: int, weights: Words, blocks: int, scales: Floats, biases: Floats,
-    out: Bytes, out_pitch: int, out_row: int, width: int, y0: int, y1: int, x0: int, x1: int,
-):  # fmt: skip
-    """The first layer of a deeper level: channels from `first` on of the level above, pooled.
-
-    pooled and pooled_words: the same scratch row.
-    """
-    for y in range(y0, y1):
-        at = 2 * y * above_row + 2 * x0 * above_pitch + first
-        pool_row(above, at, above_pitch, above_row, channels, pooled, x1 - x0)
-        to = (y + 1) * out_row + (x0 + 1) * out_pitch
-        pitch = channels // 4
-        pointwise_row(
-            pooled_words, 0, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, x1 - x0
-        )
-        if x1 == width:
-            clear(out, (y + 1) * out_row + (width + 1) * out_pitch, out_pitch)
-
-
-def level(
-    x: Bytes, pitch: int, row: int, channels: int, spatial_weights: Words, spatial_scales: Floats,
-    spatial_biases: Floats, line: Bytes, line_words: Words, weights: Words, blocks: int, scales: Floats,
-    biases: Floats, out: Bytes, out_pitch: int, out_row: int, y0: int, y1: int, x0: int, x1: int,
-):  # fmt: skip
-    """The second and third layer of a level; line and line_words: the same scratch row."""
-    words = channels // 4
-    for y in range(y0, y1):
-        depthwise_row(
-            x, y * row + x0 * pitch, pitch, row, spatial_weights, channels, spatial_scales, spatial_biases,
-            line, x1 - x0,
-        )  # fmt: skip
-        pointwise_row(
-            line_words, 0, words, words, weights, blocks, scales, biases, out, y * out_row + x0 * out_pitch,
-            out_pitch, x1 - x0,
-        )  # fmt: skip
 
 
 @inner
