@@ -1,7 +1,7 @@
 """`supersampler bench ...` of how methods run rather than of what they draw: cost, speed, skip, parity."""
 
 from pathlib import Path
-from typing import Annotated, cast
+from typing import Annotated, Literal, cast
 
 import typer
 from rich.console import Console
@@ -115,6 +115,10 @@ def speed(
     skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
+    instructions: Annotated[
+        Literal["all", "avx2"],
+        typer.Option(help="Of this processor, that the host's kernels may use: avx2, as if it had no more."),
+    ] = "all",
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -125,8 +129,11 @@ def speed(
     Example:
       supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
     """
+    from supersampler_bench.instructions import compile_for_avx2
     from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
 
+    if instructions == "avx2":
+        compile_for_avx2()
     tables = {"speed": markdown_table}
     check_page(update, tables)
     names, kinds = listed(methods), parse_executors(executors)
@@ -148,7 +155,7 @@ def speed(
             on_left_out=warn,
         )
         limits = measure_limits()
-    publish(speed_record(results, limits, ratio), tables, json, update)
+    publish(speed_record(results, limits, ratio, instructions), tables, json, update)
 
 
 def device(

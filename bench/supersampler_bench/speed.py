@@ -24,6 +24,7 @@ WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
 SLOW = 10.0  # times the reference: such steps leave cold caches to those that they take turns with
 COPIED = 1 << 28  # bytes; several times what caches hold
+_COMPILED_FOR = {"all": "", "avx2": ", kernels compiled as for one that has AVX2 and no AVX-512"}
 
 
 @dataclass(frozen=True)
@@ -277,10 +278,17 @@ def _resident() -> int:
     return pages * os.sysconf("SC_PAGE_SIZE")
 
 
-def speed_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
-    """Return all values, ready for JSON."""
-    timed = [asdict(r) for r in results]
-    return {"bench": "speed", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
+def speed_record(
+    results: Sequence[Timed], limits: Limits, ratio: float, instructions: str = "all"
+) -> dict[str, Any]:
+    """Return all values, ready for JSON; `instructions`: that the kernels were compiled for."""
+    return {
+        "bench": "speed",
+        "ratio": ratio,
+        "instructions": instructions,
+        "timed": [asdict(r) for r in results],
+        "limits": asdict(limits),
+    }
 
 
 def timed_of(record: Record) -> list[Timed]:
@@ -305,7 +313,8 @@ def markdown_table(record: Record) -> str:
         )
     caption = (
         f"A step at ratio {record['ratio']:g}, frame in memory to picture in memory, on the shipped shot, "
-        f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}. "
+        f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}"
+        f"{_COMPILED_FOR[record['instructions']]}. "
         "Cores: milliseconds of all together. Memory: share of the step in which frame, history and picture "
         f"could be moved, at the {1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds "
         "of the network over the time of the whole step; a product of matrices in single precision reaches "

@@ -1,13 +1,17 @@
 """Timing: what is compared is comparable, and nothing that a method does not have is listed."""
 
+import platform
 from pathlib import Path
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from supersampler.errors import ArgumentError
+from supersampler.host import compiler
 from supersampler_bench import speed
 from supersampler_bench.cli import app
+from supersampler_bench.instructions import compile_for_avx2
 from supersampler_bench.record import setting
 from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_speed, speed_record
 
@@ -42,6 +46,24 @@ def test_skipping_is_a_setting_like_others() -> None:
     table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
     assert "| host, fp32 |" in table
     assert "| host, fp32, skip auto |" in table
+
+
+def test_kernels_of_fewer_instructions_are_kept_apart_and_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: "x86_64")
+    for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
+        monkeypatch.setenv(name, "")  # what is set below ends with the test
+    monkeypatch.setattr(compiler, "_made_of", compiler._made_of.__wrapped__)
+    results, before = measure_speed(["taa"], [(64, 36)], ["host"], [1], steps=1), compiler.cache_folder()
+    compile_for_avx2()
+    assert compiler.cache_folder() != before
+    table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0, "avx2"), **setting()})
+    assert "no AVX-512" in table
+
+
+def test_a_processor_without_them_is_told_so(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(platform, "machine", lambda: "arm64")
+    with pytest.raises(ArgumentError, match="x86-64"):
+        compile_for_avx2()
 
 
 def test_frames_of_any_size_show_the_shipped_shot() -> None:

@@ -98,13 +98,12 @@ def _made_of() -> str:
     made = hashlib.sha256()
     for path in sorted(Path(__file__).parent.rglob("*.py")):
         made.update(path.read_bytes())
-    features = llvm.get_host_cpu_features().flatten()
     for part in (
         version("numba"),
         version("llvmlite"),
         platform.machine(),
-        llvm.get_host_cpu_name(),
-        features,
+        os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name(),
+        os.environ.get("NUMBA_CPU_FEATURES") or llvm.get_host_cpu_features().flatten(),
     ):
         made.update(part.encode())
     return made.hexdigest()[:16]
