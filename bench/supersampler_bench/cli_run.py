@@ -116,8 +116,8 @@ def speed(
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
     instructions: Annotated[
-        Literal["all", "avx2"],
-        typer.Option(help="Of this processor, that the host's kernels may use: avx2, as if it had no more."),
+        Literal["all", "avx-vnni", "avx2"],
+        typer.Option(help="That kernels are compiled for: those of older processors, on this one."),
     ] = "all",
     json: JSON = None,
     update: UPDATE = None,
@@ -129,11 +129,11 @@ def speed(
     Example:
       supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
     """
-    from supersampler_bench.instructions import compile_for_avx2
+    from supersampler_bench.instructions import compile_for
     from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
 
-    if instructions == "avx2":
-        compile_for_avx2()
+    if instructions != "all":
+        compile_for(instructions)
     tables = {"speed": markdown_table}
     check_page(update, tables)
     names, kinds = listed(methods), parse_executors(executors)

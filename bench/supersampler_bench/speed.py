@@ -24,7 +24,11 @@ WARM_UP = 4  # steps of each setting before any counts
 REFERENCE = "taa"  # on the host: what others are a multiple of
 SLOW = 10.0  # times the reference: such steps leave cold caches to those that they take turns with
 COPIED = 1 << 28  # bytes; several times what caches hold
-_COMPILED_FOR = {"all": "", "avx2": ", kernels compiled as for one that has AVX2 and no AVX-512"}
+_COMPILED_FOR = {
+    "all": "",
+    "avx-vnni": ", kernels compiled as for one that has AVX2 and AVX-VNNI, but no AVX-512",
+    "avx2": ", kernels compiled as for one that has AVX2, but no AVX-VNNI and no AVX-512",
+}
 
 
 @dataclass(frozen=True)

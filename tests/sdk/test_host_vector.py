@@ -18,7 +18,7 @@ from supersampler.host.vector import dot4, load16, picked, store
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 
 
-FEATURES = ((), ("avx2",), ("avx2", "avx512f", "avx512vnni"))
+FEATURES = ((), ("avx2",), ("avx2", "avxvnni"), ("avx2", "avx512f", "avx512vnni"))
 """Of processors for which code is made in other ways; those that this one lacks are left out."""
 
 

@@ -102,7 +102,7 @@ class ClassifierHost(Host):
     def __init__(self, info: ModelInfo, bands: Bands) -> None:
         self.variant = Variant.of(info.config)
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
-        kernels = load_kernels(gather, *READING, LEVEL, *SKIPPING, SURFACES, finish)
+        kernels = load_kernels(gather, *READING, *SKIPPING, SURFACES, LEVEL, finish)
         super().__init__(kernels, bands)
         self.network = ByteNetwork(info.folder / "network.npz", kernels[LEVEL])
         self._config = c = info.config

@@ -166,8 +166,9 @@ def around_row(means, half_h, half_stride, y, p0, p1, drift, grain, line, codes,
     scratch; records from `row` on. What is beyond the border repeats it both times. Done again, it changes
     nothing.
     """
-    tent_row(means, half_h, half_stride, 0, y, p0, p1, drift, line)
-    tent_row(means, half_h, half_stride, 1, y, p0, p1, grain, line)
+    # int64: of literals numba would make a function each
+    tent_row(means, half_h, half_stride, np.int64(0), y, p0, p1, drift, line)
+    tent_row(means, half_h, half_stride, np.int64(1), y, p0, p1, grain, line)
     for x in range(p0, p1, 16):
         at = PAD + x
         code = to_int(load16(drift, at)) << np.int32(16) | to_int(load16(grain, at)) << np.int32(24)

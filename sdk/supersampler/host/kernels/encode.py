@@ -1,5 +1,7 @@
 """A level of the network of `classifier`: row by row, so that what a layer gives is near for the next."""
 
+import numpy as np
+
 from supersampler.host.inner import inner
 from supersampler.host.kernels.classifier_seen import around_row
 from supersampler.host.kernels.network import clear, depthwise_row, pointwise_row, pool_row
@@ -33,15 +35,13 @@ def level(
     line, which line_words is too: scratch. between: channels that the last two layers have.
     """
     count = x1 - x0
+    start = np.int64(0)  # of a literal numba would make functions of its own
     for y in range(min(first0, y0), max(first1, y1 + 1)):
         if first0 <= y < first1:
-            to = (y + 1) * row + (x0 + 1) * pitch
             if channels:
                 at = 2 * y * above_row + 2 * x0 * above_pitch
                 pool_row(above, at, above_pitch, above_row, channels, line, count)
-                pointwise_row(
-                    line_words, 0, channels // 4, words, weights, blocks, scales, biases, x, to, pitch, count
-                )  # fmt: skip
+                source, at, step = line_words, start, channels // 4
             else:
                 here = min(y, half_height - 1)
                 at = here * record_row
@@ -51,10 +51,9 @@ def level(
                 )  # fmt: skip
                 if x1 == width:
                     repeat_last(records, at, half_width, width)
-                at += x0 * RECORD
-                pointwise_row(
-                    records, at, RECORD, words, weights, blocks, scales, biases, x, to, pitch, count
-                )
+                source, at, step = records, at + x0 * RECORD, np.int64(RECORD)
+            to = (y + 1) * row + (x0 + 1) * pitch
+            pointwise_row(source, at, step, words, weights, blocks, scales, biases, x, to, pitch, count)
             if x1 == width:
                 clear(x, (y + 1) * row + (width + 1) * pitch, pitch)
         done = y - 1  # has all that it sees
@@ -65,6 +64,6 @@ def level(
             )  # fmt: skip
             to = done * out_row + x0 * out_pitch
             pointwise_row(
-                line_words, 0, between // 4, between // 4, last_weights, last_blocks, last_scales,
+                line_words, start, between // 4, between // 4, last_weights, last_blocks, last_scales,
                 last_biases, out, to, out_pitch, count,
             )  # fmt: skip
