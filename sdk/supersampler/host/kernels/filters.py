@@ -81,10 +81,13 @@ def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
     """What pixels x0 to x1 of row y look at: line (FILTERED, wide), by three filters of down (., H, 4)."""
     first, last = span(starts, x0, x1)
     one, two, three = 4 * y, 4 * (height + y), 4 * (2 * height + y)
-    filter_down(samples, 0, 4, rows, down, y, one, wide, first, last, line, 0)
-    filter_down(samples, 0, 4, rows, down, y, two, wide, first, last, line, 4 * wide)
-    filter_down(samples, 4, 6, rows, down, y, three, wide, first, last, line, 8 * wide)
-    filter_down(samples, 3, 1, rows, down, y, three, wide, first, last, line, 14 * wide)
+    none, alone, usable, four, six = (  # of literals numba would make functions of their own
+        np.int64(0), np.int64(1), np.int64(3), np.int64(4), np.int64(6),
+    )  # fmt: skip
+    filter_down(samples, none, four, rows, down, y, one, wide, first, last, line, none)
+    filter_down(samples, none, four, rows, down, y, two, wide, first, last, line, 4 * wide)
+    filter_down(samples, four, six, rows, down, y, three, wide, first, last, line, 8 * wide)
+    filter_down(samples, usable, alone, rows, down, y, three, wide, first, last, line, 14 * wide)
 
 
 @inner
