@@ -28,6 +28,7 @@ def add_products(builder: ir.IRBuilder, total: ir.Value, unsigned: ir.Value, sig
 def _added_in_halves(
     builder: ir.IRBuilder, total: ir.Value, unsigned: ir.Value, signed: ir.Value
 ) -> ir.Value:
+    """`add_products` of eight lanes and eight."""
     half = ir.VectorType(_I32, HALF)
     parts = ([_lanes(builder, v, first, HALF) for v in (total, unsigned, signed)] for first in (0, HALF))
     return _joined(builder, *(_call(builder, "llvm.x86.avx512.vpdpbusd.256", half, *part) for part in parts))

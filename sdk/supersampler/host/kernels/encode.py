@@ -4,17 +4,15 @@ import numpy as np
 
 from supersampler.host.inner import inner
 from supersampler.host.kernels.classifier_seen import around_row
-from supersampler.host.kernels.network import clear, depthwise_row, pointwise_row, pool_row
+from supersampler.host.kernels.network import SIX, clear, depthwise_row, pointwise_row, pool_row
 from supersampler.host.kernels.types import Bytes, Floats, Words
 from supersampler.host.layout import RECORD
-
-ROOM = 6  # pixels after a row of records that are read
 
 
 @inner
 def repeat_last(records, at, half_width, width):
-    """Beyond the picture its last column is repeated."""
-    for p in range(half_width, width + ROOM):
+    """Beyond the picture its last column is repeated, and beyond the row, as far as it is read."""
+    for p in range(half_width, width + SIX):
         for k in range(RECORD):
             records[at + p * RECORD + k] = records[at + (half_width - 1) * RECORD + k]
 
