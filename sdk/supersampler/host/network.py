@@ -117,6 +117,7 @@ class Encoder:
                 self._run_whole(level, boxes, work)
 
     def _run_whole(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        """All layers of a level at once, of one box."""
         (whole,) = boxes
 
         def do(box: Box, worker: int) -> None:
@@ -126,6 +127,8 @@ class Encoder:
         self._bands.cover("encode", boxes, do, multiple=level.multiple)
 
     def _run_apart(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        """The first layer, then those that see one pixel around them, which another box may have done."""
+
         def first(box: Box, worker: int) -> None:
             work(box.y0, box.y1, box._replace(y1=box.y0), worker)
 

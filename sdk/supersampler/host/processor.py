@@ -20,7 +20,7 @@ def add_products(builder: ir.IRBuilder, total: ir.Value, unsigned: ir.Value, sig
     """Add to each i32 lane four products of its unsigned with its signed bytes."""
     if has("avx512vnni"):
         return _call(builder, "llvm.x86.avx512.vpdpbusd.512", total.type, total, unsigned, signed)
-    if has("avxvnni"):  # desktops' since 2021
+    if has("avxvnni"):  # Intel's desktops since 2021
         return _added_in_halves(builder, total, unsigned, signed)
     return builder.add(total, _products_in_halves(builder, unsigned, signed))
 

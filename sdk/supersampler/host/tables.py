@@ -42,7 +42,7 @@ class Axis:
         near: nearest sample of each pixel; like `start` and `first` in whole LANES.
         start: the one at or before where it looks, -1 at first where that is before the first.
         first: the same, or the first.
-        samples: (n, 4) the four around.
+        samples: (1, n, 4) the four around.
         weights: (filters, n, 4) of these.
         windows: (windows, n, 3) likewise.
     """
@@ -65,30 +65,30 @@ class Axis:
         self.near[:display], self.start[:display] = near, first
         self.first[:display] = np.clip(first, 0, render - 1)
         samples = first[:, None] + np.arange(-1.0, 3.0, dtype=np.float32)
-        self.samples = np.clip(samples, 0, render - 1).astype(np.int32)
+        self.samples = self._laid(np.clip(samples, 0, render - 1).astype(np.int32)[None])
         distance = samples - position[:, None]
         scales = [np.float32(display / render if scaled else 1.0) for _, scaled in filters]
         weights = [kernel(distance * scale) for (kernel, _), scale in zip(filters, scales, strict=True)]
-        self.weights = np.array(weights, np.float32).reshape(-1, display, 4)
+        self.weights = self._laid(np.array(weights, np.float32).reshape(-1, display, 4))
         beside = near[:, None] + np.arange(-1.0, 2.0, dtype=np.float32) - position[:, None]
-        self.windows = np.array([kernel(beside) for kernel in windows], np.float32).reshape(-1, display, 3)
+        around = np.array([kernel(beside) for kernel in windows], np.float32)
+        self.windows = self._laid(around.reshape(-1, display, 3))
+
+    @staticmethod
+    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
+        """(m, n, k) tables of n pixels as they are kept."""
+        return tables
 
 
 class Columns(Axis):
     """As columns want it: `samples` (4, n), `weights` (4 * filters, n), `windows` (3 * windows, n)."""
 
-    def __init__(
-        self,
-        display: int,
-        render: int,
-        filters: Sequence[Filter],
-        windows: Sequence[Kernel],
-        jitter: float,
-    ) -> None:
-        super().__init__(display, render, filters, windows, jitter)
-        self.samples, self.weights, self.windows = (
-            _columns_of(table) for table in (self.samples[None], self.weights, self.windows)
-        )
+    @staticmethod
+    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
+        m, n, k = tables.shape
+        rows = aligned((m * k, up_to(n, LANES)), tables.dtype.type)
+        rows[:, :n] = tables.transpose(0, 2, 1).reshape(m * k, n)
+        return rows
 
 
 class Looks:
@@ -133,14 +133,6 @@ def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
         firsts = np.repeat(index[::count], count)[: len(index)]
         index = np.minimum(index, firsts + (lanes % count).astype(np.float32))
     return index
-
-
-def _columns_of(tables: NDArray[Any]) -> NDArray[Any]:
-    """(m, n, k) as m * k rows of whole LANES."""
-    m, n, k = tables.shape
-    rows = aligned((m * k, up_to(n, LANES)), tables.dtype.type)
-    rows[:, :n] = tables.transpose(0, 2, 1).reshape(m * k, n)
-    return rows
 
 
 def gaussian(sigma: float) -> Kernel:
