@@ -13,8 +13,10 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.display import auto_exposure, display_transform
 from supersampler.errors import (
     ArgumentError,
+    BackendWarning,
     FrameError,
     FrameWarning,
+    KernelError,
     ModelError,
     ProviderError,
     RecordingError,
@@ -44,6 +46,7 @@ __version__ = "0.1.0"
 
 __all__ = [
     "ArgumentError",
+    "BackendWarning",
     "Conventions",
     "Converter",
     "Detection",
@@ -51,6 +54,7 @@ __all__ = [
     "FrameError",
     "FrameWarning",
     "History",
+    "KernelError",
     "Model",
     "ModelError",
     "ModelInfo",

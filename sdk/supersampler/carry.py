@@ -1,14 +1,14 @@
 """What frames carry along (alpha, any channels), blended by the weight of the colour: `carry.onnx`."""
 
-import threading
-
 import numpy as np
 import onnxruntime as ort
 
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
+from supersampler.host.locks import Lock
 from supersampler.model_info import ModelInfo
+from supersampler.onnx_runs import OnnxRun
 
 
 def check_carry(frame: Frame, past: Float32 | None) -> None:
@@ -26,7 +26,7 @@ class Carrier:
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
         self._path, self._options = info.carry_path, options
-        self._lock = threading.Lock()
+        self._lock = Lock()
         self._session: ort.InferenceSession | None = None
 
     def blend(
@@ -48,7 +48,9 @@ class Carrier:
         if weight is None or past is None:
             weight = np.zeros((1, 1, *shape[2:]), np.float32)
         inputs |= {"weight": weight, "history.carry": np.zeros(shape, np.float32) if past is None else past}
-        image: Float32 = self._loaded().run(["image"], inputs)[0]
+        session = self._loaded()
+        with OnnxRun():
+            image: Float32 = session.run(["image"], inputs)[0]
         return image
 
     def _loaded(self) -> ort.InferenceSession:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame
 from supersampler.graph_session import frame_inputs, open_session, pixels_of, session_options
 from supersampler.model_info import ModelInfo
+from supersampler.onnx_runs import OnnxRun
 from supersampler.providers import check_provider_in_use, device_of
 
 
@@ -76,7 +77,8 @@ class GraphDrawing:
             binding.bind_output(history.output, self._device)
         binding.bind_ortvalue_output(self._info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
         binding.synchronize_inputs()
-        self._session.run_with_iobinding(binding)
+        with OnnxRun():
+            self._session.run_with_iobinding(binding)
         binding.synchronize_outputs()
         names = [history.input.name for history in self._info.history]
         return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))

@@ -7,8 +7,10 @@ SupersamplerError
   RecordingError     a recording of an Upscaler cannot be read, written or replayed; names the file
   ModelError         a model folder that this runtime cannot drive
   ProviderError      an ONNX Runtime execution provider was asked for and cannot be had
+  KernelError        the CPU backend's kernels cannot be compiled here
 
-Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`).
+Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); BackendWarning, where a slower
+backend runs than could.
 """
 
 from pathlib import Path
@@ -58,6 +60,14 @@ class ModelError(SupersamplerError, ValueError):
 
 class ProviderError(SupersamplerError, RuntimeError):
     """An execution provider was asked for and cannot be had; the message lists those that can."""
+
+
+class KernelError(SupersamplerError, RuntimeError):
+    """Kernels of the CPU backend cannot be compiled or loaded; the message says why."""
+
+
+class BackendWarning(UserWarning):
+    """A model runs on a slower backend than it could; says why and what to install."""
 
 
 class FrameWarning(UserWarning):

@@ -69,7 +69,7 @@ class Extrapolator:
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
             )
         on_host = executor != "graph" and list(providers) == [CPU]
-        kernels = host_drawing(self.info, threads) if on_host else None
+        kernels = host_drawing(self.info, threads, required=executor == "host") if on_host else None
         self._drawing: Drawing = kernels or GraphDrawing(self.info, providers, threads)
         self.executor = self._drawing.name
 

@@ -9,6 +9,7 @@ import onnxruntime as ort
 from supersampler.frame import Size
 from supersampler.graph_session import open_session, session_options
 from supersampler.model_info import ModelInfo, extents
+from supersampler.onnx_runs import OnnxRun
 from supersampler.providers import capturing, check_provider_in_use
 
 
@@ -79,7 +80,8 @@ class FixedStep:
         for name, value in self._inputs.items():
             value.update_inplace(given[name])
         self._binding.synchronize_inputs()  # a copy within the device is not waited for
-        self._session.run_with_iobinding(self._binding)
+        with OnnxRun():
+            self._session.run_with_iobinding(self._binding)
         for name, value in made.items():
             value.update_inplace(self._outputs[name])
         self._binding.synchronize_outputs()

@@ -1,7 +1,6 @@
 """The whole step as one graph in ONNX Runtime; the history stays on its device."""
 
 import math
-import threading
 from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
@@ -13,7 +12,9 @@ from supersampler.fixed_step import FixedStep
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session, session_options
 from supersampler.host.layout import TILE
+from supersampler.host.locks import Lock
 from supersampler.model_info import ModelInfo, TensorInfo
+from supersampler.onnx_runs import OnnxRun
 from supersampler.providers import capturing, check_provider_in_use, device_of
 from supersampler.tensors import check_tensor, render_size_of
 
@@ -49,7 +50,7 @@ class GraphExecutor:
         check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
-        self._lock = threading.Lock()  # of that
+        self._lock = Lock()  # of that
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
@@ -145,7 +146,8 @@ class GraphExecutor:
         for name, value in made.items():
             binding.bind_ortvalue_output(name, value)
         binding.synchronize_inputs()  # others have written on streams of their own
-        self._session.run_with_iobinding(binding)
+        with OnnxRun():
+            self._session.run_with_iobinding(binding)
         binding.synchronize_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:

@@ -104,7 +104,8 @@ class Model:
         names = resolve_providers(providers)
         carrier = Carrier(info, session_options(threads))
         if executor != "graph" and not capture and list(names) == [CPU]:
-            host = host_executor(info, threads)
+            required = executor == "host" or precision == "int8"
+            host = host_executor(info, threads, required=required)
             if host is not None and precision in ("auto", host.precision):
                 return cls(info, host, carrier, [CPU], threads)
         kind = "fp32" if precision == "auto" else precision

@@ -14,6 +14,7 @@ from supersampler.extrapolation import Extrapolation, ShadedPast
 from supersampler.frame import Float32, Frame, Size
 from supersampler.gbuffers import GBUFFERS, black
 from supersampler.history import History, Result
+from supersampler.host.uninterrupted import uninterrupted
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen
@@ -342,6 +343,19 @@ class Upscaler:
         # first: no frame is remembered and then refused
         model.check(frame, history.display_size, want, history.carry)
         self._checker.check(given, history.display_size, self.gbuffers)
+        return uninterrupted(partial(self._completed, model, frame, history, shaded, out, want, started))
+
+    def _completed(
+        self,
+        model: Model,
+        frame: Frame,
+        history: History,
+        shaded: ShadedPast | None,
+        out: Float32 | None,
+        want: Collection[str],
+        started: float,
+    ) -> Float32 | Result:
+        """Run a step and remember it: all of it, or nothing where it raises."""
         result, left = model.run_wanted(
             frame, history, want, out=out, history_out=self._spare, skip=self.skip
         )
@@ -368,7 +382,7 @@ class Upscaler:
         image, left = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
         )
-        self._go_on(history, left, 1.0, started)
+        uninterrupted(partial(self._go_on, history, left, 1.0, started))
         return image
 
     def _history_for(self, size: Size, *, reset: bool) -> History:

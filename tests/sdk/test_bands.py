@@ -82,7 +82,10 @@ def test_what_a_thread_raises_is_raised_after_all_are_done_and_the_next_work_is_
 def test_threads_end_with_what_they_help() -> None:
     before = set(threading.enumerate())
     bands = Bands(3)
-    threads = set(threading.enumerate()) - before
+    assert set(threading.enumerate()) == before, "threads start with the first work"
+    bands.run("read", 12, lambda *_: time.sleep(0.01))
+    bands.run("read", 12, lambda *_: None)
+    threads = {thread for thread in threading.enumerate() if thread.name == "supersampler"} - before
     assert len(threads) == 2
     del bands
     gc.collect()
@@ -91,8 +94,19 @@ def test_threads_end_with_what_they_help() -> None:
         assert not thread.is_alive()
 
 
-def test_stopped_threads_take_no_work() -> None:
-    bands = Bands(2)
+def test_stopped_bands_do_the_work_on_the_callers_thread() -> None:
+    bands, done = Bands(2), []
     bands.close()
-    with pytest.raises(RuntimeError, match="stopped"):
-        bands.run("read", 10, lambda *_: None)
+    bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1, threading.get_ident())))
+    assert sorted(rows[:2] for rows in done) == [(0, 5), (5, 10)]
+    assert len({rows[2] for rows in done}) == 1
+
+
+def test_bands_work_where_no_thread_can_be_started(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(thread: threading.Thread) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr(threading.Thread, "start", refuse)
+    bands, done = Bands(3), []
+    bands.run("read", 9, lambda y0, y1, _: done.append((y0, y1)))
+    assert sorted(done) == [(0, 3), (3, 6), (6, 9)]

@@ -5,7 +5,8 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from supersampler.host.helpers import Helpers
+from supersampler.host.uninterrupted import uninterrupted
+from supersampler.host.workers import Workers, finish
 
 Work = Callable[[int, int, int], None]
 """Does rows from the first to before the second, as the worker of the third number."""
@@ -54,7 +55,7 @@ class Bands:
     def __init__(self, threads: int) -> None:
         self.threads = threads
         self.seconds: dict[str, float] | None = None
-        self._helpers = Helpers(threads - 1)
+        self._workers = Workers(threads - 1)
 
     def run(self, stage: str, rows: int, work: Work) -> None:
         """Do all rows."""
@@ -65,12 +66,15 @@ class Bands:
         self.together(stage, Job(boxes, work, multiple))
 
     def together(self, stage: str, *jobs: Job) -> None:
-        """Do jobs of which none needs what another does.
+        """Do jobs of which none needs what another does. When this returns or raises, nothing is under way.
 
         Args:
             stage: what the time counts as.
             jobs: which.
         """
+        uninterrupted(partial(self._together, stage, jobs))
+
+    def _together(self, stage: str, jobs: Sequence[Job]) -> None:
         began = time.perf_counter()
         shares = [shared(job.boxes, self.threads, job.multiple) for job in jobs]
 
@@ -79,17 +83,17 @@ class Bands:
                 for box in parts[worker] if worker < len(parts) else ():
                     job.work(box, worker)
 
-        orders = [self._helpers.order(partial(do, worker)) for worker in range(1, max(map(len, shares)))]
+        others = [self._workers.submit(partial(do, worker)) for worker in range(1, max(map(len, shares)))]
         try:
             do(0)
-        finally:  # nobody may write to what the caller then frees
-            self._helpers.wait(orders)
+        finally:  # no thread may write to what the caller then frees
+            finish(others)
         if self.seconds is not None:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
     def close(self) -> None:
-        """Stop the threads."""
-        self._helpers.close()
+        """Stop the threads; what is still to be done is done by the thread that asks for it."""
+        self._workers.close()
 
 
 def shared(boxes: Sequence[Box], count: int, multiple: int) -> list[list[Box]]:

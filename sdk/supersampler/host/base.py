@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import Call
+from supersampler.host.kernel_loader import Call
 from supersampler.host.reading import Reader
 from supersampler.host.skipping import Skipping
 from supersampler.host.trail import Trail

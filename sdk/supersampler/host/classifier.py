@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box, Job
 from supersampler.host.base import Host
-from supersampler.host.compiler import load_kernels
+from supersampler.host.kernel_loader import load_kernels
 from supersampler.host.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.host.memory import LINE, address, aligned
 from supersampler.host.network import LEVEL, ByteNetwork, Encoder

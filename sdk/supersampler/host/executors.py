@@ -1,7 +1,9 @@
 """Which models run as kernels on this processor."""
 
 import os
+import warnings
 
+from supersampler.errors import BackendWarning, KernelError
 from supersampler.executor import Executor
 from supersampler.host.bands import Bands
 from supersampler.host.classifier import ClassifierHost
@@ -13,22 +15,55 @@ from supersampler.model_info import ModelInfo
 _SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
 
 
-def host_executor(info: ModelInfo, threads: int) -> Executor | None:
-    """Return the executor of a model, or None where it has no kernels.
+def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
+    """Return the CPU backend of a model; None where it has no kernels, or they cannot be compiled.
 
     Args:
         info: the model.
         threads: how many; 0 takes every core that this process may use.
+        required: raise instead of falling back to ONNX Runtime.
+
+    Raises:
+        KernelError: kernels cannot be compiled, and are required.
+
+    Warns:
+        BackendWarning: kernels cannot be compiled; once in a process.
     """
     kind = _kind(info)
-    return None if kind is None else kind(info, Bands(threads or len(_cores())))
+    if kind is None:
+        return None
+    try:
+        return kind(info, Bands(threads or len(_cores())))
+    except KernelError as error:
+        _fall_back(error, required=required)
+        return None
 
 
-def host_drawing(info: ModelInfo, threads: int) -> GuidedWarpHost | None:
-    """Return what draws frames that were not shaded, or None where a model has no kernels; as above."""
+def host_drawing(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpHost | None:
+    """Return what extrapolates unshaded frames on the CPU; see `host_executor`."""
     if info.method != "guided-warp" or not GuidedWarpHost.draws(info.config):
         return None
-    return GuidedWarpHost(info, Bands(threads or len(_cores())))
+    try:
+        return GuidedWarpHost(info, Bands(threads or len(_cores())))
+    except KernelError as error:
+        _fall_back(error, required=required)
+        return None
+
+
+_warned: list[str] = []
+
+
+def _fall_back(error: KernelError, *, required: bool) -> None:
+    if required:
+        raise error
+    if not _warned:
+        _warned.append(str(error))
+        warnings.warn(
+            f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and tiles that "
+            "stand still are not reused. `pip install numba` brings the kernels back.",
+            BackendWarning,
+            stacklevel=2,
+        )
 
 
 def _kind(info: ModelInfo) -> type[ClassifierHost] | type[TaaHost] | type[TaauHost] | None:

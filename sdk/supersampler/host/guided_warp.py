@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import image_of
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import load_kernels
+from supersampler.host.kernel_loader import load_kernels
 from supersampler.host.layout import GUIDED, LANES
 from supersampler.host.memory import address, aligned
 from supersampler.host.tables import up_to

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Size
 from supersampler.host.bands import Bands, Box
-from supersampler.host.compiler import Call
+from supersampler.host.kernel_loader import Call
 from supersampler.host.layout import LANES, PAD, RECORD, TILE
 from supersampler.host.memory import address, aligned
 from supersampler.host.tables import up_to

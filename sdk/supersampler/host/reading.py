@@ -9,7 +9,7 @@ import numpy as np
 from supersampler.display import EXPOSURE_KEY, adapted_exposure
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
-from supersampler.host.compiler import Call
+from supersampler.host.kernel_loader import Call
 from supersampler.host.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.host.memory import address, aligned
 from supersampler.host.tables import Filter, Kernel, Looks, up_to

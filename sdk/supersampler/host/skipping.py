@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Size
 from supersampler.host.bands import Bands, Box
-from supersampler.host.compiler import Call
+from supersampler.host.kernel_loader import Call
 from supersampler.host.layout import SAMPLES, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import Planes

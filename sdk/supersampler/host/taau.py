@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands, Box
 from supersampler.host.base import Host
-from supersampler.host.compiler import load_kernels
+from supersampler.host.kernel_loader import load_kernels
 from supersampler.host.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.host.memory import address
 from supersampler.host.reading import READING, Planes, View, Weight, bordered

@@ -1,12 +1,12 @@
 """Buffers for frames of one size, lent to one step at a time."""
 
-import threading
 from collections import OrderedDict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Generic, TypeVar
 
 from supersampler.frame import Size
+from supersampler.host.locks import Lock
 
 Space = TypeVar("Space")
 KEPT = 4  # sizes: what a dynamic resolution goes back and forth between
@@ -21,7 +21,7 @@ class Workspaces(Generic[Space]):
 
     def __init__(self, make: Callable[..., Space]) -> None:
         self._make = make
-        self._lock = threading.Lock()
+        self._lock = Lock()
         self._free: OrderedDict[tuple[Size, ...], list[Space]] = OrderedDict()
 
     @contextmanager

@@ -1,0 +1,72 @@
+"""A damaged cache of kernels costs a compilation, and nothing else."""
+
+import shutil
+from pathlib import Path
+
+import pytest
+
+from apart import STEP, run_apart
+from supersampler.host.kernel_cache import Kernel, read_kernel, write_kernel
+from supersampler.host.kernel_loader import load_kernels
+
+KERNEL = Kernel("frame.measure", "symbol", "ppi", b"\x7fELF machine code\n" * 9)
+
+
+@pytest.fixture
+def entry(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    write_kernel(KERNEL)
+    (path,) = tmp_path.rglob("*.kernel")
+    assert read_kernel(KERNEL.name) == KERNEL
+    return path
+
+
+def test_an_entry_cut_anywhere_counts_as_missing(entry: Path) -> None:
+    content = entry.read_bytes()
+    for length in range(len(content)):
+        entry.write_bytes(content[:length])
+        assert read_kernel(KERNEL.name) is None
+
+
+def test_an_entry_with_any_bit_flipped_counts_as_missing(entry: Path) -> None:
+    content = entry.read_bytes()
+    for place in range(len(content)):
+        entry.write_bytes(content[:place] + bytes([content[place] ^ 1 << place % 8]) + content[place + 1 :])
+        assert read_kernel(KERNEL.name) is None
+
+
+def test_zeros_a_folder_and_another_kernels_entry_count_as_missing(entry: Path) -> None:
+    other = entry.with_name("frame.prepare.kernel")
+    shutil.copyfile(entry, other)
+    assert read_kernel("frame.prepare") is None
+    entry.write_bytes(bytes(entry.stat().st_size))
+    assert read_kernel(KERNEL.name) is None
+    entry.unlink()
+    entry.mkdir()
+    assert read_kernel(KERNEL.name) is None
+
+
+def test_kernels_are_compiled_anew_where_the_cache_is_damaged_and_draw_the_same(tmp_path: Path) -> None:
+    code = f"""{STEP}
+import hashlib
+print(hashlib.sha256(upscaler("taa").step(noise(0)).tobytes()).hexdigest())
+"""
+    image = run_apart(code, XDG_CACHE_HOME=str(tmp_path)).stdout
+    written = {path: path.read_bytes() for path in sorted(tmp_path.rglob("*.kernel"))}
+    paths = list(written)
+    assert len(paths) >= 6
+    paths[0].write_bytes(b"")
+    paths[1].write_bytes(written[paths[1]][:-100])
+    paths[2].write_bytes(bytes(len(written[paths[2]])))
+    paths[3].write_bytes(written[paths[4]])
+    paths[5].write_bytes(written[paths[5]][:500] + b"\xff" + written[paths[5]][501:])
+    assert run_apart(code, XDG_CACHE_HOME=str(tmp_path)).stdout == image
+    assert set(tmp_path.rglob("*.kernel")) == set(paths)
+    for path, before in written.items():  # code may differ in what it is called by, headers may not
+        header = len(b"supersampler kernel 1\n") + 32
+        assert path.read_bytes()[header:].split(b" ")[0] == before[header:].split(b" ")[0]
+
+
+def test_a_kernel_is_linked_once_in_a_process() -> None:
+    first, second = load_kernels("frame.measure"), load_kernels("frame.measure")
+    assert first["frame.measure"] is second["frame.measure"]

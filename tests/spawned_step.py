@@ -1,0 +1,10 @@
+"""A step for processes that are spawned: they import what they run."""
+
+from noise import noise
+from supersampler import Upscaler
+from supersampler.frame import Float32
+
+
+def image_of(seed: int) -> Float32:
+    """Return the first image of a new Upscaler."""
+    return Upscaler("taau", display_size=(64, 36), threads=2, validate="off").step(noise(seed))
