@@ -72,7 +72,7 @@ def measure_start(
             with TemporaryDirectory() as cache:
                 first.append(_seconds(command, cache))
                 on_start()
-                kept = sum(path.stat().st_size for path in Path(cache).rglob("*.o"))
+                kept = sum(path.stat().st_size for path in Path(cache).rglob("*") if path.is_file())
                 for _ in range(later if index == fresh - 1 else 0):
                     others.append(_seconds(command, cache))
                     on_start()

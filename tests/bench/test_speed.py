@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler.errors import ArgumentError
-from supersampler.host import compiler
+from supersampler.host import kernel_cache
 from supersampler_bench import speed
 from supersampler_bench.cli import app
 from supersampler_bench.instructions import compile_for
@@ -52,12 +52,12 @@ def test_kernels_of_fewer_instructions_are_kept_apart_and_named(monkeypatch: pyt
     monkeypatch.setattr(platform, "machine", lambda: "x86_64")
     for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
         monkeypatch.setenv(name, "")  # what is set below ends with the test
-    monkeypatch.setattr(compiler, "_made_of", compiler._made_of.__wrapped__)
-    results, before = measure_speed(["taa"], [(64, 36)], ["host"], [1], steps=1), compiler.cache_folder()
+    monkeypatch.setattr(kernel_cache, "_key", kernel_cache._key.__wrapped__)
+    results, before = measure_speed(["taa"], [(64, 36)], ["host"], [1], steps=1), kernel_cache.cache_folder()
     compile_for("avx-vnni")
-    newer = compiler.cache_folder()
+    newer = kernel_cache.cache_folder()
     compile_for("avx2")
-    assert len({before, newer, compiler.cache_folder()}) == 3
+    assert len({before, newer, kernel_cache.cache_folder()}) == 3
     table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0, "avx2"), **setting()})
     assert "no AVX-512" in table
 
