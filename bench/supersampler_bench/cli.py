@@ -16,6 +16,7 @@ from supersampler.errors import ArgumentError
 from supersampler.shot import Shot
 from supersampler_bench import (
     cli_extrapolation,
+    cli_hashes,
     cli_pareto,
     cli_report,
     cli_run,
@@ -62,6 +63,7 @@ for _command in (
     cli_run.parity,
     cli_run.precision,
     cli_run.compare,
+    cli_hashes.hashes,
     cli_pareto.pareto,
     cli_pareto.suggest,
     cli_stress.stress,

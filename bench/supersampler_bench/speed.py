@@ -232,10 +232,10 @@ def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_
             continue
 
 
-def frames_of(render: Size) -> list[Frame]:
-    """Eight frames of the shipped shot, repeated to the size; its motion and edges, at any size."""
+def frames_of(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
+    """Frames of the shipped shot, repeated to the size; its motion and edges, at any size."""
     frames = []
-    for item in itertools.islice(shipped_shot(), 8, 16):
+    for item in itertools.islice(shipped_shot(), first, first + count):
         frame = item.frame
         fields: dict[str, Any] = {
             name: _tiled(getattr(frame, name), render) for name in ("color", "depth", "motion")
