@@ -6,7 +6,7 @@ import onnxruntime as ort
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
-from supersampler.host.locks import Lock
+from supersampler.host.locks import ForkSafeLock
 from supersampler.model_info import ModelInfo
 from supersampler.onnx_runs import OnnxRun
 
@@ -26,7 +26,7 @@ class Carrier:
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
         self._path, self._options = info.carry_path, options
-        self._lock = Lock()
+        self._lock = ForkSafeLock()
         self._session: ort.InferenceSession | None = None
 
     def blend(
@@ -54,7 +54,7 @@ class Carrier:
         return image
 
     def _loaded(self) -> ort.InferenceSession:
-        with self._lock:
+        with self._lock.lock:
             if self._session is None:
                 self._session = open_session(self._path, self._options, ["CPUExecutionProvider"])
             return self._session

@@ -12,7 +12,7 @@ from supersampler.fixed_step import FixedStep
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session, session_options
 from supersampler.host.layout import TILE
-from supersampler.host.locks import Lock
+from supersampler.host.locks import ForkSafeLock
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.onnx_runs import OnnxRun
 from supersampler.providers import capturing, check_provider_in_use, device_of
@@ -50,7 +50,7 @@ class GraphExecutor:
         check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
         self._fixed: FixedStep | None = None
-        self._lock = Lock()  # of that
+        self._lock = ForkSafeLock()  # of that
 
     def zeros(self, display: Size, render: Size) -> Tensors:
         """See `Executor`."""
@@ -114,7 +114,7 @@ class GraphExecutor:
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
         if self.capture and self.fits(past, display, render):  # the first of another size is run as it comes
-            with self._lock:
+            with self._lock.lock:
                 fixed = self._fixed_step(display, render)
                 fixed.run({**given, **past}, {**left, info.image.name: image})
         else:

@@ -5,7 +5,7 @@ import signal
 
 import pytest
 
-from apart import run_apart
+from apart import STEP, run_apart
 
 ALL = int(os.environ.get("SUPERSAMPLER_INTERRUPTS", "60"))
 """Interrupts in the whole of this file; `make fuzz` sends many more."""
@@ -113,3 +113,26 @@ def test_an_interrupted_step_is_whole_or_never_began(threads: int) -> None:
     count = -(-ALL // (len(METHODS) * len(THREADS)))
     arguments = f"import sys; sys.argv = ['-c', {' '.join(METHODS)!r}, '{threads}', '{count}']\n"
     run_apart(arguments + INTERRUPTED, seconds=120 + 5 * count)
+
+
+def test_loading_can_be_interrupted_and_done_again() -> None:
+    run_apart(f"""{STEP}
+import random, signal, time
+def strike(*_):
+    raise KeyboardInterrupt
+signal.signal(signal.SIGALRM, strike)
+began = time.perf_counter()
+expected = upscaler("taau").step(noise(0))
+typical = time.perf_counter() - began
+random.seed(1)
+for _ in range({ALL}):
+    try:
+        try:
+            signal.setitimer(signal.ITIMER_REAL, random.uniform(1e-6, typical))
+            upscaler(random.choice(["taa", "taau", "classifier-small"])).step(noise(0))
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0.0)
+    except KeyboardInterrupt:
+        pass
+    assert np.array_equal(upscaler("taau").step(noise(0)), expected)
+""")

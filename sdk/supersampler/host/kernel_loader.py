@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.errors import KernelError
 from supersampler.host.kernel_cache import Kernel, cache_folder, read_kernel, write_kernel
-from supersampler.host.locks import Lock
+from supersampler.host.locks import ForkSafeLock
 
 if TYPE_CHECKING:
     import llvmlite.binding as llvm
@@ -48,7 +48,7 @@ class _Linked:
         self.library_names = (
             f"supersampler {index}" for index in itertools.count()
         )  # none may be used twice
-        self.lock = Lock()
+        self.guard = ForkSafeLock()
 
 
 _LINKED = _Linked()
@@ -69,7 +69,7 @@ def load_kernels(*names: str) -> dict[str, Call]:
         KernelError: there is no compiler, or it fails.
     """
     folder = cache_folder()
-    with _LINKED.lock:
+    with _LINKED.guard.lock:
         missing = [name for name in names if (folder, name) not in _LINKED.calls]
         cached = {name: read_kernel(name) for name in missing}
         wanted = [name for name in missing if cached[name] is None]

@@ -1,38 +1,36 @@
-"""A lock that a forked child finds free: the thread that may have held it in the parent is not there."""
+"""Locks that a forked child finds free: the thread that may have held one in the parent is not there."""
 
 import os
 import weakref
 from _thread import allocate_lock
-from types import TracebackType
 
 
-class Lock:
-    """Use with `with`; as `threading.Lock` otherwise."""
+class ForkSafeLock:
+    """A lock for `with lock.lock:`, which a signal handler that raises cannot leave held.
+
+    (Between the acquisition and the block of a `with` on a lock of Python's own no handler runs; in an
+    `__enter__` of ours it would.)
+
+    Attributes:
+        lock: Python's lock.
+    """
 
     def __init__(self) -> None:
-        self._lock = allocate_lock()
+        self.renew()
         _LOCKS.add(self)
 
-    def __enter__(self) -> None:
-        self._lock.acquire()
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._lock.release()
-
-    def free(self) -> None:
+    def renew(self) -> None:
         """Become another lock, which nobody holds."""
-        self._lock = allocate_lock()
+        self.lock = allocate_lock()
 
 
-_LOCKS: "weakref.WeakSet[Lock]" = weakref.WeakSet()
+_LOCKS: "weakref.WeakSet[ForkSafeLock]" = weakref.WeakSet()
 
 
-def _free_all() -> None:
+def _renew_all() -> None:
     for lock in _LOCKS:
-        lock.free()
+        lock.renew()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_free_all)
+    os.register_at_fork(after_in_child=_renew_all)

@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import Generic, TypeVar
 
 from supersampler.frame import Size
-from supersampler.host.locks import Lock
+from supersampler.host.locks import ForkSafeLock
 
 Space = TypeVar("Space")
 KEPT = 4  # sizes: what a dynamic resolution goes back and forth between
@@ -21,20 +21,20 @@ class Workspaces(Generic[Space]):
 
     def __init__(self, make: Callable[..., Space]) -> None:
         self._make = make
-        self._lock = Lock()
+        self._lock = ForkSafeLock()
         self._free: OrderedDict[tuple[Size, ...], list[Space]] = OrderedDict()
 
     @contextmanager
     def borrow(self, *sizes: Size) -> Iterator[Space]:
         """Lend buffers; those of sizes that have not been asked for in a while are given up."""
-        with self._lock:
+        with self._lock.lock:
             free = self._free.get(sizes)
             space = free.pop() if free else None
         space = self._make(*sizes) if space is None else space
         try:
             yield space
         finally:
-            with self._lock:
+            with self._lock.lock:
                 self._free.setdefault(sizes, []).append(space)
                 self._free.move_to_end(sizes)
                 while len(self._free) > KEPT:
