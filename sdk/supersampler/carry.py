@@ -3,12 +3,12 @@
 import threading
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.graph_session import frame_inputs, open_session
 from supersampler.model_info import ModelInfo
+from supersampler.onnx_runtime import ort
 
 
 def check_carry(frame: Frame, past: Float32 | None) -> None:

@@ -5,7 +5,6 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from supersampler.carry import Carrier, check_carry
@@ -19,6 +18,7 @@ from supersampler.history import CARRY, WORK, History, Result
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
 from supersampler.model_info import ModelInfo, find_model, read_model_info
+from supersampler.onnx_runtime import ort
 from supersampler.plan import Plan
 from supersampler.providers import CPU, resolve_providers
 from supersampler.ratios import check_ratio

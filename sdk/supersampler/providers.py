@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from importlib import metadata
 
 from supersampler.errors import ProviderError
+from supersampler.onnx_runtime import ort
 
 NAMES = {
     "cpu": "CPUExecutionProvider",
@@ -46,10 +47,8 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
     Raises:
         ProviderError: one of them is not in this installation; lists those that are.
     """
-    import onnxruntime
-
     check_one_distribution()
-    available = onnxruntime.get_available_providers()
+    available = ort.get_available_providers()
     if providers == "auto":
         return [NAMES[name] for name in AUTOMATIC if NAMES[name] in available][:1]
     wanted = [providers] if isinstance(providers, str) else list(providers)

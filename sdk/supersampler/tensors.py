@@ -2,11 +2,10 @@
 
 from typing import Any, Protocol
 
-import onnxruntime as ort
-
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Size
 from supersampler.model_info import TensorInfo
+from supersampler.onnx_runtime import ort
 
 _TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 
