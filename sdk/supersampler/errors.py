@@ -13,6 +13,9 @@ Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`).
 
 from pathlib import Path
 
+_LONGEST = 120
+"""Characters of a value that a message shows."""
+
 
 class SupersamplerError(Exception):
     """Base of all errors below."""
@@ -58,6 +61,17 @@ class ModelError(SupersamplerError, ValueError):
 
 class ProviderError(SupersamplerError, RuntimeError):
     """An execution provider was asked for and cannot be had; the message lists those that can."""
+
+
+def shown(value: object) -> str:
+    """Return any value as a few words for a message, whatever its own `repr` does."""
+    try:
+        if getattr(value, "ndim", 0):
+            return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
+        text = repr(value)
+    except Exception:  # of somebody's class; of Python, where an int has more than 4300 digits
+        return f"of type {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 class FrameWarning(UserWarning):

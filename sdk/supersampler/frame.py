@@ -1,13 +1,14 @@
 """One rendered frame and the contract of its inputs: docs/contract.md is this file in prose."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import FrameError
+from supersampler.checked import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
+from supersampler.errors import ArgumentError, FrameError, shown
 
 Array: TypeAlias = NDArray[np.floating[Any]]
 Float32: TypeAlias = NDArray[np.float32]
@@ -19,8 +20,8 @@ GBUFFER_CHANNELS: Mapping[str, int] = {
 }  # fmt: skip
 GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
-_HALF_OR_SINGLE = (np.float16, np.float32)
-_SINGLE = (np.float32,)
+_SINGLE = (np.dtype(np.float32),)
+_HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -63,10 +64,11 @@ class Frame:
     carry: Array | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name in ("color", "depth", "motion", "carry") and getattr(self, field.name) is not None:
-                object.__setattr__(self, field.name, as_array(field.name, getattr(self, field.name)))
-        self._check_shapes()
+        for name in ("color", "depth", "motion", "carry"):
+            value = getattr(self, name)
+            if value is not None or name in ("depth", "motion"):
+                object.__setattr__(self, name, as_array(name, value))
+        self.check_shapes()
         self._check_scalars()
         for name in ("gbuffer", "gbuffer_display"):
             buffers = getattr(self, name)
@@ -80,24 +82,47 @@ class Frame:
         height, width = self.depth.shape
         return width, height
 
-    def _check_shapes(self) -> None:
+    def check_shapes(self) -> None:
+        """Raise FrameError unless the arrays are as above: whoever has them may give them another shape."""
         leader = self.depth if self.color is None else self.color  # the others must agree with it
         if leader.ndim < 2 or 0 in leader.shape:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
             raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
         h, w = leader.shape[:2]
+        if not is_image_size(w, h):
+            raise FrameError("size", got=(w, h), want=f"(width, height), {IMAGE_SIZES}")
         if self.color is not None:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
         if self.carry is not None:
-            channels = self.carry.shape[-1] if self.carry.ndim == 3 else "k"
+            channels = self.carry.shape[-1] if self.carry.ndim == 3 and self.carry.size else "k"
             _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
         object.__setattr__(self, "jitter", checked_jitter(self.jitter))
         object.__setattr__(self, "exposure", checked_exposure(self.exposure))
-        object.__setattr__(self, "reset", bool(self.reset))
+        object.__setattr__(self, "reset", checked_reset(self.reset))
+
+
+def checked_frame(frame: Frame) -> Frame:
+    """Return a frame whose arrays are still those that it was made of.
+
+    Raises:
+        ArgumentError: it is none.
+        FrameError: an array has been given another shape since.
+    """
+    if not isinstance(frame, Frame):
+        hint = "`Conventions.converter` makes one of a RawFrame."
+        raise ArgumentError("frame", got=shown(frame), want="a supersampler.Frame", hint=hint)
+    frame.check_shapes()
+    return frame
+
+
+def arrays_of(frame: Frame) -> list[NDArray[Any]]:
+    """Return all arrays of a frame."""
+    buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
+    return [a for a in (frame.color, frame.depth, frame.motion, frame.carry, *buffers) if a is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
@@ -106,14 +131,23 @@ def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
     Raises:
         FrameError: it is no pair in [-0.5, 0.5].
     """
-    try:
-        x, y = (float(v) for v in jitter)
-    except (TypeError, ValueError):
-        raise FrameError("jitter", got=repr(jitter), want="(x, y) in render pixels") from None
+    x, y = pair_of(jitter)
     if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
         hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
         raise FrameError("jitter", got=(x, y), want="render pixels in [-0.5, 0.5]", hint=hint)
     return x, y
+
+
+def pair_of(jitter: Sequence[float]) -> tuple[float, float]:
+    """Return a jitter of any unit as two floats.
+
+    Raises:
+        FrameError: it is no pair of numbers.
+    """
+    pair = [as_number(value) for value in jitter] if is_row(jitter) else []
+    if len(pair) != 2 or pair[0] is None or pair[1] is None:
+        raise FrameError("jitter", got=shown(jitter), want="(x, y), two numbers")
+    return pair[0], pair[1]
 
 
 def checked_exposure(exposure: float | None) -> float | None:
@@ -124,31 +158,56 @@ def checked_exposure(exposure: float | None) -> float | None:
     """
     if exposure is None:
         return None
-    if not 0.0 < float(exposure) < float("inf"):
+    number = as_number(exposure)
+    if number is None or not 0.0 < number < float("inf"):
         hint = "None measures the exposure from the frames."
-        raise FrameError("exposure", got=float(exposure), want="a finite number > 0, or None", hint=hint)
-    return float(exposure)
+        raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
+    return number
 
 
-def as_array(name: str, value: object) -> NDArray[Any]:
-    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host."""
+def checked_reset(reset: object) -> bool:
+    """Return a frame's reset.
+
+    Raises:
+        FrameError: it is neither True nor False.
+    """
+    flag = as_flag(reset)
+    if flag is None:
+        raise FrameError("reset", got=shown(reset), want="True or False")
+    return flag
+
+
+def as_array(
+    name: str, value: object, error: type[FrameError] | type[ArgumentError] = FrameError
+) -> NDArray[Any]:
+    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host.
+
+    Raises:
+        FrameError: it is neither, or has a mask; or ArgumentError, where `error` is that.
+    """
+    if type(value) is np.ndarray:
+        return value if value.flags.aligned else value.copy()  # kernels read whole numbers of bytes at once
+    if isinstance(value, np.ma.MaskedArray):
+        hint = "Fill what is masked first: array.filled(0), say."
+        raise error(name, got=f"a masked array {value.shape}", want="a numpy array without a mask", hint=hint)
     if isinstance(value, np.ndarray):
-        return value
+        return as_array(name, value.view(np.ndarray), error)  # of a file, or a matrix, without its own rules
     if hasattr(value, "__dlpack__"):
         try:
             return np.from_dlpack(value, device="cpu")
-        except (BufferError, RuntimeError, TypeError) as error:
+        except Exception as problem:  # of the library that the tensor is of
             hint = "Hand in a tensor on the CPU that needs no gradient."
-            raise FrameError(
-                name, got=f"{type(value).__name__} ({error})", want="an array", hint=hint
-            ) from error
-    raise FrameError(name, got=type(value).__name__, want="a numpy array, or anything with DLPack")
+            got = f"{type(value).__name__} ({problem})"
+            raise error(name, got=got, want="an array", hint=hint) from problem
+    raise error(name, got=shown(value), want="a numpy array, or anything with DLPack")
 
 
-def _check(name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[type, ...]) -> None:
-    if array.shape == shape and array.dtype.type in dtypes:
+def _check(
+    name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype[Any], ...]
+) -> None:
+    if array.shape == shape and array.dtype in dtypes:  # of this machine's byte order, too
         return
-    wanted = " or ".join(np.dtype(dtype).name for dtype in dtypes)
+    wanted = " or ".join(dtype.name for dtype in dtypes)
     text = "(" + ", ".join(map(str, shape)) + ")"
     raise FrameError(
         name, got=f"{array.shape} {array.dtype}", want=f"{text} {wanted}", hint=_hint(array, shape)
@@ -160,7 +219,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     if array.shape == shape and array.dtype.kind in "biu":
         return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
-        return f"Convert it: array.astype({'np.float32' if array.dtype != np.float32 else array.dtype})."
+        return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape == (shape[2], shape[0], shape[1]):
         return "It is channels first; hand in array.transpose(1, 2, 0)."
     if len(array.shape) >= 2 and array.shape[:2] == (shape[1], shape[0]) and shape[0] != shape[1]:
@@ -174,12 +233,13 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 def _checked_gbuffer(name: str, buffers: Mapping[str, object], size: Size | None) -> dict[str, Array]:
     known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
+    if not isinstance(buffers, Mapping):
+        raise FrameError(name, got=shown(buffers), want="a mapping of names to arrays, or None")
     arrays: dict[str, Array] = {}
     for key, value in buffers.items():
         if key not in known:
-            raise FrameError(
-                f"{name}[{key!r}]", got="not a G-buffer's name", want=f"one of {', '.join(known)}"
-            )
+            place = f"{name}[{shown(key)}]"
+            raise FrameError(place, got="not a G-buffer's name", want=f"one of {', '.join(known)}")
         array = as_array(f"{name}[{key!r}]", value)
         if size is None and array.ndim >= 2:
             size = (array.shape[1], array.shape[0])

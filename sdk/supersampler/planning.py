@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from supersampler.checked import checked_size
 from supersampler.frame import Size
 from supersampler.model import ExecutorName, Model, Precision
 from supersampler.plan import Plan
@@ -38,4 +37,4 @@ def plan(
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
     loaded = Model.load(model, providers=providers, threads=threads, executor=executor, precision=precision)
-    return loaded.plan(checked_size("render_size", render_size), checked_size("display_size", display_size))
+    return loaded.plan(render_size, display_size)

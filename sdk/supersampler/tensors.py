@@ -1,8 +1,9 @@
 """Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
-from supersampler.errors import ArgumentError, FrameError
+from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Size
 from supersampler.model_info import TensorInfo
 from supersampler.onnx_runtime import ort
@@ -18,6 +19,17 @@ class Tensor(Protocol):
 
     def __dlpack_device__(self) -> tuple[int, int]:
         """Kind and number of the device that it is on."""
+
+
+def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
+    """Return tensors by name.
+
+    Raises:
+        ArgumentError: it is no mapping.
+    """
+    if not isinstance(tensors, Mapping):
+        raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
+    return tensors
 
 
 def taken(tensor: Tensor, name: str) -> ort.OrtValue:

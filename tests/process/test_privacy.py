@@ -70,8 +70,9 @@ class Traced:
                 continue
             folder = re.search(r"\((?:AT_FDCWD|\d+)<(.*?)>, ", line)
             paths |= {Path(folder[1] if folder else "", text) for text in re.findall(r'"(.*?)"', line)}
-        own = [self.home / "cache", self.home / "output"]
+        own = [self.home / "cache/supersampler", self.home / "output"]
         outside = {path.resolve() for path in paths if not str(path).startswith("/dev/")}
+        outside.discard(self.home / "cache")  # made, as it is missing
         return {path.parent for path in outside if not any(path.is_relative_to(folder) for folder in own)}
 
 
