@@ -73,13 +73,9 @@ def checked_choice(name: str, value: _Choice, choices: Collection[_Choice], hint
     """
     if isinstance(value, str) and value in choices:
         return value
-    raise ArgumentError(name, got=shown(value), want=alternatives(choices), hint=hint)
-
-
-def alternatives(choices: Collection[object]) -> str:
-    """Return "'a', 'b' or 'c'"."""
     *others, last = map(repr, choices)
-    return f"{', '.join(others)} or {last}" if others else last
+    want = f"{', '.join(others)} or {last}" if others else last
+    raise ArgumentError(name, got=shown(value), want=want, hint=hint)
 
 
 def checked_flag(name: str, value: object) -> bool:
@@ -111,11 +107,11 @@ def checked_scale(scale: float) -> float:
     """Return display over render size.
 
     Raises:
-        ArgumentError: it is not a number from 1 to MAX_SIDE.
+        ArgumentError: it is not a number in [1, MAX_SIDE].
     """
     number = as_number(scale)
     if number is None or not 1.0 <= number <= MAX_SIDE:
-        want = f"a number from 1 to {MAX_SIDE}: display size over render size"
+        want = f"a number >= 1, at most {MAX_SIDE}: display size over render size"
         raise ArgumentError("scale", got=shown(scale), want=want)
     return number
 
@@ -142,7 +138,7 @@ def is_row(values: object) -> bool:
     return isinstance(values, Sequence) and not isinstance(values, (str, bytes, bytearray))
 
 
-IMAGE_SIZES = f"each from 1 to {MAX_SIDE}, at most {MAX_PIXELS} pixels together"
+IMAGE_SIZES = f"each at least 1 and at most {MAX_SIDE}, at most {MAX_PIXELS} pixels together"
 """What `is_image_size` asks for, in words."""
 
 

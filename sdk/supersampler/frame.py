@@ -199,7 +199,8 @@ def as_array(
             hint = "Hand in a tensor on the CPU that needs no gradient."
             got = f"{type(value).__name__} ({problem})"
             raise error(name, got=got, want="an array", hint=hint) from problem
-    raise error(name, got=shown(value), want="a numpy array, or anything with DLPack")
+    kind = None if value is None else type(value).__name__
+    raise error(name, got=kind, want="a numpy array, or anything with DLPack")
 
 
 def _check(
@@ -231,15 +232,26 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     return ""
 
 
-def _checked_gbuffer(name: str, buffers: Mapping[str, object], size: Size | None) -> dict[str, Array]:
+def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not looked at.
+
+    Raises:
+        FrameError: it is no mapping, or a name is not a G-buffer's.
+    """
     known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
     if not isinstance(buffers, Mapping):
         raise FrameError(name, got=shown(buffers), want="a mapping of names to arrays, or None")
-    arrays: dict[str, Array] = {}
-    for key, value in buffers.items():
+    for key in buffers:
         if key not in known:
-            place = f"{name}[{shown(key)}]"
-            raise FrameError(place, got="not a G-buffer's name", want=f"one of {', '.join(known)}")
+            want = f"one of {', '.join(known)}"
+            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want)
+    return buffers
+
+
+def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:
+    known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
+    arrays: dict[str, Array] = {}
+    for key, value in checked_buffers(name, buffers).items():
         array = as_array(f"{name}[{key!r}]", value)
         if size is None and array.ndim >= 2:
             size = (array.shape[1], array.shape[0])

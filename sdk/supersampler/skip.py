@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from typing import Literal, get_args
 
-from supersampler.checked import alternatives, as_number, checked_choice
+from supersampler.checked import as_number
 from supersampler.errors import ArgumentError, shown
 
 SkipName = Literal["auto", "exact"]
@@ -18,11 +18,12 @@ def checked_skip(skip: Skip) -> Skip:
     Raises:
         ArgumentError: neither a word that is known nor a number in [0, 1].
     """
-    if isinstance(skip, str):
-        return checked_choice("skip", skip, get_args(SkipName), "A number in [0, 1] serves, too.")
+    words = get_args(SkipName)
+    if isinstance(skip, str) and skip in words:
+        return skip
     number = as_number(skip)
     if number is None or not 0.0 <= number <= 1.0:
-        want = f"{alternatives(get_args(SkipName))}, or a number in [0, 1]"
+        want = f"{', '.join(map(repr, words))} or a number in [0, 1]"
         raise ArgumentError("skip", got=shown(skip), want=want)
     return number
 
