@@ -68,7 +68,7 @@ def shown(value: object) -> str:
     try:
         if getattr(value, "ndim", 0):
             return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
-        text = repr(value)
+        text = " ".join(repr(value).split())
     except Exception:  # of somebody's class; of Python, where an int has more than 4300 digits
         return f"of type {type(value).__name__}"
     return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."

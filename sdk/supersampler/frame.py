@@ -15,11 +15,14 @@ Float32: TypeAlias = NDArray[np.float32]
 Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
+MAX_CARRIED = 1024
+"""Channels that a frame may carry along."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
 GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
+_LEAST, _MOST = float(np.finfo(np.float32).smallest_subnormal), float(np.finfo(np.float32).max)
 _SINGLE = (np.dtype(np.float32),)
 _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 
@@ -47,7 +50,7 @@ class Frame:
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] but for the normal.
         gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
-        carry: (h, w, k). Alpha or any channels that belong to the colour.
+        carry: (h, w, k), k at most MAX_CARRIED. Alpha or any channels that belong to the colour.
 
     Raises:
         FrameError: an input has the wrong type, shape or range; its `name` says which.
@@ -89,14 +92,13 @@ class Frame:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
             raise FrameError(name, got=leader.shape, want=f"{want} with at least one pixel")
         h, w = leader.shape[:2]
-        if not is_image_size(w, h):
-            raise FrameError("size", got=(w, h), want=f"(width, height), {IMAGE_SIZES}")
         if self.color is not None:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
         if self.carry is not None:
-            channels = self.carry.shape[-1] if self.carry.ndim == 3 and self.carry.size else "k"
+            channels = self.carry.shape[-1] if self.carry.ndim == 3 else 0
+            channels = channels if 1 <= channels <= MAX_CARRIED else f"1 to {MAX_CARRIED}"
             _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
@@ -154,14 +156,14 @@ def checked_exposure(exposure: float | None) -> float | None:
     """Return a frame's exposure.
 
     Raises:
-        FrameError: it is neither None nor a finite number > 0.
+        FrameError: it is neither None nor a finite number > 0, in single precision.
     """
     if exposure is None:
         return None
     number = as_number(exposure)
-    if number is None or not 0.0 < number < float("inf"):
-        hint = "None measures the exposure from the frames."
-        raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
+    if number is None or not _LEAST <= number <= _MOST:
+        want, hint = "a finite number > 0 in single precision, or None", "None measures it from the frames."
+        raise FrameError("exposure", got=shown(exposure), want=want, hint=hint)
     return number
 
 
@@ -183,21 +185,28 @@ def as_array(
     """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host.
 
     Raises:
-        FrameError: it is neither, or has a mask; or ArgumentError, where `error` is that.
+        FrameError: it is neither, has a mask, or is larger than an image may be; or `error` in its place.
     """
+    array = _plain_array(name, value, error)
+    if array.ndim >= 2 and array.size and not is_image_size(array.shape[1], array.shape[0]):
+        raise error(name, got=f"of shape {array.shape}", want=f"width and height {IMAGE_SIZES}")
+    return array if array.flags.aligned else array.copy()  # kernels read whole values, where they should be
+
+
+def _plain_array(name: str, value: object, error: type[FrameError] | type[ArgumentError]) -> NDArray[Any]:
     if type(value) is np.ndarray:
-        return value if value.flags.aligned else value.copy()  # kernels read whole numbers of bytes at once
+        return value
     if isinstance(value, np.ma.MaskedArray):
         hint = "Fill what is masked first: array.filled(0), say."
         raise error(name, got=f"a masked array {value.shape}", want="a numpy array without a mask", hint=hint)
     if isinstance(value, np.ndarray):
-        return as_array(name, value.view(np.ndarray), error)  # of a file, or a matrix, without its own rules
+        return value.view(np.ndarray)  # of a file, or a matrix, without its own rules
     if hasattr(value, "__dlpack__"):
         try:
             return np.from_dlpack(value, device="cpu")
         except Exception as problem:  # of the library that the tensor is of
             hint = "Hand in a tensor on the CPU that needs no gradient."
-            got = f"{type(value).__name__} ({problem})"
+            got = f"{type(value).__name__} ({' '.join(str(problem).split())})"
             raise error(name, got=got, want="an array", hint=hint) from problem
     kind = None if value is None else type(value).__name__
     raise error(name, got=kind, want="a numpy array, or anything with DLPack")
@@ -227,8 +236,8 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
         return "Width and height are swapped: arrays are (height, width, channels)."
     if len(shape) == 2 and array.shape == (*shape, 1):
         return "Drop the last axis: array[..., 0]."
-    if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2]:
-        return f"Keep the first {shape[2]} channels." if array.shape[2] > int(str(shape[2])) else ""
+    if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2] and isinstance(shape[2], int):
+        return f"Keep the first {shape[2]} channels." if array.shape[2] > shape[2] else ""
     return ""
 
 

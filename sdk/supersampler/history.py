@@ -42,8 +42,8 @@ def check_histories(
         kind: what the executor takes.
         fits: of the executor.
     """
-    for name, history in (("history", past), ("history_out", left)):
-        if history is not None and not (isinstance(history, History) and history.kind == kind):
+    for name, history in {"history": past, **({} if left is None else {"history_out": left})}.items():
+        if not isinstance(history, History) or history.kind != kind:
             hint = "`first_history`, `run` and `load_history` of the model make one."
             raise ArgumentError(name, got=shown(history), want="a History of this model", hint=hint)
     if not fits(past.buffers, past.display_size, past.render_size):

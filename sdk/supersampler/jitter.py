@@ -143,7 +143,7 @@ def _checked_scale(scale: float) -> float:
 def _checked_matrix(matrix: ArrayLike) -> NDArray[Any]:
     try:
         array = np.asarray(matrix)
-    except (TypeError, ValueError):  # rows of several lengths
+    except Exception:  # rows of several lengths, or an error of somebody's class
         raise ArgumentError("matrix", got=shown(matrix), want="a 4 x 4 matrix") from None
     if array.shape != (4, 4):
         raise ArgumentError("matrix", got=f"of shape {array.shape}", want="a 4 x 4 matrix")

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from supersampler.checked import checked_size
 from supersampler.frame import Size
 from supersampler.model import ExecutorName, Model, Precision
 from supersampler.plan import Plan
@@ -36,5 +37,6 @@ def plan(
         FrameError: the method does not upscale by that much.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
+    sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)
     loaded = Model.load(model, providers=providers, threads=threads, executor=executor, precision=precision)
-    return loaded.plan(render_size, display_size)
+    return loaded.plan(*sizes)

@@ -56,7 +56,7 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
         raise ArgumentError("providers", got=shown(providers), want=want)
     check_one_distribution()
     available = ort.get_available_providers()
-    if providers == "auto":
+    if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in AUTOMATIC if NAMES[name] in available][:1]
     names = [NAMES.get(name.lower(), name) for name in wanted]
     for asked, name in zip(wanted, names, strict=True):

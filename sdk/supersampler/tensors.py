@@ -46,7 +46,8 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
         return ort.OrtValue.from_dlpack(tensor)
     except Exception as error:  # of the library that the tensor is of, or of ONNX Runtime
         want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
-        raise FrameError(name, got=f"{type(tensor).__name__} ({error})", want=want) from error
+        got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
+        raise FrameError(name, got=got, want=want) from error
 
 
 def render_size_of(color: ort.OrtValue) -> Size:

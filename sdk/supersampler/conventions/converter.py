@@ -179,13 +179,13 @@ class Converter:
 def _floating(name: str, value: object) -> NDArray[Any]:
     """Return a numpy array; float64 is taken as float32, what is not a floating type is refused."""
     array = as_array(name, value)
+    if array.ndim < 2:
+        raise FrameError(name, got=f"of shape {array.shape}", want="(h, w), or (h, w, channels)")
     if array.dtype == np.float64:
         return array.astype(np.float32)
     if array.dtype not in (np.float32, np.float16):
         hint = "Bring integers to their range first, for example pixels.astype(np.float32) / 255."
         raise FrameError(name, got=array.dtype, want="float32 or float16", hint=hint)
-    if array.ndim < 2:
-        raise FrameError(name, got=f"of shape {array.shape}", want="(h, w), or (h, w, channels)")
     return array
 
 
