@@ -116,13 +116,13 @@ def checked_scale(scale: float) -> float:
     return number
 
 
-def checked_size(name: str, size: Sequence[int]) -> tuple[int, int]:
+def checked_size(name: str, size: Sequence[int] | None) -> tuple[int, int]:
     """Return (width, height).
 
     Raises:
         ArgumentError: it is not two whole numbers, or an image of that size is empty or too large.
     """
-    extents = [as_index(extent) for extent in size] if is_row(size) else []
+    extents = [] if size is None or not is_row(size) else [as_index(extent) for extent in size]
     if len(extents) != 2 or extents[0] is None or extents[1] is None:
         raise ArgumentError(name, got=shown(size), want="(width, height), two whole numbers of pixels")
     width, height = extents[0], extents[1]

@@ -98,7 +98,7 @@ class Frame:
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
         if self.carry is not None:
             channels = self.carry.shape[-1] if self.carry.ndim == 3 else 0
-            channels = channels if 1 <= channels <= MAX_CARRIED else f"1 to {MAX_CARRIED}"
+            channels = channels if 1 <= channels <= MAX_CARRIED else "k"
             _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
@@ -162,8 +162,8 @@ def checked_exposure(exposure: float | None) -> float | None:
         return None
     number = as_number(exposure)
     if number is None or not _LEAST <= number <= _MOST:
-        want, hint = "a finite number > 0 in single precision, or None", "None measures it from the frames."
-        raise FrameError("exposure", got=shown(exposure), want=want, hint=hint)
+        hint = "Single precision must hold it; None measures it from the frames."
+        raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
     return number
 
 
@@ -238,7 +238,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
         return "Drop the last axis: array[..., 0]."
     if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2] and isinstance(shape[2], int):
         return f"Keep the first {shape[2]} channels." if array.shape[2] > shape[2] else ""
-    return ""
+    return f"k is 1 to {MAX_CARRIED}." if shape[-1] == "k" else ""
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:

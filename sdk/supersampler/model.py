@@ -264,6 +264,8 @@ class Model:
         check_ratio(self.info.ratios, render_size, history.display_size)
         left = self._prepared(history_out, history.display_size, render_size)
         target = None if out is None else taken(out, "image")
+        if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
+            raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         display = history.display_size
         image = self._executor.step_tensors(given, display, history.buffers, left.buffers, target)
         return (image if out is None else out), left

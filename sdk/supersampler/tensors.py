@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Protocol
 
+from supersampler.checked import IMAGE_SIZES, is_image_size
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Size
 from supersampler.model_info import TensorInfo
@@ -54,12 +55,23 @@ def render_size_of(color: ort.OrtValue) -> Size:
     """(width, height) of a frame whose colour this is.
 
     Raises:
-        FrameError: it has not four axes.
+        FrameError: it has not four axes, or is empty or too large.
     """
     shape = color.shape()
-    if len(shape) != 4:
-        raise FrameError("color", got=tuple(shape), want="(1, 3, h, w)")
+    if len(shape) != 4 or not is_image_size(shape[3], shape[2]):
+        raise FrameError("color", got=tuple(shape), want=f"(1, 3, h, w), h and w {IMAGE_SIZES}")
     return shape[3], shape[2]
+
+
+def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
+    """(width, height) of a frame that lies in tensors, by name.
+
+    Raises:
+        FrameError: its colour is missing, or no tensor of four axes.
+    """
+    if "color" not in tensors:
+        raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+    return render_size_of(taken(tensors["color"], "color"))
 
 
 def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:

@@ -8,9 +8,8 @@ from types import TracebackType
 from typing import overload
 
 from supersampler.checked import checked_names, checked_path, checked_scale, checked_size
-from supersampler.checks import FrameChecker
-from supersampler.checks.checker import Validate
-from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.checks import FrameChecker, Validate
+from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolation, ShadedPast
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
 from supersampler.gbuffers import GBUFFERS, black
@@ -19,11 +18,12 @@ from supersampler.loading import loaded_model
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen
+from supersampler.ratios import display_size_of
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.stats import Stats
-from supersampler.tensors import Tensor, checked_tensors, render_size_of, taken
+from supersampler.tensors import Tensor, checked_tensors, size_of_tensors
 
 
 class Upscaler:
@@ -101,7 +101,7 @@ class Upscaler:
         model, precision, self.skip = chosen(preset, model, precision, skip)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and self._display_size is None:
-            self._display_size = self._scaled(self._render_size)
+            self._display_size = display_size_of(self._render_size, self._scale)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
         self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
         infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
@@ -256,10 +256,8 @@ class Upscaler:
             ArgumentError: `render_size` was given neither here nor to the constructor.
         """
         self._check_open()
-        size = self._render_size if render_size is None else checked_size("render_size", render_size)
-        if size is None:
-            raise ArgumentError("render_size", got=None, want="(width, height)")
-        display_size = self._display_size or self._scaled(size)
+        size = checked_size("render_size", self._render_size if render_size is None else render_size)
+        display_size = self._display_size or display_size_of(size, self._scale)
         frame = black(self.gbuffers, size, display_size)
         self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
@@ -358,9 +356,7 @@ class Upscaler:
         if self._extrapolation.infos:
             hint = "What frames are drawn from is kept of arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
-        if "color" not in tensors:
-            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
-        history = self._history_for(render_size_of(taken(tensors["color"], "color")), reset=reset)
+        history = self._history_for(size_of_tensors(tensors), reset=reset)
         image, left = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
         )
@@ -371,7 +367,7 @@ class Upscaler:
         """Return what a frame of this render size is stepped on."""
         if self._history is not None and not reset:
             return self._history
-        return self.model.first_history(self._display_size or self._scaled(size), size)
+        return self.model.first_history(self._display_size or display_size_of(size, self._scale), size)
 
     def _go_on(self, past: History, left: History, work: float, started: float) -> None:
         """Remember what a step has left, and count it."""
@@ -389,7 +385,3 @@ class Upscaler:
         self._check_open()
         checked_frame(frame)
         return checked_names("want", want)
-
-    def _scaled(self, render_size: Size) -> Size:
-        size = round(render_size[0] * self._scale), round(render_size[1] * self._scale)
-        return checked_size("display_size", size)

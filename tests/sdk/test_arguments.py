@@ -271,7 +271,7 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
 @pytest.mark.parametrize("name", ["frame", "history", "want", "out", "history_out", "skip"])
 def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
     model = Model.load("taau", threads=1)
-    given = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "want": ()}
+    given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "want": ()}
     expected, _ = model.run_wanted(**given)
     for make in HOSTILE.values():
         refusal(lambda: model.run_wanted(**{**given, name: make()}))  # noqa: B023  # called at once
