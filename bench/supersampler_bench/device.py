@@ -8,13 +8,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler import Frame, Model, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.graph_session import frame_inputs
 from supersampler.model import Precision
+from supersampler.onnx_runtime import ort
 from supersampler_bench.fitting import dressed, why_not
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.speed import COPIED, WARM_UP, frames_of, measure_limits

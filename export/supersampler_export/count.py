@@ -5,10 +5,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import onnx
-import onnxruntime as ort
 
 from supersampler.frame import Size
 from supersampler.model_info import extents
+from supersampler.onnx_runtime import ort
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)

@@ -4,11 +4,11 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import onnxruntime as ort
 import torch
 from torch import Tensor
 
 from supersampler.gbuffers import GBUFFERS
+from supersampler.onnx_runtime import ort
 from supersampler.ratios import only_ratio, scaled
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.color import tone

@@ -1,7 +1,6 @@
 """What frames carry along (alpha, any channels), blended by the weight of the colour: `carry.onnx`."""
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
@@ -9,6 +8,7 @@ from supersampler.graph_session import frame_inputs, open_session
 from supersampler.host.locks import ForkSafeLock
 from supersampler.model_info import ModelInfo
 from supersampler.onnx_runs import OnnxRun
+from supersampler.onnx_runtime import ort
 
 
 def check_carry(frame: Frame, past: Float32 | None) -> None:

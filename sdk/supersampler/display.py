@@ -13,7 +13,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Array, Float32
+from supersampler.checked import as_number
+from supersampler.errors import ArgumentError, shown
+from supersampler.frame import Array, Float32, as_array
 
 EXPOSURE_KEY = 0.18
 """The log-average luminance that `auto_exposure` brings a picture to: middle grey."""
@@ -23,6 +25,7 @@ CEILING_DB = 100.0
 
 _DARKEST = 1e-4  # luminance below which black stays black instead of pulling the average to nothing
 _MAX_HALF = 65504.0
+_LARGEST = 1e30  # exposure, of which single precision can hold the product with an image
 _ADAPTATION = 0.1
 _BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
@@ -36,11 +39,30 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
 
     Returns:
         (h, w, 3) float32 in [0, 1], sRGB encoded.
+
+    Raises:
+        ArgumentError: the image is not of that shape, or has no numbers; or `exposure` is no number > 0.
     """
-    exposed = np.nan_to_num(np.asarray(image, np.float32), nan=0.0, posinf=_MAX_HALF, neginf=0.0)
-    exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(exposure)
+    number = as_number(exposure)
+    if number is None or not 0.0 < number <= _LARGEST:
+        raise ArgumentError("exposure", got=shown(exposure), want=f"a number > 0, at most {_LARGEST:g}")
+    light = checked_image("image", image)
+    exposed = np.nan_to_num(light.astype(np.float32, copy=False), nan=0.0, posinf=_MAX_HALF, neginf=0.0)
+    exposed = np.clip(exposed, 0.0, _MAX_HALF) * np.float32(number)
     toned = exposed / (1.0 + exposed.max(axis=-1, keepdims=True))
     return np.clip(srgb_oetf(toned), 0.0, 1.0)
+
+
+def checked_image(name: str, image: Array) -> NDArray[Any]:
+    """Return (h, w, 3) of any numbers as an array.
+
+    Raises:
+        ArgumentError: it is not of that shape, or has no numbers.
+    """
+    array = as_array(name, image, ArgumentError)
+    if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "iuf":
+        raise ArgumentError(name, got=shown(array), want="(h, w, 3) numbers, linear RGB")
+    return array
 
 
 def decibels(mean_squared_error: float) -> float:
@@ -71,7 +93,11 @@ def auto_exposure(color: NDArray[Any]) -> float:
 
     Returns:
         > 0, at most 1800 (a black picture, or one without a usable pixel).
+
+    Raises:
+        ArgumentError: it is not of that shape, or has no numbers.
     """
+    color = checked_image("color", color)
     usable = color[((color >= 0.0) & (color <= _MAX_HALF)).all(axis=-1)].astype(np.float32, copy=False)
     if not usable.size:
         return EXPOSURE_KEY / _DARKEST

@@ -4,13 +4,13 @@ from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame
 from supersampler.graph_session import frame_inputs, open_session, pixels_of, session_options
 from supersampler.model_info import ModelInfo
 from supersampler.onnx_runs import OnnxRun
+from supersampler.onnx_runtime import ort
 from supersampler.providers import check_provider_in_use, device_of
 
 

@@ -15,6 +15,9 @@ backend runs than could.
 
 from pathlib import Path
 
+_LONGEST = 120
+"""Characters of a value that a message shows."""
+
 
 class SupersamplerError(Exception):
     """Base of all errors below."""
@@ -68,6 +71,17 @@ class KernelError(SupersamplerError, RuntimeError):
 
 class BackendWarning(UserWarning):
     """A model runs on a slower backend than it could; says why and what to install."""
+
+
+def shown(value: object) -> str:
+    """Return any value as a few words for a message, whatever its own `repr` does."""
+    try:
+        if getattr(value, "ndim", 0):
+            return f"{type(value).__name__} {tuple(value.shape)} {value.dtype}"  # type: ignore[attr-defined]
+        text = " ".join(repr(value).split())
+    except Exception:  # of somebody's class; of Python, where an int has more than 4300 digits
+        return f"of type {type(value).__name__}"
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 class FrameWarning(UserWarning):

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.checked import checked_path
 from supersampler.drawing import Drawing, GraphDrawing
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
@@ -62,7 +63,7 @@ class Extrapolator:
         threads: int,
         executor: ExecutorName = "auto",
     ) -> None:
-        self.info = read_model_info(find_model(name_or_path))
+        self.info = read_model_info(find_model(checked_path("extrapolation", name_or_path)))
         if not self.info.extrapolates:
             raise ModelError(
                 f"{self.info.method!r} upscales, and draws no frames that were not shaded; "

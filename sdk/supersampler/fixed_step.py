@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler.frame import Size
 from supersampler.graph_session import open_session, session_options
 from supersampler.model_info import ModelInfo, extents
 from supersampler.onnx_runs import OnnxRun
+from supersampler.onnx_runtime import ort
 from supersampler.providers import capturing, check_provider_in_use
 
 

@@ -1,26 +1,30 @@
 """One rendered frame and the contract of its inputs: docs/contract.md is this file in prose."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import FrameError
+from supersampler.checked import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
+from supersampler.errors import ArgumentError, FrameError, shown
 
 Array: TypeAlias = NDArray[np.floating[Any]]
 Float32: TypeAlias = NDArray[np.float32]
 Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
+MAX_CARRIED = 1024
+"""Channels that a frame may carry along."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
 GBUFFER_DISPLAY_CHANNELS: Mapping[str, int] = {**GBUFFER_CHANNELS, "depth": 1}
 
-_HALF_OR_SINGLE = (np.float16, np.float32)
-_SINGLE = (np.float32,)
+_LEAST, _MOST = float(np.finfo(np.float32).smallest_subnormal), float(np.finfo(np.float32).max)
+_SINGLE = (np.dtype(np.float32),)
+_HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -46,7 +50,7 @@ class Frame:
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] but for the normal.
         gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
-        carry: (h, w, k). Alpha or any channels that belong to the colour.
+        carry: (h, w, k), k at most MAX_CARRIED. Alpha or any channels that belong to the colour.
 
     Raises:
         FrameError: an input has the wrong type, shape or range; its `name` says which.
@@ -63,10 +67,11 @@ class Frame:
     carry: Array | None = None
 
     def __post_init__(self) -> None:
-        for field in fields(self):
-            if field.name in ("color", "depth", "motion", "carry") and getattr(self, field.name) is not None:
-                object.__setattr__(self, field.name, as_array(field.name, getattr(self, field.name)))
-        self._check_shapes()
+        for name in ("color", "depth", "motion", "carry"):
+            value = getattr(self, name)
+            if value is not None or name in ("depth", "motion"):
+                object.__setattr__(self, name, as_array(name, value))
+        self.check_shapes()
         self._check_scalars()
         for name in ("gbuffer", "gbuffer_display"):
             buffers = getattr(self, name)
@@ -80,7 +85,8 @@ class Frame:
         height, width = self.depth.shape
         return width, height
 
-    def _check_shapes(self) -> None:
+    def check_shapes(self) -> None:
+        """Raise FrameError unless the arrays are as above: whoever has them may give them another shape."""
         leader = self.depth if self.color is None else self.color  # the others must agree with it
         if leader.ndim < 2 or 0 in leader.shape:
             name, want = ("depth", "(h, w)") if self.color is None else ("color", "(h, w, 3)")
@@ -91,13 +97,34 @@ class Frame:
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
         if self.carry is not None:
-            channels = self.carry.shape[-1] if self.carry.ndim == 3 else "k"
+            channels = self.carry.shape[-1] if self.carry.ndim == 3 else 0
+            channels = channels if 1 <= channels <= MAX_CARRIED else "k"
             _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
         object.__setattr__(self, "jitter", checked_jitter(self.jitter))
         object.__setattr__(self, "exposure", checked_exposure(self.exposure))
-        object.__setattr__(self, "reset", bool(self.reset))
+        object.__setattr__(self, "reset", checked_reset(self.reset))
+
+
+def checked_frame(frame: Frame) -> Frame:
+    """Return a frame whose arrays are still those that it was made of.
+
+    Raises:
+        ArgumentError: it is none.
+        FrameError: an array has been given another shape since.
+    """
+    if not isinstance(frame, Frame):
+        hint = "`Conventions.converter` makes one of a RawFrame."
+        raise ArgumentError("frame", got=shown(frame), want="a supersampler.Frame", hint=hint)
+    frame.check_shapes()
+    return frame
+
+
+def arrays_of(frame: Frame) -> list[NDArray[Any]]:
+    """Return all arrays of a frame."""
+    buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
+    return [a for a in (frame.color, frame.depth, frame.motion, frame.carry, *buffers) if a is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
@@ -106,49 +133,91 @@ def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
     Raises:
         FrameError: it is no pair in [-0.5, 0.5].
     """
-    try:
-        x, y = (float(v) for v in jitter)
-    except (TypeError, ValueError):
-        raise FrameError("jitter", got=repr(jitter), want="(x, y) in render pixels") from None
+    x, y = pair_of(jitter)
     if not max(abs(x), abs(y)) <= 0.5:  # written so that NaN fails
         hint = "Jitter in NDC is 2/w and 2/h times the pixel offset; in UV 1/w and 1/h."
         raise FrameError("jitter", got=(x, y), want="render pixels in [-0.5, 0.5]", hint=hint)
     return x, y
 
 
+def pair_of(jitter: Sequence[float]) -> tuple[float, float]:
+    """Return a jitter of any unit as two floats.
+
+    Raises:
+        FrameError: it is no pair of numbers.
+    """
+    pair = [as_number(value) for value in jitter] if is_row(jitter) else []
+    if len(pair) != 2 or pair[0] is None or pair[1] is None:
+        raise FrameError("jitter", got=shown(jitter), want="(x, y), two numbers")
+    return pair[0], pair[1]
+
+
 def checked_exposure(exposure: float | None) -> float | None:
     """Return a frame's exposure.
 
     Raises:
-        FrameError: it is neither None nor a finite number > 0.
+        FrameError: it is neither None nor a finite number > 0, in single precision.
     """
     if exposure is None:
         return None
-    if not 0.0 < float(exposure) < float("inf"):
-        hint = "None measures the exposure from the frames."
-        raise FrameError("exposure", got=float(exposure), want="a finite number > 0, or None", hint=hint)
-    return float(exposure)
+    number = as_number(exposure)
+    if number is None or not _LEAST <= number <= _MOST:
+        hint = "Single precision must hold it; None measures it from the frames."
+        raise FrameError("exposure", got=shown(exposure), want="a finite number > 0, or None", hint=hint)
+    return number
 
 
-def as_array(name: str, value: object) -> NDArray[Any]:
-    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host."""
-    if isinstance(value, np.ndarray):
+def checked_reset(reset: object) -> bool:
+    """Return a frame's reset.
+
+    Raises:
+        FrameError: it is neither True nor False.
+    """
+    flag = as_flag(reset)
+    if flag is None:
+        raise FrameError("reset", got=shown(reset), want="True or False")
+    return flag
+
+
+def as_array(
+    name: str, value: object, error: type[FrameError] | type[ArgumentError] = FrameError
+) -> NDArray[Any]:
+    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host.
+
+    Raises:
+        FrameError: it is neither, has a mask, or is larger than an image may be; or `error` in its place.
+    """
+    array = _plain_array(name, value, error)
+    if array.ndim >= 2 and array.size and not is_image_size(array.shape[1], array.shape[0]):
+        raise error(name, got=f"of shape {array.shape}", want=f"width and height {IMAGE_SIZES}")
+    return array if array.flags.aligned else array.copy()  # kernels read whole values, where they should be
+
+
+def _plain_array(name: str, value: object, error: type[FrameError] | type[ArgumentError]) -> NDArray[Any]:
+    if type(value) is np.ndarray:
         return value
+    if isinstance(value, np.ma.MaskedArray):
+        hint = "Fill what is masked first: array.filled(0), say."
+        raise error(name, got=f"a masked array {value.shape}", want="a numpy array without a mask", hint=hint)
+    if isinstance(value, np.ndarray):
+        return value.view(np.ndarray)  # of a file, or a matrix, without its own rules
     if hasattr(value, "__dlpack__"):
         try:
             return np.from_dlpack(value, device="cpu")
-        except (BufferError, RuntimeError, TypeError) as error:
+        except Exception as problem:  # of the library that the tensor is of
             hint = "Hand in a tensor on the CPU that needs no gradient."
-            raise FrameError(
-                name, got=f"{type(value).__name__} ({error})", want="an array", hint=hint
-            ) from error
-    raise FrameError(name, got=type(value).__name__, want="a numpy array, or anything with DLPack")
+            got = f"{type(value).__name__} ({' '.join(str(problem).split())})"
+            raise error(name, got=got, want="an array", hint=hint) from problem
+    kind = None if value is None else type(value).__name__
+    raise error(name, got=kind, want="a numpy array, or anything with DLPack")
 
 
-def _check(name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[type, ...]) -> None:
-    if array.shape == shape and array.dtype.type in dtypes:
+def _check(
+    name: str, array: NDArray[Any], shape: tuple[object, ...], dtypes: tuple[np.dtype[Any], ...]
+) -> None:
+    if array.shape == shape and array.dtype in dtypes:  # of this machine's byte order, too
         return
-    wanted = " or ".join(np.dtype(dtype).name for dtype in dtypes)
+    wanted = " or ".join(dtype.name for dtype in dtypes)
     text = "(" + ", ".join(map(str, shape)) + ")"
     raise FrameError(
         name, got=f"{array.shape} {array.dtype}", want=f"{text} {wanted}", hint=_hint(array, shape)
@@ -160,26 +229,38 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
     if array.shape == shape and array.dtype.kind in "biu":
         return "Bring integers to their range first: array.astype(np.float32) / 255, say."
     if array.shape == shape:
-        return f"Convert it: array.astype({'np.float32' if array.dtype != np.float32 else array.dtype})."
+        return "Convert it: array.astype(np.float32)."
     if len(shape) == 3 and array.shape == (shape[2], shape[0], shape[1]):
         return "It is channels first; hand in array.transpose(1, 2, 0)."
     if len(array.shape) >= 2 and array.shape[:2] == (shape[1], shape[0]) and shape[0] != shape[1]:
         return "Width and height are swapped: arrays are (height, width, channels)."
     if len(shape) == 2 and array.shape == (*shape, 1):
         return "Drop the last axis: array[..., 0]."
-    if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2]:
-        return f"Keep the first {shape[2]} channels." if array.shape[2] > int(str(shape[2])) else ""
-    return ""
+    if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2] and isinstance(shape[2], int):
+        return f"Keep the first {shape[2]} channels." if array.shape[2] > shape[2] else ""
+    return f"k is 1 to {MAX_CARRIED}." if shape[-1] == "k" else ""
 
 
-def _checked_gbuffer(name: str, buffers: Mapping[str, object], size: Size | None) -> dict[str, Array]:
+def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
+    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not looked at.
+
+    Raises:
+        FrameError: it is no mapping, or a name is not a G-buffer's.
+    """
+    known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
+    if not isinstance(buffers, Mapping):
+        raise FrameError(name, got=shown(buffers), want="a mapping of names to arrays, or None")
+    for key in buffers:
+        if key not in known:
+            want = f"one of {', '.join(known)}"
+            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want)
+    return buffers
+
+
+def _checked_gbuffer(name: str, buffers: Mapping[str, Array], size: Size | None) -> dict[str, Array]:
     known = GBUFFER_CHANNELS if name == "gbuffer" else GBUFFER_DISPLAY_CHANNELS
     arrays: dict[str, Array] = {}
-    for key, value in buffers.items():
-        if key not in known:
-            raise FrameError(
-                f"{name}[{key!r}]", got="not a G-buffer's name", want=f"one of {', '.join(known)}"
-            )
+    for key, value in checked_buffers(name, buffers).items():
         array = as_array(f"{name}[{key!r}]", value)
         if size is None and array.ndim >= 2:
             size = (array.shape[1], array.shape[0])

@@ -5,7 +5,6 @@ from collections.abc import Collection, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from supersampler.fixed_step import FixedStep
@@ -15,6 +14,7 @@ from supersampler.host.layout import TILE
 from supersampler.host.locks import ForkSafeLock
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.onnx_runs import OnnxRun
+from supersampler.onnx_runtime import ort
 from supersampler.providers import capturing, check_provider_in_use, device_of
 from supersampler.tensors import check_tensor, render_size_of
 

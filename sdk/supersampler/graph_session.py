@@ -5,11 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.gbuffers import GBUFFERS
+from supersampler.onnx_runtime import ort
 
 Provider = str | tuple[str, dict[str, str]]
 """An execution provider's name, with options or without."""

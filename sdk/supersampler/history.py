@@ -1,7 +1,10 @@
 """What a step takes from the one before, and what it gives beside an image."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+from supersampler.errors import ArgumentError, shown
 from supersampler.executor import Buffers
 from supersampler.frame import Float32, Size
 
@@ -18,12 +21,36 @@ class History:
         render_size: (width, height) of the frame that left it.
         buffers: the executor's.
         carry: (1, k, H, W) what the frame carried along; None where it was not asked for.
+        kind: what it is the history of: a model takes those of its own kind alone.
     """
 
     display_size: Size
     render_size: Size
     buffers: Buffers
     carry: Float32 | None = None
+    kind: Any = None
+
+
+def check_histories(
+    past: History, left: History | None, kind: object, fits: Callable[[Buffers, Size, Size], bool]
+) -> None:
+    """Raise ArgumentError unless a step may read one history and write to another.
+
+    Args:
+        past: to read.
+        left: to write to; None where room is made.
+        kind: what the executor takes.
+        fits: of the executor.
+    """
+    for name, history in {"history": past, **({} if left is None else {"history_out": left})}.items():
+        if not isinstance(history, History) or history.kind != kind:
+            hint = "`first_history`, `run` and `load_history` of the model make one."
+            raise ArgumentError(name, got=shown(history), want="a History of this model", hint=hint)
+    if not fits(past.buffers, past.display_size, past.render_size):
+        got = f"changed: it is not of {past.display_size} and {past.render_size}"
+        raise ArgumentError("history", got=got, want="as it was made")
+    if left is not None and left.buffers is past.buffers:
+        raise ArgumentError("history_out", got="history itself", want="other buffers")
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,12 +6,13 @@ centre + jitter. FSR and XeSS have it the other way round (centre - jitter): see
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from supersampler.errors import ArgumentError
+from supersampler.checked import MAX_SIDE, as_index, as_number, checked_choice, checked_size, is_row
+from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Size
 
 RATIOS: Mapping[str, float] = {
@@ -21,6 +22,8 @@ RATIOS: Mapping[str, float] = {
     "xess_balanced": 2.0, "xess_performance": 2.3, "xess_ultra_performance": 3.0,
 }  # fmt: skip
 """Display size / render size per axis, by vendor and mode. Frozen; XeSS as of 1.3, which renumbered."""
+
+MipStyle = Literal["fsr", "log2"]
 
 
 def jitter_phase_count(scale: float) -> int:
@@ -47,13 +50,14 @@ def halton_jitter(index: int, scale: float) -> tuple[float, float]:
     Raises:
         ArgumentError: `index` is negative, or `scale` is not a finite number > 0.
     """
-    if index < 0:
-        raise ArgumentError("index", got=index, want="a frame number >= 0")
-    phase = index % jitter_phase_count(scale) + 1
+    number = as_index(index)
+    if number is None or number < 0:
+        raise ArgumentError("index", got=shown(index), want="a frame number >= 0")
+    phase = number % jitter_phase_count(scale) + 1
     return _halton(phase, 2) - 0.5, _halton(phase, 3) - 0.5
 
 
-def mip_bias(scale: float, style: Literal["fsr", "log2"] = "fsr") -> float:
+def mip_bias(scale: float, style: MipStyle = "fsr") -> float:
     """Return what to add to the texture level of detail when rendering below display size.
 
     Args:
@@ -64,9 +68,8 @@ def mip_bias(scale: float, style: Literal["fsr", "log2"] = "fsr") -> float:
     Raises:
         ArgumentError: `scale` is not a finite number > 0, or `style` is unknown.
     """
-    if style not in ("fsr", "log2"):
-        raise ArgumentError("style", got=repr(style), want="'fsr' or 'log2'")
-    return -math.log2(_checked_scale(scale)) - (1.0 if style == "fsr" else 0.0)
+    sharper = 1.0 if checked_choice("style", style, get_args(MipStyle)) == "fsr" else 0.0
+    return -math.log2(_checked_scale(scale)) - sharper
 
 
 def render_size_for(display_size: Size, mode: str | float) -> Size:
@@ -79,15 +82,15 @@ def render_size_for(display_size: Size, mode: str | float) -> Size:
     Raises:
         ArgumentError: the size is not two integers > 0, the mode is unknown, or the ratio is below 1.
     """
-    width, height = _checked_size("display_size", display_size)
+    width, height = checked_size("display_size", display_size)
     if isinstance(mode, str):
-        if mode not in RATIOS:
-            raise ArgumentError("mode", got=repr(mode), want=f"a ratio, or one of {', '.join(RATIOS)}")
-        mode = RATIOS[mode]
-    if not 1.0 <= mode < math.inf:
-        raise ArgumentError("mode", got=mode, want="a ratio display / render >= 1", hint="2.0 is half size.")
+        mode = RATIOS[checked_choice("mode", mode, list(RATIOS), "A ratio >= 1 serves, too.")]
+    ratio = as_number(mode)
+    if ratio is None or not 1.0 <= ratio < math.inf:
+        want, hint = "a ratio display / render >= 1, or a mode's name", "2.0 is half size."
+        raise ArgumentError("mode", got=shown(mode), want=want, hint=hint)
     # The tiny addend keeps a width that divides exactly, such as 2197 / 1.3, from falling one pixel short.
-    return max(1, int(width / mode + 1e-6)), max(1, int(height / mode + 1e-6))
+    return max(1, int(width / ratio + 1e-6)), max(1, int(height / ratio + 1e-6))
 
 
 def jittered_projection(
@@ -110,10 +113,8 @@ def jittered_projection(
     Raises:
         ArgumentError: `matrix` is not 4 x 4, `jitter` not two finite numbers, or the size not whole and > 0.
     """
-    projection = np.asarray(matrix)
-    if projection.shape != (4, 4):
-        raise ArgumentError("matrix", got=f"of shape {projection.shape}", want="a 4 x 4 matrix")
-    width, height = _checked_size("render_size", render_size)
+    projection = _checked_matrix(matrix)
+    width, height = checked_size("render_size", render_size)
     x, y = _checked_jitter(jitter)
     translation = np.eye(4)
     translation[0, 3] = -2.0 * x / width
@@ -132,18 +133,27 @@ def _halton(index: int, base: int) -> float:
 
 
 def _checked_scale(scale: float) -> float:
-    if not 0.0 < scale < math.inf:  # written so that NaN fails
-        raise ArgumentError("scale", got=scale, want="display size / render size, a finite number > 0")
-    return float(scale)
+    number = as_number(scale)
+    if number is None or not 0.0 < number <= MAX_SIDE:  # written so that NaN fails
+        want = f"display size / render size, a number > 0, at most {MAX_SIDE}"
+        raise ArgumentError("scale", got=shown(scale), want=want)
+    return number
 
 
-def _checked_size(name: str, size: Sequence[int]) -> Size:
-    if len(size) != 2 or any(int(n) != n or n < 1 for n in size):
-        raise ArgumentError(name, got=tuple(size), want="(width, height), whole numbers > 0")
-    return int(size[0]), int(size[1])
+def _checked_matrix(matrix: ArrayLike) -> NDArray[Any]:
+    try:
+        array = np.asarray(matrix)
+    except Exception:  # rows of several lengths, or an error of somebody's class
+        raise ArgumentError("matrix", got=shown(matrix), want="a 4 x 4 matrix") from None
+    if array.shape != (4, 4):
+        raise ArgumentError("matrix", got=f"of shape {array.shape}", want="a 4 x 4 matrix")
+    if array.dtype.kind not in "iuf" or isinstance(matrix, np.ma.MaskedArray) or not np.isfinite(array).all():
+        raise ArgumentError("matrix", got=shown(array.tolist()), want="a 4 x 4 matrix of finite numbers")
+    return array
 
 
 def _checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
-    if len(jitter) != 2 or not all(math.isfinite(value) for value in jitter):
-        raise ArgumentError("jitter", got=tuple(jitter), want="(x, y) in render pixels")
+    pair = [as_number(value) for value in jitter] if is_row(jitter) else []
+    if len(pair) != 2 or not all(value is not None and math.isfinite(value) for value in pair):
+        raise ArgumentError("jitter", got=shown(jitter), want="(x, y) in render pixels")
     return float(jitter[0]), float(jitter[1])

@@ -1,4 +1,4 @@
-"""What pictures and times depend on beside this package: the machine, and versions of other packages."""
+"""What images and times depend on beside this package: the machine, and versions of other packages."""
 
 import os
 import platform
@@ -6,6 +6,9 @@ from contextlib import suppress
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
+
+MAX_THREADS = 256
+"""Threads that a model may be asked to run on."""
 
 
 def machine() -> dict[str, Any]:

@@ -2,33 +2,50 @@
 
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
-import onnxruntime as ort
 from numpy.typing import NDArray
 
 from supersampler.carry import Carrier, check_carry
-from supersampler.errors import ArgumentError, FrameError, ModelError
+from supersampler.checked import (
+    check_out,
+    checked_choice,
+    checked_flag,
+    checked_names,
+    checked_path,
+    checked_size,
+    checked_threads,
+)
+from supersampler.errors import ArgumentError, FrameError
 from supersampler.executor import Executor
-from supersampler.frame import Float32, Frame, Size, checked_exposure, checked_jitter
+from supersampler.frame import (
+    Float32,
+    Frame,
+    Size,
+    arrays_of,
+    checked_exposure,
+    checked_frame,
+    checked_jitter,
+)
 from supersampler.gbuffers import check_gbuffers
 from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of, session_options, vector_inputs
-from supersampler.history import CARRY, WORK, History, Result
+from supersampler.history import CARRY, WORK, History, Result, check_histories
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
-from supersampler.model_info import ModelInfo, find_model, read_model_info
+from supersampler.model_info import ModelInfo, read_model_info, read_upscaling_info
+from supersampler.onnx_runtime import ort
 from supersampler.plan import Plan
 from supersampler.providers import CPU, resolve_providers
 from supersampler.ratios import check_ratio
-from supersampler.tensors import Tensor, render_size_of, taken
+from supersampler.skip import TOLERANCE, Skip, checked_skip, tolerance_of
+from supersampler.tensors import Tensor, checked_tensors, render_size_of, taken
+
+__all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 
 ExecutorName = Literal["auto", "graph", "host"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
-Skip = Literal["auto", "exact"] | float
-TOLERANCE = 0.5 / 255.0
-"""Of skip="auto": half a step of an 8-bit screen."""
 
 
 class Model:
@@ -56,6 +73,7 @@ class Model:
         self.threads = threads
         self._carrier = carrier
         self._executor = executor
+        self._kind = type(executor), self.device, info.history
         self.on_drawn = on_drawn or self
 
     @classmethod
@@ -90,17 +108,10 @@ class Model:
             ProviderError: a provider was asked for and cannot be had, or cannot capture.
             ArgumentError: the model cannot run so.
         """
-        info = read_model_info(find_model(name_or_path))
-        if info.extrapolates:
-            raise ModelError(
-                f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
-                f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
-            )
-        if info.only_drawn:
-            raise ModelError(
-                f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
-                f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
-            )
+        threads, capture = checked_threads(threads), checked_flag("capture", capture)
+        executor = checked_choice("executor", executor, get_args(ExecutorName))
+        precision = checked_choice("precision", precision, get_args(Precision))
+        info = read_upscaling_info(checked_path("model", name_or_path))
         names = resolve_providers(providers)
         carrier = Carrier(info, session_options(threads))
         if executor != "graph" and not capture and list(names) == [CPU]:
@@ -138,8 +149,14 @@ class Model:
         return self._executor.precision
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
-        """No past: all zeros."""
-        return History(display_size, render_size, self._executor.zeros(display_size, render_size))
+        """No past: all zeros.
+
+        Raises:
+            ArgumentError: a size is not that of an image.
+        """
+        display = checked_size("display_size", display_size)
+        render = checked_size("render_size", render_size)
+        return History(display, render, self._executor.zeros(display, render), kind=self._kind)
 
     def run(
         self,
@@ -194,23 +211,18 @@ class Model:
                 "carry" is wanted.
             ArgumentError: as `run`; or the model does not know what `want` names.
         """
-        self.check(frame, history.display_size, want, history.carry)
-        if history_out is history:
-            raise ArgumentError("history_out", got="history itself", want="other buffers")
+        check_histories(history, history_out, self._kind, self._executor.fits)
+        want = checked_names("want", want)
+        tolerance = tolerance_of(checked_skip(skip), want)
+        self.check(frame, history.display_size, want, history.carry, out)
         display_size = history.display_size
-        image = _checked_out(out, (*display_size[::-1], 3))
+        image = aligned((*display_size[::-1], 3)) if out is None else out
         left = self._prepared(history_out, display_size, frame.size)
         needed = {self.info.maps[name].output for name in want if name in self.info.maps}
         needed |= {"weight"} if "carry" in want else set()
         drawn = image if image.flags.c_contiguous else aligned(image.shape)
         told = self._executor.step(
-            frame,
-            display_size,
-            history.buffers,
-            left.buffers,
-            drawn,
-            needed,
-            tolerance=_tolerance(skip, want),
+            frame, display_size, history.buffers, left.buffers, drawn, needed, tolerance=tolerance
         )
         if drawn is not image:
             np.copyto(image, drawn)
@@ -238,11 +250,10 @@ class Model:
         if not isinstance(self._executor, GraphExecutor):
             want = "'graph', which takes tensors"
             raise ArgumentError("executor", got=repr(self.executor), want=want)
-        if history_out is history:
-            raise ArgumentError("history_out", got="history itself", want="other buffers")
+        check_histories(history, history_out, self._kind, self._executor.fits)
         jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
         vectors = vector_inputs(jitter, exposure, history.display_size)
-        given = {}
+        given, tensors = {}, checked_tensors(tensors)
         for tensor in self.info.inputs:
             if tensor.name in vectors:
                 given[tensor.name] = ort.OrtValue.ortvalue_from_numpy(vectors[tensor.name])
@@ -254,6 +265,8 @@ class Model:
         check_ratio(self.info.ratios, render_size, history.display_size)
         left = self._prepared(history_out, history.display_size, render_size)
         target = None if out is None else taken(out, "image")
+        if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
+            raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         display = history.display_size
         image = self._executor.step_tensors(given, display, history.buffers, left.buffers, target)
         return (image if out is None else out), left
@@ -268,6 +281,8 @@ class Model:
         Raises:
             FrameError: the method does not upscale by that much.
         """
+        render_size = checked_size("render_size", render_size)
+        display_size = checked_size("display_size", display_size)
         check_ratio(self.info.ratios, render_size, display_size)
         history, working = self._executor.needs(display_size, render_size)
         products = round(self.info.multiply_adds * display_size[0] * display_size[1])
@@ -322,6 +337,7 @@ class Model:
         display_size: Size,
         want: Collection[str] = (),
         carried: Float32 | None = None,
+        out: Float32 | None = None,
     ) -> None:
         """Raise what `run_wanted` would for this frame, before anything is done with it.
 
@@ -330,11 +346,12 @@ class Model:
             display_size: (width, height) of the image.
             want: what else than the image.
             carried: what the frame before carried, `History.carry`.
+            out: where the image is to be written.
 
         Raises:
             FrameError, ArgumentError: see `run_wanted`.
         """
-        if frame.color is None:
+        if checked_frame(frame).color is None:
             hint = (
                 "`extrapolate`, and `supersampler upscale --extrapolate`, take frames that were not shaded."
             )
@@ -342,11 +359,12 @@ class Model:
             raise FrameError("color", got=None, want=want, hint=hint)
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
-        known = ["carry", WORK, *self.info.maps]
-        if isinstance(want, str) or not set(want) <= set(known):
-            raise ArgumentError("want", got=repr(want), want=f"any of {', '.join(known)}, in a tuple")
+        for name in checked_names("want", want):
+            checked_choice("want", name, ("carry", WORK, *self.info.maps))
         if "carry" in want:
             check_carry(frame, carried)
+        if out is not None:
+            check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def _result(
         self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
@@ -367,7 +385,7 @@ class Model:
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
         """Room for what this frame leaves, that of `history` where it fits."""
         if history is not None and self._executor.fits(history.buffers, display, render):
-            return History(display, render, history.buffers)
+            return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)
 
 
@@ -375,21 +393,3 @@ def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) 
     info = read_model_info(folder)
     graph = GraphExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
     return Model(info, graph, Carrier(info, session_options(threads)), graph.providers, threads)
-
-
-def _tolerance(skip: Skip, want: Collection[str]) -> float | None:
-    """Of what is left as it is; None where all is to be drawn."""
-    if skip == "exact" or "carry" in want:  # what is carried may change where nothing else does
-        return None
-    return TOLERANCE if skip == "auto" else float(skip)
-
-
-def _checked_out(out: Float32 | None, shape: tuple[int, ...]) -> Float32:
-    if out is None:
-        return aligned(shape)
-    if not isinstance(out, np.ndarray) or out.shape != shape or out.dtype != np.float32:
-        got = f"{out.shape} {out.dtype}" if isinstance(out, np.ndarray) else type(out).__name__
-        raise ArgumentError("out", got=got, want=f"{shape} float32 numpy array")
-    if not out.flags.writeable:
-        raise ArgumentError("out", got="read-only", want="a writable array")
-    return out

@@ -3,12 +3,13 @@
 import hashlib
 import json
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import Any
 
-from supersampler.errors import ModelError
+from supersampler.errors import ModelError, shown
 from supersampler.frame import Size
 from supersampler.gbuffers import GBUFFERS
 from supersampler.ratios import only_ratio
@@ -156,13 +157,14 @@ def find_model(name_or_path: str | Path) -> Path:
         ModelError: neither exists.
     """
     path = Path(name_or_path)
-    if (path / "model.json").is_file():
-        return path
+    with suppress(OSError):  # of a name that no folder can have
+        if (path / "model.json").is_file():
+            return path
     if str(name_or_path) in _described():
         return shipped_model(str(name_or_path))
     known = ", ".join([*model_names(), *extrapolation_names()])
     raise ModelError(
-        f"no model {str(name_or_path)!r}: it is neither one of {known} "
+        f"no model {shown(str(name_or_path))}: it is neither one of {known} "
         "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
     )
 
@@ -198,6 +200,26 @@ def read_model_info(folder: Path) -> ModelInfo:
             raise ModelError(
                 f"{folder / name}: its content is not what model.json describes (sha256 differs)"
             )
+    return info
+
+
+def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
+    """Read the description of a model that upscales; see `find_model` and `read_model_info`.
+
+    Raises:
+        ModelError: as those; or it upscales nothing by itself.
+    """
+    info = read_model_info(find_model(name_or_path))
+    if info.extrapolates:
+        raise ModelError(
+            f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
+            f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
+        )
+    if info.only_drawn:
+        raise ModelError(
+            f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
+            f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
+        )
     return info
 
 

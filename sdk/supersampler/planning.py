@@ -37,5 +37,6 @@ def plan(
         FrameError: the method does not upscale by that much.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
+    sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)
     loaded = Model.load(model, providers=providers, threads=threads, executor=executor, precision=precision)
-    return loaded.plan(checked_size("render_size", render_size), checked_size("display_size", display_size))
+    return loaded.plan(*sizes)

@@ -4,8 +4,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
+from supersampler.checked import checked_choice
 from supersampler.errors import ArgumentError
 from supersampler.model import Model, Precision, Skip
+from supersampler.skip import checked_skip
 
 PresetName = Literal["fast", "balanced", "high"]
 
@@ -32,13 +34,15 @@ def chosen(
     """Return model, precision and skipping: those given, or those of a preset.
 
     Raises:
-        ArgumentError: there is no such preset, or something it sets is given beside it.
+        ArgumentError: there is no such preset, precision or skip, or something that a preset sets is given
+            beside it.
     """
+    precision = checked_choice("precision", precision, get_args(Precision))
+    skip = checked_skip(skip)
     if preset is None:
         return "classifier" if model is None else model, precision, skip
-    if preset not in PRESETS:
-        raise ArgumentError("preset", got=repr(preset), want=f"one of {', '.join(get_args(PresetName))}")
-    if (model, precision, skip) != (None, "auto", "auto"):
+    checked_choice("preset", preset, get_args(PresetName))
+    if model is not None or (precision, skip) != ("auto", "auto"):
         got = f"{preset!r} beside a model, a precision or skip"
         raise ArgumentError("preset", got=got, want="it alone, which sets them, or these alone")
     return PRESETS[preset]

@@ -3,7 +3,9 @@
 from collections.abc import Sequence
 from importlib import metadata
 
-from supersampler.errors import ProviderError
+from supersampler.checked import is_row
+from supersampler.errors import ArgumentError, ProviderError, shown
+from supersampler.onnx_runtime import ort
 
 NAMES = {
     "cpu": "CPUExecutionProvider",
@@ -44,24 +46,32 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
     """Return ONNX Runtime's names for `providers`: "auto", one name, or several in order of preference.
 
     Raises:
-        ProviderError: one of them is not in this installation; lists those that are.
+        ArgumentError: it is neither a name nor a list of some.
+        ProviderError: no provider has one of the names, or it is not in this installation; lists those that
+            there are.
     """
-    import onnxruntime
-
+    wanted = [providers] if isinstance(providers, str) else providers
+    if not is_row(wanted) or not all(isinstance(name, str) for name in wanted) or not len(wanted):
+        want = "'auto', a provider's name, or several in a list"
+        raise ArgumentError("providers", got=shown(providers), want=want)
     check_one_distribution()
-    available = onnxruntime.get_available_providers()
-    if providers == "auto":
+    available = ort.get_available_providers()
+    if isinstance(providers, str) and providers == "auto":
         return [NAMES[name] for name in AUTOMATIC if NAMES[name] in available][:1]
-    wanted = [providers] if isinstance(providers, str) else list(providers)
     names = [NAMES.get(name.lower(), name) for name in wanted]
     for asked, name in zip(wanted, names, strict=True):
+        if name not in (*NAMES.values(), *available, *ort.get_all_providers()):
+            raise ProviderError(
+                f"no execution provider is called {shown(asked)}; known are {', '.join(NAMES)}, ONNX "
+                f"Runtime's own names, and 'auto' by itself. Available here: {', '.join(available)}."
+            )
         if name not in available:
             raise ProviderError(
                 f"execution provider {asked!r} is not in this installation of ONNX Runtime; "
                 f"available: {', '.join(available)}. Other providers come with other distributions: "
                 "uninstall onnxruntime, then install onnxruntime-gpu or onnxruntime-directml."
             )
-    return names
+    return list(dict.fromkeys(names))
 
 
 def device_of(provider: str) -> str:

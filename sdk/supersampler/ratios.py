@@ -2,6 +2,7 @@
 
 from fractions import Fraction
 
+from supersampler.checked import checked_size
 from supersampler.errors import FrameError
 from supersampler.frame import Size
 
@@ -40,6 +41,15 @@ def scaled(size: Size, ratio: float) -> Size | None:
     exact = Fraction(ratio).limit_denominator(1000)  # a third is a third
     width, height = size[0] * exact, size[1] * exact
     return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
+
+
+def display_size_of(render_size: Size, scale: float) -> Size:
+    """Return the display size that is `scale` times a render size, rounded to whole pixels.
+
+    Raises:
+        ArgumentError: it is none that an image can have.
+    """
+    return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
 
 
 def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:

@@ -1,12 +1,13 @@
 """Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
 
+from collections.abc import Mapping
 from typing import Any, Protocol
 
-import onnxruntime as ort
-
-from supersampler.errors import ArgumentError, FrameError
+from supersampler.checked import IMAGE_SIZES, is_image_size
+from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Size
 from supersampler.model_info import TensorInfo
+from supersampler.onnx_runtime import ort
 
 _TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 
@@ -19,6 +20,17 @@ class Tensor(Protocol):
 
     def __dlpack_device__(self) -> tuple[int, int]:
         """Kind and number of the device that it is on."""
+
+
+def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
+    """Return tensors by name.
+
+    Raises:
+        ArgumentError: it is no mapping.
+    """
+    if not isinstance(tensors, Mapping):
+        raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
+    return tensors
 
 
 def taken(tensor: Tensor, name: str) -> ort.OrtValue:
@@ -35,19 +47,31 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
         return ort.OrtValue.from_dlpack(tensor)
     except Exception as error:  # of the library that the tensor is of, or of ONNX Runtime
         want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
-        raise FrameError(name, got=f"{type(tensor).__name__} ({error})", want=want) from error
+        got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
+        raise FrameError(name, got=got, want=want) from error
 
 
 def render_size_of(color: ort.OrtValue) -> Size:
     """(width, height) of a frame whose colour this is.
 
     Raises:
-        FrameError: it has not four axes.
+        FrameError: it has not four axes, or is empty or too large.
     """
     shape = color.shape()
-    if len(shape) != 4:
-        raise FrameError("color", got=tuple(shape), want="(1, 3, h, w)")
+    if len(shape) != 4 or not is_image_size(shape[3], shape[2]):
+        raise FrameError("color", got=tuple(shape), want=f"(1, 3, h, w), h and w {IMAGE_SIZES}")
     return shape[3], shape[2]
+
+
+def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
+    """(width, height) of a frame that lies in tensors, by name.
+
+    Raises:
+        FrameError: its colour is missing, or no tensor of four axes.
+    """
+    if "color" not in tensors:
+        raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+    return render_size_of(taken(tensors["color"], "color"))
 
 
 def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:

@@ -5,24 +5,26 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import Literal, overload
+from typing import overload
 
-from supersampler.checked import checked_model, checked_scale, checked_size, checked_skip
-from supersampler.checks import FrameChecker
-from supersampler.errors import ArgumentError, FrameError
+from supersampler.checked import checked_names, checked_path, checked_scale, checked_size
+from supersampler.checks import FrameChecker, Validate
+from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolation, ShadedPast
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
 from supersampler.gbuffers import GBUFFERS, black
 from supersampler.history import History, Result
 from supersampler.host.uninterrupted import uninterrupted
+from supersampler.loading import loaded_model
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen
+from supersampler.ratios import display_size_of
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.stats import Stats
-from supersampler.tensors import Tensor, render_size_of, taken
+from supersampler.tensors import Tensor, checked_tensors, size_of_tensors
 
 
 class Upscaler:
@@ -87,7 +89,7 @@ class Upscaler:
         skip: Skip = "auto",
         preset: PresetName | None = None,
         extrapolation: str | Path | None = None,
-        validate: Literal["off", "warn", "strict"] = "warn",
+        validate: Validate = "warn",
         record: str | Path | None = None,
     ) -> None:
         if (display_size is None) == (scale is None):
@@ -97,18 +99,10 @@ class Upscaler:
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
-        model, precision, skip = chosen(preset, model, precision, skip)
-        self.skip = checked_skip(skip)
-        self.model = checked_model(
-            model,
-            providers=providers,
-            threads=threads,
-            executor=executor,
-            precision=precision,
-            capture=capture,
-        )
+        model, precision, self.skip = chosen(preset, model, precision, skip)
+        self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and self._display_size is None:
-            self._display_size = self._scaled(self._render_size)
+            self._display_size = display_size_of(self._render_size, self._scale)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
         self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
         infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
@@ -128,7 +122,7 @@ class Upscaler:
                 skip=self.skip,
                 validate=validate,
             )
-            self._recorder = Recorder(record, setup, inputs)
+            self._recorder = Recorder(checked_path("record", record), setup, inputs)
 
     plan = staticmethod(plan)
 
@@ -164,6 +158,7 @@ class Upscaler:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
             ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
         """
+        want = self._checked_call(frame, want)
         if self._recorder is None:
             return self._step(frame, out, want)
         return self._recorder.step(frame, want, partial(self._step, frame, out, want))
@@ -199,6 +194,7 @@ class Upscaler:
             FrameError: as `step`; or the frame has colour, or is the first after a start, a reset or a cut.
             ArgumentError: as `step`; or the Upscaler was made without `extrapolation`.
         """
+        want = self._checked_call(frame, want)
         run = partial(self._extrapolate, frame, out, want)
         return run() if self._recorder is None else self._recorder.step(frame, want, run, extrapolated=True)
 
@@ -236,6 +232,8 @@ class Upscaler:
             ModelError: the provider cannot capture the step, with `capture`; likewise.
             ArgumentError: the executor takes no tensors, or the Upscaler was made with `extrapolation`.
         """
+        self._check_open()
+        tensors, reset = checked_tensors(tensors), checked_reset(reset)
         run = partial(self._step_tensors, tensors, jitter, exposure, reset, out)
         if self._recorder is None:
             return run()
@@ -243,6 +241,7 @@ class Upscaler:
 
     def reset(self) -> None:
         """Forget the past, as `Frame.reset` does."""
+        self._check_open()
         if self._recorder is not None:
             self._recorder.reset()
         self._history = self._extrapolation.past = None
@@ -257,11 +256,9 @@ class Upscaler:
         Raises:
             ArgumentError: `render_size` was given neither here nor to the constructor.
         """
-        size = render_size or self._render_size
-        if size is None:
-            raise ArgumentError("render_size", got=None, want="(width, height)")
-        size = checked_size("render_size", size)
-        display_size = self._display_size or self._scaled(size)
+        self._check_open()
+        size = checked_size("render_size", self._render_size if render_size is None else render_size)
+        display_size = self._display_size or display_size_of(size, self._scale)
         frame = black(self.gbuffers, size, display_size)
         self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
@@ -274,16 +271,12 @@ class Upscaler:
 
     def save_state(self) -> State:
         """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""
+        self._check_open()
         if self._history is None:
             return State(self.model.info.method, self._display_size, None, None)
         history = self._history
-        return State(
-            self.model.info.method,
-            history.display_size,
-            history.render_size,
-            self.model.save_history(history),
-            self._extrapolation.save(),
-        )
+        saved = self.model.save_history(history), self._extrapolation.save()
+        return State(self.model.info.method, history.display_size, history.render_size, *saved)
 
     def load_state(self, state: State) -> None:
         """Continue from `state`; where it has nothing to extrapolate from, shade a frame first.
@@ -291,6 +284,9 @@ class Upscaler:
         Raises:
             ArgumentError: it is of another method, extrapolation or display size; the history stays as is.
         """
+        self._check_open()
+        if not isinstance(state, State):
+            raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
         history = state.history_for(self.model, self._display_size)
         shaded = self._extrapolation.load(state.shaded)
         if self._recorder is not None:
@@ -300,13 +296,14 @@ class Upscaler:
         self._checker.reset()
 
     def close(self) -> None:
-        """Free the history, and end the recording; `step` raises afterwards."""
+        """Free the history, and end the recording; all but `close` raise ArgumentError afterwards."""
         self._history = self._spare = self._extrapolation.past = None
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
 
     def __enter__(self) -> "Upscaler":
+        self._check_open()
         return self
 
     def __exit__(
@@ -315,13 +312,11 @@ class Upscaler:
         self.close()
 
     def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
-        self._check_open()
         left = None if frame.color is None else self._extrapolation.after_shaded(frame)
         return self._upscaled(self.model, frame, frame, left, out, want)
 
     def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         started = time.perf_counter()
-        self._check_open()
         drawn, left = self._extrapolation.draw(frame)
         seconds = time.perf_counter() - started
         image = self._upscaled(self._on_drawn, frame, drawn, left, out, want)
@@ -341,7 +336,7 @@ class Upscaler:
         started = time.perf_counter()
         history = self._history_for(frame.size, reset=frame.reset)
         # first: no frame is remembered and then refused
-        model.check(frame, history.display_size, want, history.carry)
+        model.check(frame, history.display_size, want, history.carry, out)
         self._checker.check(given, history.display_size, self.gbuffers)
         return uninterrupted(partial(self._completed, model, frame, history, shaded, out, want, started))
 
@@ -372,13 +367,10 @@ class Upscaler:
         out: Tensor | None,
     ) -> Tensor:
         started = time.perf_counter()
-        self._check_open()
         if self._extrapolation.infos:
             hint = "What frames are drawn from is kept of arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
-        if "color" not in tensors:
-            raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
-        history = self._history_for(render_size_of(taken(tensors["color"], "color")), reset=reset)
+        history = self._history_for(size_of_tensors(tensors), reset=reset)
         image, left = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
         )
@@ -389,7 +381,7 @@ class Upscaler:
         """Return what a frame of this render size is stepped on."""
         if self._history is not None and not reset:
             return self._history
-        return self.model.first_history(self._display_size or self._scaled(size), size)
+        return self.model.first_history(self._display_size or display_size_of(size, self._scale), size)
 
     def _go_on(self, past: History, left: History, work: float, started: float) -> None:
         """Remember what a step has left, and count it."""
@@ -402,5 +394,8 @@ class Upscaler:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
-    def _scaled(self, render_size: Size) -> Size:
-        return round(render_size[0] * self._scale), round(render_size[1] * self._scale)
+    def _checked_call(self, frame: Frame, want: Collection[str]) -> tuple[str, ...]:
+        """Return `want`, once it is known that the call may be made, and recorded."""
+        self._check_open()
+        checked_frame(frame)
+        return checked_names("want", want)

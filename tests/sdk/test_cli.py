@@ -208,7 +208,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("info", "nothing"), "SHOT is 'nothing'; want a path, or one of plaza"),
+        (("info", "nothing"), "SHOT is 'nothing'; want a path, or 'plaza'"),
         (
             ("upscale", SHIPPED, "-o", "x", "--display-size", "1080p"),
             "--display-size is '1080p'; want WIDTHx",

@@ -304,7 +304,7 @@ def test_what_cannot_be_converted_names_the_field() -> None:
 @pytest.mark.parametrize(
     ("field", "value", "message"),
     [
-        ("motion_unit", "texels", "motion_unit is 'texels'; want 'pixels' or 'uv' or 'ndc'"),
+        ("motion_unit", "texels", "motion_unit is 'texels'; want 'pixels', 'uv' or 'ndc'"),
         ("motion_scale", (0.0, 1.0), "motion_scale is .*two finite numbers that are not 0"),
         ("motion_jittered", 1, "motion_jittered is 1; want True or False"),
         ("depth", "reversed", "far is None; want a distance.*reversed_infinite"),

@@ -163,7 +163,7 @@ def test_only_graphs_are_captured() -> None:
     assert Model.load("taau", providers="cpu", capture=True).executor == "graph"
     with pytest.raises(ArgumentError, match=r"capture=True.*Only graphs are captured"):
         Model.load("taau", providers="cpu", executor="host", capture=True)
-    with pytest.raises(ArgumentError, match="or capture is set beside a Model"):
+    with pytest.raises(ArgumentError, match="capture is set beside a Model"):
         Upscaler(load("taau"), display_size=DISPLAY, capture=True)
 
 

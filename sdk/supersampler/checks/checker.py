@@ -5,11 +5,12 @@ from collections.abc import Collection, Sequence
 from dataclasses import replace
 from typing import Literal, get_args
 
+from supersampler.checked import checked_choice
 from supersampler.checks.alone import mistakes_alone
 from supersampler.checks.gbuffers import mistakes_of_gbuffers
 from supersampler.checks.mistake import Mistake
 from supersampler.checks.neighbours import Memory, mistakes_between, remembered
-from supersampler.errors import ArgumentError, FrameWarning
+from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
 from supersampler.reprojection import luminance
 
@@ -32,9 +33,7 @@ class FrameChecker:
     """
 
     def __init__(self, validate: Validate = "warn") -> None:
-        if validate not in get_args(Validate):
-            raise ArgumentError("validate", got=repr(validate), want="'off', 'warn' or 'strict'")
-        self.validate = validate
+        self.validate = checked_choice("validate", validate, get_args(Validate))
         self.reset()
 
     def reset(self) -> None:

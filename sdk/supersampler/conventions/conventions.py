@@ -2,12 +2,12 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from math import isfinite
 from typing import Any, Literal, Self, get_args
 
+from supersampler.checked import as_number, checked_choice
 from supersampler.conventions.converter import Converter
 from supersampler.conventions.depth import DepthKind
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Size
 
 Unit = Literal["pixels", "uv", "ndc"]
@@ -18,6 +18,8 @@ _CHOICES: Mapping[str, tuple[str, ...]] = {
     "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
     "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
 }  # fmt: skip
+_LEAST, _MOST = 1e-30, 1e30  # that single precision, in which frames are converted, multiplies and divides by
+_RANGE = f"{_LEAST:g} to {_MOST:g}"
 _SWITCHES = ("motion_flip_y", "motion_jittered", "jitter_flip_y", "bottom_up", "srgb")
 
 
@@ -73,20 +75,21 @@ class Conventions:
 
     def __post_init__(self) -> None:
         for name, choices in _CHOICES.items():
-            if getattr(self, name) not in choices:
-                raise ArgumentError(name, got=repr(getattr(self, name)), want=" or ".join(map(repr, choices)))
+            checked_choice(name, getattr(self, name), choices)
         for name in _SWITCHES:
             if not isinstance(getattr(self, name), bool):
-                raise ArgumentError(name, got=repr(getattr(self, name)), want="True or False")
-        if self.jitter_sign not in (1, -1):
-            raise ArgumentError("jitter_sign", got=repr(self.jitter_sign), want="+1 or -1")
+                raise ArgumentError(name, got=shown(getattr(self, name)), want="True or False")
+        if _number(self.jitter_sign) not in (1.0, -1.0):
+            raise ArgumentError("jitter_sign", got=shown(self.jitter_sign), want="+1 or -1")
         object.__setattr__(self, "motion_scale", _checked_scale(self.motion_scale))
         self._check_planes()
 
     def _check_planes(self) -> None:
-        if not _is_finite(self.near) or self.near <= 0:
+        if not _is_usable(self.near) or self.near <= 0:
             hint = "near is the distance of the near plane, also where depth is reversed."
-            raise ArgumentError("near", got=self.near, want="a finite distance > 0", hint=hint)
+            raise ArgumentError(
+                "near", got=shown(self.near), want=f"a finite distance > 0, {_RANGE}", hint=hint
+            )
         if self.far is None:
             if self.depth in ("reversed", "forward"):
                 hint = f"Without a far plane it is depth='{self.depth}_infinite'."
@@ -94,10 +97,10 @@ class Conventions:
                     "far", got=None, want=f"a distance, as depth is '{self.depth}'", hint=hint
                 )
             return
-        if not _is_finite(self.far) or self.far <= self.near:
+        if not _is_usable(self.far) or self.far <= self.near:
             hint = "far is the farther plane, also where depth is reversed."
             raise ArgumentError(
-                "far", got=self.far, want=f"finite and > near = {self.near}, or None", hint=hint
+                "far", got=shown(self.far), want=f"finite and > near = {self.near}, or None", hint=hint
             )
         if self.depth.endswith("infinite"):
             raise ArgumentError("far", got=self.far, want=f"None, as depth is '{self.depth}'")
@@ -112,6 +115,9 @@ class Conventions:
 
         Args:
             display_size: (width, height), needed only by `Converter.from_frame` with motion at display size.
+
+        Raises:
+            ArgumentError: `display_size` is no size of an image.
         """
         return Converter(self, display_size=display_size)
 
@@ -130,8 +136,10 @@ class Conventions:
         """Return the conventions of a dict as `to_json` writes it; what is missing is as by default.
 
         Raises:
-            ArgumentError: a key is unknown, or a value is not one of its field.
+            ArgumentError: it is no mapping, a key is unknown, or a value is not one of its field.
         """
+        if not isinstance(content, Mapping):
+            raise ArgumentError("conventions", got=shown(content), want="a mapping of fields to values")
         return cls._preset({}, content)
 
     @classmethod
@@ -139,7 +147,9 @@ class Conventions:
         known = [field.name for field in fields(cls)]
         for name in overrides:
             if name not in known:
-                raise ArgumentError("conventions", got=f"given {name!r}", want=f"one of {', '.join(known)}")
+                raise ArgumentError(
+                    "conventions", got=f"given {shown(name)}", want=f"one of {', '.join(known)}"
+                )
         return cls(**{**preset, **overrides})
 
     @classmethod
@@ -237,11 +247,18 @@ class Conventions:
         return cls._preset(preset, overrides)
 
 
-def _is_finite(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool) and isfinite(value)
+def _number(value: object) -> float | None:
+    """One of Python, which JSON can hold."""
+    return as_number(value) if isinstance(value, int | float) else None
+
+
+def _is_usable(value: object) -> bool:
+    number = _number(value)
+    return number is not None and _LEAST <= abs(number) <= _MOST
 
 
 def _checked_scale(scale: object) -> tuple[float, float]:
-    if isinstance(scale, tuple | list) and len(scale) == 2 and all(_is_finite(v) and v != 0 for v in scale):
+    if isinstance(scale, tuple | list) and len(scale) == 2 and all(map(_is_usable, scale)):
         return float(scale[0]), float(scale[1])
-    raise ArgumentError("motion_scale", got=repr(scale), want="(x, y), two finite numbers that are not 0")
+    want = f"(x, y), two finite numbers that are not 0, {_RANGE}"
+    raise ArgumentError("motion_scale", got=shown(scale), want=want)

@@ -8,12 +8,23 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.checked import checked_size
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
 from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.raw_frame import RawFrame
 from supersampler.conventions.srgb import srgb_decoded, srgb_encoded
-from supersampler.errors import ArgumentError, FrameError
-from supersampler.frame import Array, Frame, Size, as_array
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.frame import (
+    Array,
+    Frame,
+    Size,
+    as_array,
+    checked_buffers,
+    checked_frame,
+    checked_jitter,
+    checked_reset,
+    pair_of,
+)
 
 if TYPE_CHECKING:
     from supersampler.conventions.conventions import Conventions
@@ -29,7 +40,8 @@ class Converter:
     """
 
     def __init__(self, conventions: Conventions, *, display_size: Size | None = None) -> None:
-        self.conventions, self.display_size = conventions, display_size
+        self.conventions = conventions
+        self.display_size = None if display_size is None else checked_size("display_size", display_size)
         self._previous_in: _Pair | None = None  # in UV, as the render size may change
         self._previous_out: _Pair | None = None
 
@@ -38,17 +50,21 @@ class Converter:
 
         Raises:
             FrameError: an input has a shape, type or range that these conventions do not allow.
+            ArgumentError: it is no RawFrame.
         """
+        if not isinstance(raw, RawFrame):
+            raise ArgumentError("raw", got=shown(raw), want="a supersampler.RawFrame")
         depth = self._rows(_floating("depth", raw.depth))
         size = _render_size(depth)
         jitter = self._jitter_in(raw.jitter, size)
-        shift = self._shift(jitter, size, None if raw.reset else self._previous_in)
+        reset = checked_reset(raw.reset)
+        shift = self._shift(jitter, size, None if reset else self._previous_in)
         frame = Frame(
             color=None if raw.color is None else self._color(_floating("color", raw.color)),
             depth=self._depth(depth),
             motion=self._motion_in(self._rows(_floating("motion", raw.motion)), size, jitter, shift),
             jitter=jitter,
-            reset=raw.reset,
+            reset=reset,
             exposure=raw.exposure,
             gbuffer=self._gbuffer("gbuffer", raw.gbuffer),
             gbuffer_display=self._gbuffer("gbuffer_display", raw.gbuffer_display),
@@ -62,8 +78,9 @@ class Converter:
 
         Raises:
             FrameError: the depth has surfaces beyond the far plane.
-            ArgumentError: motion is at display size and `display_size` was not given.
+            ArgumentError: it is no Frame; or motion is at display size and `display_size` was not given.
         """
+        checked_frame(frame)
         shift = self._shift(frame.jitter, frame.size, None if frame.reset else self._previous_out)
         raw = RawFrame(
             color=None if frame.color is None else self._color(frame.color, encode=True),
@@ -99,16 +116,17 @@ class Converter:
         if buffers is None:
             return None
         converted = {
-            name: self._rows(_floating(f"{group}[{name!r}]", array)) for name, array in buffers.items()
+            name: self._rows(_floating(f"{group}[{name!r}]", array))
+            for name, array in checked_buffers(group, buffers).items()
         }
         if "depth" in converted:
             converted["depth"] = self._depth(converted["depth"], encode=encode)
         return converted
 
     def _jitter_in(self, jitter: _Pair | None, size: Size) -> _Pair:
-        x, y = (0.0, 0.0) if jitter is None else jitter
+        x, y = (0.0, 0.0) if jitter is None else pair_of(jitter)
         scale_x, scale_y = jitter_factor(self.conventions, size)
-        return _snapped(x * scale_x), _snapped(y * scale_y)
+        return checked_jitter((_snapped(x * scale_x), _snapped(y * scale_y)))
 
     def _jitter_out(self, frame: Frame) -> _Pair:
         scale_x, scale_y = jitter_factor(self.conventions, frame.size)
@@ -161,6 +179,8 @@ class Converter:
 def _floating(name: str, value: object) -> NDArray[Any]:
     """Return a numpy array; float64 is taken as float32, what is not a floating type is refused."""
     array = as_array(name, value)
+    if array.ndim < 2:
+        raise FrameError(name, got=f"of shape {array.shape}", want="(h, w), or (h, w, channels)")
     if array.dtype == np.float64:
         return array.astype(np.float32)
     if array.dtype not in (np.float32, np.float16):

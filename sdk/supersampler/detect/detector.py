@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Literal, Protocol
 
+from supersampler.checked import as_index
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.detect.detection import Detection
 from supersampler.detect.evidence import Still, steps
@@ -14,7 +15,7 @@ from supersampler.detect.rankings import (
     rank_motion,
     swapped_axes,
 )
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, shown
 from supersampler.reprojection import MIN_PLACES
 
 
@@ -47,10 +48,10 @@ def detect_conventions(
             planes and motion scale are taken from it unseen.
 
     Raises:
-        ArgumentError: there are fewer than two frames.
+        ArgumentError: there are fewer than two frames, or an argument is of another kind.
         FrameError: depth or motion is of a wrong shape, or not an array.
     """
-    stated = conventions or (Conventions() if isinstance(shot, Sequence) else shot.conventions)
+    stated = _stated(shot, conventions)
     stills = [Still(raw, stated) for raw in _middle(shot, frames)]
     found = replace(stated, motion_resolution=_motion_resolution(stills[0]))
     textured = [step for step in steps(stills) if step.pair.textured >= MIN_PLACES]
@@ -68,11 +69,25 @@ def detect_conventions(
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
 
 
+def _stated(shot: RawFrames | Sequence[RawFrame], conventions: Conventions | None) -> Conventions:
+    listed = isinstance(shot, Sequence) and all(isinstance(raw, RawFrame) for raw in shot)
+    if not listed and not hasattr(shot, "read_raw"):
+        raise ArgumentError("shot", got=shown(shot), want="a Shot, or RawFrames in a list")
+    if conventions is None:
+        return Conventions() if isinstance(shot, Sequence) else shot.conventions
+    if not isinstance(conventions, Conventions):
+        raise ArgumentError("conventions", got=shown(conventions), want="Conventions, or None")
+    return conventions
+
+
 def _middle(shot: RawFrames | Sequence[RawFrame], frames: int) -> list[RawFrame]:
-    if min(frames, len(shot)) < 2:
-        raise ArgumentError("frames", got=min(frames, len(shot)), want="at least 2 frames to compare")
-    start = max(0, (len(shot) - frames) // 2)
-    indices = range(start, min(len(shot), start + frames))
+    asked = as_index(frames)
+    count = None if asked is None else min(asked, len(shot))
+    if count is None or count < 2:
+        got = shown(frames) if count is None else count
+        raise ArgumentError("frames", got=got, want="at least 2 frames to compare")
+    start = max(0, (len(shot) - count) // 2)
+    indices = range(start, start + count)
     return [shot[i] if isinstance(shot, Sequence) else shot.read_raw(i) for i in indices]
 
 

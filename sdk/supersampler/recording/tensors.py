@@ -4,12 +4,12 @@ from collections.abc import Collection, Mapping
 from typing import Any
 
 import numpy as np
-import onnxruntime as ort
 
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame
 from supersampler.gbuffers import GBUFFERS, grouped, names_of
 from supersampler.graph_session import image_of, pixels_of, planes_of
+from supersampler.onnx_runtime import ort
 from supersampler.tensors import Tensor, taken
 
 _IMAGES = ("color", "depth", "motion")

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from supersampler.errors import ArgumentError
+from supersampler.checked import checked_choice
 from supersampler.shot.format import FILE_NAME
 from supersampler.shot.shot import Shot
 
@@ -18,6 +18,4 @@ def shipped_shot(name: str = SHIPPED) -> Shot:
         ArgumentError: there is none of that name; the message lists those there are.
     """
     names = sorted(path.parent.name for path in _FOLDER.glob(f"*/{FILE_NAME}"))
-    if name not in names:
-        raise ArgumentError("name", got=repr(name), want=f"one of {', '.join(names)}")
-    return Shot.open(_FOLDER / name)
+    return Shot.open(_FOLDER / checked_choice("name", name, names))

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from supersampler.checked import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
@@ -69,7 +70,7 @@ class Shot:
         Raises:
             ShotError: shot.json is missing or wrong, or names a file that is not there.
         """
-        path = Path(path)
+        path = Path(checked_path("path", path))
         description = path if path.suffix == ".json" else path / FILE_NAME
         folder = description.parent
         info, entries = load_shot_json(description)

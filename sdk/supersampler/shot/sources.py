@@ -4,7 +4,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from supersampler.errors import ArgumentError, ShotError
+from supersampler.checked import checked_choice, checked_path
+from supersampler.errors import ShotError
 from supersampler.image_io import read_exr_channels
 from supersampler.shot.arm import import_arm
 from supersampler.shot.blender import import_blender, is_blender
@@ -32,11 +33,10 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
         ShotError: nothing that is known lies there; the message says what was found.
         ArgumentError: the layout is unknown.
     """
-    path = Path(path)
+    path = Path(checked_path("path", path))
     if path.name == FILE_NAME:
         path = path.parent
-    if layout not in get_args(Layout):
-        raise ArgumentError("layout", got=repr(layout), want=f"one of {', '.join(get_args(Layout))}")
+    checked_choice("layout", layout, get_args(Layout))
     openers: Mapping[str, Callable[..., Shot]] = {
         "shot": Shot.open,
         "blender": import_blender,

@@ -1,0 +1,299 @@
+"""Whatever an argument is: it is taken, or a typed error says what is wrong, and no history changes."""
+
+import contextlib
+import math
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from decimal import Decimal
+from fractions import Fraction
+from functools import partial
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as arrays_
+
+from noise import noise
+from supersampler import (
+    Conventions,
+    Frame,
+    Model,
+    RawFrame,
+    Shot,
+    SupersamplerError,
+    Upscaler,
+    auto_exposure,
+    detect_conventions,
+    display_transform,
+    halton_jitter,
+    jitter_phase_count,
+    jittered_projection,
+    mip_bias,
+    open_source,
+    render_size_for,
+    shipped_shot,
+)
+from supersampler.checked import MAX_SIDE
+from supersampler.errors import shown
+from supersampler.graph_session import planes_of
+from supersampler.machine import MAX_THREADS
+from supersampler.model import ExecutorName
+
+SIZE, DISPLAY = (32, 18), (64, 36)
+GOOD = noise(1, SIZE)
+TENSORS: dict[str, Any] = {
+    name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")
+}
+Call = Callable[[Any], object]
+
+
+class Nasty:
+    """Raises whatever it is asked."""
+
+    def _raise(self, *_: object) -> Any:
+        raise RuntimeError("nasty")
+
+    __repr__ = __eq__ = __len__ = __iter__ = __float__ = __index__ = __bool__ = _raise
+    __getitem__ = __dlpack__ = __array__ = __lt__ = __gt__ = __le__ = __ge__ = _raise
+    __hash__ = None  # type: ignore[assignment]
+
+
+class Elsewhere:
+    """A path in bytes."""
+
+    def __fspath__(self) -> bytes:
+        return b"x"
+
+
+def _endless() -> list[Any]:
+    row: list[Any] = [1]
+    row.append(row)
+    return row
+
+
+VALUES: tuple[Any, ...] = (
+    None, True, False, 0, 1, 3, -1, MAX_THREADS + 1, 2**40, 10**400, 0.5, 1.5, 1e308, 1e-320, 1j,
+    math.nan, math.inf, -math.inf, "", "x", "Auto", "64", "\0", "\ud800", "a" * 5000, b"x", b"64",
+    Decimal("NaN"), Fraction(1, 3), [], [1, 2], [1.5, 2], [True, True], ["x"], [[]], (0, 4), (-1, 4),
+    (2**40, 2**40), (MAX_SIDE + 1, 1), (MAX_SIDE, MAX_SIDE), ("64", "36"), (math.nan, 0), (None, None),
+    (0, 0, 0), {}, {"x": 1}, {1: 2}, {"normal": None}, {1, 2}, object, len, range(2), Path("x"),
+    np.float32(1.5), np.int64(3), np.bool_(True), np.complex64(1), np.str_("x"), np.datetime64("2020"),
+)  # fmt: skip
+HOSTILE: dict[str, Callable[[], Any]] = {
+    shown(value): partial(lambda given: given, value) for value in VALUES
+}
+HOSTILE |= {
+    "an int of 5000 digits": lambda: 10**5000,
+    "an object": object,
+    "nasty": Nasty,
+    "a path in bytes": Elsewhere,
+    "a generator": lambda: (n for n in (1, 2)),
+    "a tuple of nasty": lambda: (Nasty(), Nasty()),
+    "a list in itself": _endless,
+    "array ()": lambda: np.array(2.0),
+    "array (0,)": lambda: np.zeros(0, np.float32),
+    "array (2,)": lambda: np.ones(2),
+    "array (2,) of bool": lambda: np.ones(2, bool),
+    "array of str": lambda: np.array(["auto", "x"]),
+    "array of objects": lambda: np.full((18, 32), None),
+    "array of records": lambda: np.zeros((18, 32), [("r", "f4")]),
+    "depth": lambda: np.ones((18, 32), np.float32),
+    "masked depth": lambda: np.ma.masked_less(np.ones((18, 32), np.float32), 2),
+    "foreign depth": lambda: np.ones((18, 32), ">f4"),
+    "depth of records": lambda: np.ones((18, 32), np.float32).view(np.recarray),
+    "no depth": lambda: np.ones((0, 32), np.float32),
+    "huge depth": lambda: np.broadcast_to(np.float32(1), (2**20, 2**20)),
+    "color": lambda: np.ones((18, 32, 3), np.float32),
+    "masked color": lambda: np.ma.masked_less(np.ones((18, 32, 3), np.float32), 2),
+    "complex color": lambda: np.ones((18, 32, 3), np.complex64),
+    "bytes of color": lambda: np.ones((18, 32, 3), np.uint8),
+    "huge color": lambda: np.broadcast_to(np.float32(1), (2**20, 2**20, 3)),
+    "six axes": lambda: np.ones((1, 2, 3, 1, 2, 3), np.float32),
+    "matrix": lambda: np.full((4, 4), np.nan),
+}
+
+
+def _raw(**fields: Any) -> RawFrame:
+    given = {"color": GOOD.color, "depth": GOOD.depth, "motion": GOOD.motion, "jitter": GOOD.jitter}
+    return RawFrame(**{**given, **fields})
+
+
+def _frame(name: str) -> Call:
+    return lambda value: replace(GOOD, **{name: value})
+
+
+def _converted(name: str) -> Call:
+    strange = Conventions(
+        bottom_up=True, srgb=True, motion_unit="uv", motion_jittered=True, depth="linear", near=0.3
+    )
+    return lambda value: strange.converter().to_frame(_raw(**{name: value}))
+
+
+def _upscaler(name: str) -> Call:
+    given = {} if name == "scale" else {"display_size": DISPLAY}
+    model = {} if name in ("model", "preset") else {"model": "bilinear"}
+    return lambda value: Upscaler(**{**given, **model, "executor": "graph", name: value}).close()
+
+
+def _convention(name: str) -> Call:
+    return lambda value: Conventions(**{name: value})
+
+
+FIELDS = [*Frame.__dataclass_fields__]
+PURE: dict[str, Call] = {
+    **{f"Frame({name})": _frame(name) for name in FIELDS},
+    **{f"RawFrame({name})": _converted(name) for name in FIELDS},
+    **{f"Conventions({name})": _convention(name) for name in Conventions.__dataclass_fields__},
+    **{
+        f"Upscaler({name})": _upscaler(name)
+        for name in (
+            "model",
+            "display_size",
+            "scale",
+            "render_size",
+            "providers",
+            "threads",
+            "executor",
+            "precision",
+            "capture",
+            "skip",
+            "preset",
+            "extrapolation",
+            "validate",
+            "record",
+        )
+    },
+    "Model.load": Model.load,
+    "Upscaler.plan(render_size)": lambda value: Upscaler.plan(value, DISPLAY, "bilinear"),
+    "Upscaler.plan(display_size)": lambda value: Upscaler.plan(SIZE, value, "bilinear"),
+    "Upscaler.plan(model)": lambda value: Upscaler.plan(SIZE, DISPLAY, value),
+    "jitter_phase_count": jitter_phase_count,
+    "halton_jitter(index)": lambda value: halton_jitter(value, 2.0),
+    "halton_jitter(scale)": lambda value: halton_jitter(1, value),
+    "mip_bias(scale)": mip_bias,
+    "mip_bias(style)": lambda value: mip_bias(2.0, value),
+    "render_size_for(display_size)": lambda value: render_size_for(value, 2.0),
+    "render_size_for(mode)": lambda value: render_size_for(DISPLAY, value),
+    "jittered_projection(matrix)": lambda value: jittered_projection(value, (0.0, 0.0), SIZE),
+    "jittered_projection(jitter)": lambda value: jittered_projection(np.eye(4), value, SIZE),
+    "jittered_projection(render_size)": lambda value: jittered_projection(np.eye(4), (0.0, 0.0), value),
+    "display_transform(image)": display_transform,
+    "display_transform(exposure)": lambda value: display_transform(np.ones((2, 2, 3), np.float32), value),
+    "auto_exposure": auto_exposure,
+    "detect_conventions(shot)": detect_conventions,
+    "detect_conventions(frame)": lambda value: detect_conventions([value, value]),
+    "detect_conventions(frames)": lambda value: detect_conventions([_raw(), _raw()], frames=value),
+    "detect_conventions(conventions)": lambda value: detect_conventions([_raw(), _raw()], conventions=value),
+    "Conventions.from_json": Conventions.from_json,
+    "Conventions.converter": lambda value: Conventions().converter(display_size=value),
+    "Converter.to_frame": lambda value: Conventions().converter().to_frame(value),
+    "Converter.from_frame": lambda value: Conventions().converter().from_frame(value),
+    "shipped_shot": shipped_shot,
+    "open_source(layout)": lambda value: open_source(".", layout=value),
+    "Shot.open": Shot.open,
+}
+"""Calls that remember nothing, by the argument that is hostile."""
+
+SESSION: dict[str, Callable[[Upscaler, Any], object]] = {
+    "step(frame)": lambda upscaler, value: upscaler.step(value),
+    "step(out)": lambda upscaler, value: upscaler.step(GOOD, out=value),
+    "step(want)": lambda upscaler, value: upscaler.step(GOOD, want=value),
+    "step(gbuffer)": lambda upscaler, value: upscaler.step(replace(GOOD, gbuffer={"normal": value})),
+    "extrapolate(frame)": lambda upscaler, value: upscaler.extrapolate(value),
+    "extrapolate(want)": lambda upscaler, value: upscaler.extrapolate(replace(GOOD, color=None), want=value),
+    "step_tensors(tensors)": lambda upscaler, value: upscaler.step_tensors(value, jitter=(0.0, 0.0)),
+    "step_tensors(color)": lambda upscaler, value: upscaler.step_tensors({"color": value}, jitter=(0.0, 0.0)),
+    "step_tensors(jitter)": lambda upscaler, value: upscaler.step_tensors(TENSORS, jitter=value),
+    "step_tensors(exposure)": lambda upscaler, value: upscaler.step_tensors(
+        TENSORS, jitter=GOOD.jitter, exposure=value
+    ),
+    "step_tensors(reset)": lambda upscaler, value: upscaler.step_tensors(
+        TENSORS, jitter=GOOD.jitter, reset=value
+    ),
+    "step_tensors(out)": lambda upscaler, value: upscaler.step_tensors(
+        TENSORS, jitter=GOOD.jitter, out=value
+    ),
+    "load_state": lambda upscaler, value: upscaler.load_state(value),
+    "warm_up": lambda upscaler, value: upscaler.warm_up(value),
+}
+"""Calls of an Upscaler that has a history."""
+
+
+@pytest.fixture(autouse=True, scope="module")
+def empty_folder(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
+    """Some arguments are names of files to write."""
+    with contextlib.chdir(tmp_path_factory.mktemp("arguments")):
+        yield
+
+
+def refusal(call: Callable[[], object]) -> SupersamplerError | None:
+    """Return the error that a call is refused with; None where it is taken."""
+    try:
+        call()
+    except SupersamplerError as error:
+        refused = error
+    else:
+        return None
+    assert len(str(refused)) < (1500 if isinstance(refused, ValueError) else 12_000)  # which name files whole
+    assert "\n" not in str(refused)
+    return refused
+
+
+@pytest.mark.parametrize("name", PURE)
+def test_a_hostile_argument_is_taken_or_a_typed_error(name: str) -> None:
+    for make in HOSTILE.values():
+        refusal(lambda: PURE[name](make()))  # noqa: B023  # called at once
+
+
+def _session(model: Model) -> Upscaler:
+    upscaler = Upscaler(model, display_size=DISPLAY, validate="off")
+    for seed in range(3):
+        upscaler.step(noise(seed, SIZE))
+    return upscaler
+
+
+@pytest.mark.parametrize("executor", get_args(ExecutorName)[1:])
+@pytest.mark.parametrize("name", SESSION)
+def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) -> None:
+    model = Model.load("taau", threads=1, executor=executor)
+    disturbed, innocent = _session(model), _session(model)
+    for make in HOSTILE.values():
+        if refusal(lambda: SESSION[name](disturbed, make())) is None:  # noqa: B023  # called at once
+            SESSION[name](innocent, make())  # it was taken, and is no refusal
+    assert disturbed.stats.frames == innocent.stats.frames
+    np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
+
+
+@pytest.mark.parametrize("name", ["frame", "history", "want", "out", "history_out", "skip"])
+def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
+    model = Model.load("taau", threads=1)
+    given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "want": ()}
+    expected, _ = model.run_wanted(**given)
+    for make in HOSTILE.values():
+        refusal(lambda: model.run_wanted(**{**given, name: make()}))  # noqa: B023  # called at once
+    np.testing.assert_array_equal(model.run_wanted(**given)[0].image, expected.image)
+
+
+def _values() -> st.SearchStrategy[Any]:
+    numbers = st.integers() | st.floats() | st.complex_numbers() | st.booleans() | st.none()
+    single = numbers | st.text(max_size=8) | st.binary(max_size=8)
+    kinds = arrays_.scalar_dtypes() | arrays_.array_dtypes()
+    arrays = arrays_.arrays(kinds, arrays_.array_shapes(min_dims=0, max_dims=4, min_side=0, max_side=4))
+    nested = st.recursive(
+        single,
+        lambda inner: (
+            st.lists(inner, max_size=3) | st.tuples(inner, inner) | st.dictionaries(single, inner, max_size=2)
+        ),
+        max_leaves=4,
+    )
+    return nested | arrays
+
+
+@settings(max_examples=int(os.environ.get("SUPERSAMPLER_FUZZ", "200")))
+@given(st.sampled_from(sorted(PURE)), _values())
+def test_any_argument_is_taken_or_a_typed_error(name: str, value: Any) -> None:
+    refusal(lambda: PURE[name](value))

@@ -1,0 +1,203 @@
+"""What cannot be is refused where it is handed in, by an error that says what would do."""
+
+import re
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, get_args
+
+import numpy as np
+import pytest
+
+from noise import noise
+from supersampler import (
+    ArgumentError,
+    Conventions,
+    FrameError,
+    Model,
+    ProviderError,
+    Upscaler,
+    jittered_projection,
+    mip_bias,
+    open_source,
+    render_size_for,
+)
+from supersampler.checked import MAX_PIXELS, MAX_SIDE, checked_threads
+from supersampler.graph_session import planes_of
+from supersampler.machine import MAX_THREADS
+from supersampler.model import ExecutorName
+
+SIZE, DISPLAY = (32, 18), (64, 36)
+GOOD = noise(1, SIZE)
+TENSORS = {name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")}
+WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
+    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'graph' or 'host'"),
+    "precision": (lambda word: Model.load("bilinear", precision=word), "'auto', 'fp32', 'fp16' or 'int8'"),
+    "validate": (lambda word: Upscaler(scale=2, validate=word), "'off', 'warn' or 'strict'"),
+    "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),
+    "skip": (lambda word: Upscaler("bilinear", scale=2, skip=word), "'auto', 'exact' or a number in [0, 1]"),
+    "style": (lambda word: mip_bias(2.0, word), "'fsr' or 'log2'"),
+    "mode": (lambda word: render_size_for(DISPLAY, word), "'fsr_native_aa', .*'xess_ultra_performance'"),
+    "depth": (lambda word: Conventions(depth=word), "'reversed_infinite', .* or 'linear'"),
+    "layout": (lambda word: open_source(".", layout=word), "'auto', 'shot', 'blender', 'channels' or 'arm'"),
+}
+
+
+@pytest.mark.parametrize("name", WORDS)
+def test_a_misspelt_word_is_answered_with_those_that_there_are(name: str) -> None:
+    call, listed = WORDS[name]
+    for word in ("gpu", "Auto", "", "exact "):
+        with pytest.raises(ArgumentError, match=re.escape(f"{name} is {word!r}; want ") + ".*"):
+            call(word)
+        with pytest.raises(ArgumentError, match=listed.replace("[0, 1]", r"\[0, 1\]")):
+            call(word)
+
+
+def test_a_misspelt_provider_is_answered_with_those_that_there_are() -> None:
+    with pytest.raises(ProviderError, match="no execution provider is called 'cdua'; known are cpu, cuda, "):
+        Model.load("bilinear", providers=["cdua", "cpu"])
+    with pytest.raises(ArgumentError, match="providers is \\[\\]; want 'auto', a provider's name"):
+        Model.load("bilinear", providers=[])
+    assert Model.load("bilinear", providers=["cpu", "CPUExecutionProvider"]).providers == [
+        "CPUExecutionProvider"
+    ]
+
+
+@pytest.mark.parametrize("threads", [-1, MAX_THREADS + 1, 10**6, 1.0, True, "2", None, np.array([2])])
+def test_threads_that_cannot_be_are_refused(threads: Any) -> None:
+    for executor in get_args(ExecutorName):
+        with pytest.raises(
+            ArgumentError, match=rf"threads is .*; want a whole number from 1 to {MAX_THREADS}"
+        ):
+            Model.load("taau", threads=threads, executor=executor)
+
+
+def test_threads_are_any_whole_number() -> None:
+    numbers: list[Any] = [0, 1, MAX_THREADS, np.int64(2)]
+    assert [checked_threads(number) for number in numbers] == [0, 1, MAX_THREADS, 2]
+
+
+@pytest.mark.parametrize(
+    "size", [(1.5, 2), (64.0, 36.0), ("64", "36"), (True, True), "64", {64, 36}, (2**40, 2**40), (0, 4), (4,)]
+)
+def test_a_size_that_is_none_is_refused_wherever_one_is_asked_for(size: Any) -> None:
+    model = Model.load("bilinear")
+    calls: list[Callable[[], object]] = [
+        lambda: Upscaler(model, display_size=size),
+        lambda: Upscaler(model, scale=2, render_size=size),
+        lambda: Upscaler(model, display_size=DISPLAY).warm_up(size),
+        lambda: Upscaler.plan(size, DISPLAY, "bilinear"),
+        lambda: model.plan(SIZE, size),
+        lambda: model.first_history(size, SIZE),
+        lambda: render_size_for(size, 2.0),
+        lambda: jittered_projection(np.eye(4), (0.0, 0.0), size),
+        lambda: Conventions().converter(display_size=size),
+    ]
+    for call in calls:
+        with pytest.raises(ArgumentError, match=r"size is .*; want \(width, height\)"):
+            call()
+
+
+def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
+    model = Model.load("bilinear")
+    for size in ((MAX_SIDE + 1, 1), (1, MAX_SIDE + 1), (MAX_SIDE, MAX_PIXELS // MAX_SIDE + 1)):
+        with pytest.raises(ArgumentError, match=f"at most {MAX_PIXELS} pixels together"):
+            Upscaler(model, display_size=size)
+    assert Upscaler(model, display_size=(MAX_SIDE, MAX_PIXELS // MAX_SIDE)).display_size
+    with pytest.raises(ArgumentError, match=r"display_size is \(64000, 36000\)"):
+        Upscaler(model, scale=2000).step(GOOD)  # which has no size before the first frame
+
+
+def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
+    upscaler = Upscaler(Model.load("taau", threads=1, executor="graph"), display_size=DISPLAY)
+    upscaler.step(GOOD)
+    state = upscaler.save_state()
+    upscaler.close()
+    upscaler.close()
+    calls: list[Callable[[], object]] = [
+        lambda: upscaler.step(GOOD),
+        lambda: upscaler.extrapolate(replace(GOOD, color=None)),
+        lambda: upscaler.step_tensors(TENSORS, jitter=GOOD.jitter),
+        upscaler.reset,
+        lambda: upscaler.warm_up(SIZE),
+        upscaler.save_state,
+        lambda: upscaler.load_state(state),
+        upscaler.__enter__,
+    ]
+    for call in calls:
+        with pytest.raises(ArgumentError, match="upscaler is closed; want open"):
+            call()
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("depth", None, "depth is None; want a numpy array"),
+        ("motion", None, "motion is None; want a numpy array"),
+        ("color", np.ma.masked_less(np.ones((18, 32, 3), np.float32), 2), r"masked .*array\.filled\(0\)"),
+        ("depth", np.ones((18, 32), ">f4"), r"want \(18, 32\) float32.*astype\(np\.float32\)"),
+        ("exposure", [1.0], r"exposure is \[1\.0\]; want a finite number"),
+        ("exposure", True, "exposure is True"),
+        ("exposure", "1", "exposure is '1'"),
+        ("reset", "no", "reset is 'no'; want True or False"),
+        ("jitter", ("0", "0"), r"jitter is \('0', '0'\); want \(x, y\), two numbers"),
+        ("carry", np.zeros((18, 32, 0), np.float32), r"carry is \(18, 32, 0\)"),
+        ("gbuffer", [1], r"gbuffer is \[1\]; want a mapping"),
+    ],
+)
+def test_a_field_of_another_kind_is_named(field: str, value: Any, message: str) -> None:
+    with pytest.raises(FrameError, match=message) as refused:
+        replace(GOOD, **{field: value})
+    assert refused.value.name == field
+
+
+def test_an_array_that_was_given_another_shape_since_is_refused() -> None:
+    """Kernels read as many values as the frame's size says."""
+    motion = np.array(GOOD.motion)
+    frame = replace(GOOD, motion=motion)
+    motion.resize((4, 4, 2), refcheck=False)
+    upscaler = Upscaler(Model.load("taau", threads=1), display_size=DISPLAY)
+    with pytest.raises(FrameError, match=r"motion is \(4, 4, 2\) float32"):
+        upscaler.step(frame)
+
+
+def test_an_image_is_not_written_over_what_the_step_reads() -> None:
+    upscaler = Upscaler(Model.load("taau", threads=1), display_size=SIZE)
+    both = np.zeros((18, 32, 6), np.float32)
+    both[..., 3:] = GOOD.color
+    with pytest.raises(ArgumentError, match="out is memory of the frame"):
+        upscaler.step(replace(GOOD, color=both[..., 3:]), out=both[..., 2:5])
+    apart = upscaler.step(replace(GOOD, color=both[..., 3:]), out=both[..., :3])
+    np.testing.assert_array_equal(apart, Upscaler(upscaler.model, display_size=SIZE).step(GOOD))
+
+
+def test_tensors_that_cannot_be_a_frame_are_refused_and_the_history_stays() -> None:
+    model = Model.load("taau", threads=1, executor="graph")
+    disturbed, innocent = (Upscaler(model, display_size=SIZE, validate="off") for _ in range(2))
+    for upscaler in (disturbed, innocent):
+        upscaler.step_tensors(TENSORS, jitter=GOOD.jitter)
+    color = TENSORS["color"]
+    hostile: list[dict[str, Any]] = [
+        {"color": color[:, :, :0]}, {"color": color[0]}, {"depth": color}, {"motion": None},
+    ]  # fmt: skip
+    for spoilt in hostile:
+        with pytest.raises(FrameError, match=f"frame.{next(iter(spoilt))} is"):
+            disturbed.step_tensors({**TENSORS, **spoilt}, jitter=GOOD.jitter)
+    with pytest.raises(ArgumentError, match="out is memory of the frame"):
+        disturbed.step_tensors(TENSORS, jitter=GOOD.jitter, out=color)
+    np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
+
+
+def test_a_history_of_another_model_or_size_is_refused() -> None:
+    """Kernels read of it what their own histories have."""
+    taau, taa = Model.load("taau", threads=1), Model.load("taa", threads=1)
+    history = taau.first_history(DISPLAY, SIZE)
+    with pytest.raises(ArgumentError, match=r"history is .*; want a History of this model"):
+        taa.run(GOOD, history)
+    with pytest.raises(ArgumentError, match=r"history_out is .*; want a History of this model"):
+        taau.run(GOOD, history, history_out=taa.first_history(DISPLAY, SIZE))
+    with pytest.raises(ArgumentError, match="history_out is history itself"):
+        taau.run(GOOD, history, history_out=replace(history))
+    taau.run(GOOD, Model.load("taau", threads=1).first_history(DISPLAY, SIZE))  # loaded twice, it is the same
+    history.display_size = (128, 72)
+    with pytest.raises(ArgumentError, match="history is changed"):
+        taau.run(noise(1, (64, 36)), history)
