@@ -8,6 +8,7 @@ from importlib import resources
 from pathlib import Path
 from typing import Any
 
+from supersampler.array_spec import ArraySpec, values_of
 from supersampler.errors import ModelError
 from supersampler.frame import Size
 from supersampler.gbuffers import GBUFFERS
@@ -37,6 +38,15 @@ class TensorInfo:
         """Its shape at the given (width, height) sizes."""
         named = extents(render=render, display=display, previous=previous)
         return tuple(named[n] if isinstance(n, str) else n for n in self.shape)
+
+    def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
+        """What an array of it must be, of a history at the given sizes."""
+        shape = self.shape_for(render=render, display=display, previous=previous)
+        return ArraySpec(self.type, shape, values_of(self.name))
+
+    def spec_of_frames(self) -> ArraySpec:
+        """What an array of it must be, of a past that holds frames as they came: of any size and pixels."""
+        return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
 
 
 @dataclass(frozen=True)
