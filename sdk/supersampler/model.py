@@ -307,7 +307,7 @@ class Model:
         render_size = checked_extents("state.render_size", render_size)
         sizes = {"render": render_size, "display": display_size, "previous": render_size}
         specs = {h.input.name: h.input.spec_for(**sizes) for h in self.info.history}
-        names = set(arrays) if isinstance(arrays, Mapping) else set()
+        names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
         if CARRY in names:
             specs[CARRY] = ArraySpec("float32", (1, "k", *display_size[::-1]), values_of(CARRY))
         specs |= trail_specs(names, display_size, render_size)
