@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 
-MAX_SIDE, MAX_PIXELS = 1 << 15, 1 << 27
+MAX_SIDE, MAX_PIXELS = 1 << 15, 1 << 26
 """Largest extent of an array, and product of two: kernels count in 32 bits."""
 LARGEST = float(np.finfo(np.float32).max)
 
