@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from supersampler.fixed_step import FixedStep
 from supersampler.frame import Float32, Frame, Size
-from supersampler.graph_session import frame_inputs, open_session, session_options
+from supersampler.graph_session import frame_inputs, open_session, running, session_options
 from supersampler.host.layout import TILE
 from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.providers import capturing, check_provider_in_use, device_of
@@ -44,7 +44,8 @@ class GraphExecutor:
         if capture:
             capturing(providers)  # refuses those that cannot, before a graph is loaded
         self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
-        self._session = open_session(info.steps[precision], session_options(threads), providers)
+        self._path, options = info.steps[precision], session_options(threads)
+        self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
         self.providers: list[str] = self._session.get_providers()
         check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
@@ -144,9 +145,10 @@ class GraphExecutor:
             binding.bind_ortvalue_output(h.output, left[h.input.name])
         for name, value in made.items():
             binding.bind_ortvalue_output(name, value)
-        binding.synchronize_inputs()  # others have written on streams of their own
-        self._session.run_with_iobinding(binding)
-        binding.synchronize_outputs()
+        with running(self._path):
+            binding.synchronize_inputs()  # others have written on streams of their own
+            self._session.run_with_iobinding(binding)
+            binding.synchronize_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
