@@ -40,8 +40,8 @@ def open_session(
 ) -> ort.InferenceSession:
     """Load the graph at `path`, or in its place the one that was made of it.
 
-    ONNX Runtime sees no file that has data in other files, or operators that are not ONNX's own. Of graphs that
-    ship with this package that is known.
+    ONNX Runtime sees no graph that has data in other files, or operators that are not ONNX's own. Those that
+    ship with this package are known to have neither.
 
     Args:
         path: of the graph.
@@ -90,7 +90,7 @@ def _content(path: Path) -> bytes:
 
 
 def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: Sequence[Any]) -> None:
-    """Raise ModelError unless a graph's inputs or outputs are those of model.json: by name, type and shape."""
+    """Raise ModelError unless a graph's inputs or outputs are model.json's: by name, type and shape."""
     there = {node.name: node for node in nodes}
     if set(there) != {tensor.name for tensor in wanted}:
         want = ", ".join(sorted(tensor.name for tensor in wanted))

@@ -7,6 +7,9 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any
 
+MAX_THREADS = 256
+"""Threads that a model may be asked to run on."""
+
 
 def machine() -> dict[str, Any]:
     """Return the CPU's model, its logical cores and the operating system."""

@@ -1,8 +1,8 @@
 """Reads an .onnx file (protobuf's wire format) as far as it takes to see that it holds a plain graph.
 
-ONNX Runtime would follow external data to any file, and look for custom operators; neither is for a model that
-somebody mails. Field numbers are those of onnx.proto (onnx 1.23, IR version 14); others are passed over, as all
-readers of protobuf do.
+ONNX Runtime would follow external data to any file, and look for custom operators; neither is for a model
+that somebody mails. Field numbers are those of onnx.proto (onnx 1.23, IR version 14); others are passed over,
+as all readers of protobuf do.
 """
 
 from collections.abc import Iterator, Mapping
@@ -26,8 +26,8 @@ _MESSAGES: Mapping[str, Mapping[int, str]] = {
     "tensor": {13: _REFUSED, 14: _REFUSED},
     "sparse tensor": {1: "tensor", 2: "tensor"},
 }  # fmt: skip
-"""What there is to look at in a message: messages in it by their field's number, names of domains, and fields that
-are refused: training_info of a model, external_data and data_location of a tensor."""
+"""What there is to look at in a message, by the field's number: messages, domains' names, and what is not to
+be: training_info of a model, external_data and data_location of a tensor."""
 
 
 def refusal_of(content: bytes) -> str | None:
