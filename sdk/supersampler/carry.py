@@ -2,13 +2,24 @@
 
 import numpy as np
 
-from supersampler.errors import FrameError
+from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.graph_session import frame_inputs, open_session
+from supersampler.graph_session import frame_inputs, open_session, running
 from supersampler.host.locks import ForkSafeLock
-from supersampler.model_info import ModelInfo
-from supersampler.onnx_runs import OnnxRun
+from supersampler.model_info import ModelInfo, TensorInfo
 from supersampler.onnx_runtime import ort
+
+_RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
+_TAKES = [
+    TensorInfo("carry", "float32", (1, "channels", *_RENDER)),
+    TensorInfo("depth", "float32", (1, 1, *_RENDER)),
+    TensorInfo("motion", "float32", (1, 2, *_RENDER)),
+    TensorInfo("jitter", "float32", (1, 2)),
+    TensorInfo("display_size", "int64", (2,)),
+    TensorInfo("weight", "float32", (1, 1, *_DISPLAY)),
+    TensorInfo("history.carry", "float32", (1, "channels", *_DISPLAY)),
+]
+_GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
 
 
 def check_carry(frame: Frame, past: Float32 | None) -> None:
@@ -49,12 +60,16 @@ class Carrier:
             weight = np.zeros((1, 1, *shape[2:]), np.float32)
         inputs |= {"weight": weight, "history.carry": np.zeros(shape, np.float32) if past is None else past}
         session = self._loaded()
-        with OnnxRun():
+        with running(self._path):
             image: Float32 = session.run(["image"], inputs)[0]
+        if image.shape != shape:
+            raise ModelError(f"{self._path}: gives {image.shape} for 'image'; want {shape}.")
         return image
 
     def _loaded(self) -> ort.InferenceSession:
         with self._lock.lock:
             if self._session is None:
-                self._session = open_session(self._path, self._options, ["CPUExecutionProvider"])
+                self._session = open_session(
+                    self._path, self._options, ["CPUExecutionProvider"], takes=_TAKES, gives=_GIVES
+                )
             return self._session

@@ -7,9 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame
-from supersampler.graph_session import frame_inputs, open_session, pixels_of, session_options
+from supersampler.graph_session import frame_inputs, open_session, pixels_of, running, session_options
 from supersampler.model_info import ModelInfo
-from supersampler.onnx_runs import OnnxRun
 from supersampler.onnx_runtime import ort
 from supersampler.providers import check_provider_in_use, device_of
 
@@ -49,7 +48,8 @@ class GraphDrawing:
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info = info
-        self._session = open_session(info.steps["fp32"], session_options(threads), providers)
+        path, options = info.steps["fp32"], session_options(threads)
+        self._session = open_session(path, options, providers, takes=info.takes, gives=info.gives)
         used = self._session.get_providers()
         check_provider_in_use(providers[0], used)
         self._device = device_of(used[0])
@@ -76,9 +76,9 @@ class GraphDrawing:
         for history in self._info.history:
             binding.bind_output(history.output, self._device)
         binding.bind_ortvalue_output(self._info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
-        binding.synchronize_inputs()
-        with OnnxRun():
+        with running(self._info.steps["fp32"]):
+            binding.synchronize_inputs()
             self._session.run_with_iobinding(binding)
-        binding.synchronize_outputs()
+            binding.synchronize_outputs()
         names = [history.input.name for history in self._info.history]
         return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.array_spec import checked_arrays
 from supersampler.checked import checked_path
 from supersampler.drawing import Drawing, GraphDrawing
 from supersampler.errors import ArgumentError, FrameError, ModelError
@@ -16,7 +17,7 @@ from supersampler.gbuffers import check_gbuffers
 from supersampler.graph_session import frame_inputs
 from supersampler.host.executors import host_drawing
 from supersampler.model import ExecutorName
-from supersampler.model_info import TensorInfo, extrapolation_names, find_model, read_model_info
+from supersampler.model_info import extrapolation_names, find_model, read_model_info
 from supersampler.providers import CPU
 
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
@@ -124,19 +125,17 @@ class Extrapolator:
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedPast:
         """Undo `save`.
 
+        Images are those of frames, which may hold anything, and are read as a frame's own; what they have
+        that is not finite is as harmless as there.
+
         Raises:
-            ArgumentError: they are of another model, or of sizes that do not go together.
+            ArgumentError: they are of another model, of other types, or of sizes that do not go together.
         """
-        sizes: dict[str, int] = {}
-        for history in self.info.history:
-            name = history.input.name
-            if name not in arrays or not _fits(history.input, arrays[name], sizes):
-                got, want = f"without a fitting {name!r} to extrapolate from", f"one of {self.info.method!r}"
-                raise ArgumentError("state", got=got, want=want)
-        names = [history.input.name for history in self.info.history]
-        return ShadedPast(
-            {name: self._drawing.placed(np.array(arrays[name], np.float32, order="C")) for name in names}
+        specs = {h.input.name: h.input.spec_of_frames() for h in self.info.history}
+        checked = checked_arrays(
+            arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )
+        return ShadedPast({name: self._drawing.placed(np.array(a, order="C")) for name, a in checked.items()})
 
 
 class Extrapolation:
@@ -230,11 +229,3 @@ def _checked(frame: Frame, past: ShadedPast | None) -> ShadedPast:
         hint = "After a start or a reset there is nothing to draw from: shade a frame, and `step` it."
         raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
     return past
-
-
-def _fits(tensor: TensorInfo, array: NDArray[Any], sizes: dict[str, int]) -> bool:
-    """Whether an array has a tensor's shape; `sizes` has what its names stand for so far, and takes more."""
-    return array.ndim == len(tensor.shape) and all(
-        got == (sizes.setdefault(want, got) if isinstance(want, str) else want)
-        for got, want in zip(array.shape, tensor.shape, strict=True)
-    )

@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 
 from supersampler.frame import Size
-from supersampler.graph_session import open_session, session_options
+from supersampler.graph_session import open_session, running, session_options
 from supersampler.model_info import ModelInfo, extents
-from supersampler.onnx_runs import OnnxRun
 from supersampler.onnx_runtime import ort
 from supersampler.providers import capturing, check_provider_in_use
 
@@ -47,7 +46,7 @@ class FixedStep:
         display: Size,
         render: Size,
     ) -> None:
-        self.sizes = display, render
+        self.sizes, self._path = (display, render), path
         shapes = {"render": render, "display": display, "previous": render}
         options = session_options(threads)
         for name, extent in extents(**shapes).items():
@@ -79,8 +78,8 @@ class FixedStep:
         self._binding.synchronize_inputs()  # others have written on streams of their own
         for name, value in self._inputs.items():
             value.update_inplace(given[name])
-        self._binding.synchronize_inputs()  # a copy within the device is not waited for
-        with OnnxRun():
+        with running(self._path):
+            self._binding.synchronize_inputs()  # a copy within the device is not waited for
             self._session.run_with_iobinding(self._binding)
         for name, value in made.items():
             value.update_inplace(self._outputs[name])

@@ -9,11 +9,10 @@ from numpy.typing import NDArray
 
 from supersampler.fixed_step import FixedStep
 from supersampler.frame import Float32, Frame, Size
-from supersampler.graph_session import frame_inputs, open_session, session_options
+from supersampler.graph_session import frame_inputs, open_session, running, session_options
 from supersampler.host.layout import TILE
 from supersampler.host.locks import ForkSafeLock
 from supersampler.model_info import ModelInfo, TensorInfo
-from supersampler.onnx_runs import OnnxRun
 from supersampler.onnx_runtime import ort
 from supersampler.providers import capturing, check_provider_in_use, device_of
 from supersampler.tensors import check_tensor, render_size_of
@@ -45,7 +44,8 @@ class GraphExecutor:
         if capture:
             capturing(providers)  # refuses those that cannot, before a graph is loaded
         self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
-        self._session = open_session(info.steps[precision], session_options(threads), providers)
+        self._path, options = info.steps[precision], session_options(threads)
+        self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
         self.providers: list[str] = self._session.get_providers()
         check_provider_in_use(providers[0], self.providers)
         self.device = device_of(self.providers[0])
@@ -145,10 +145,10 @@ class GraphExecutor:
             binding.bind_ortvalue_output(h.output, left[h.input.name])
         for name, value in made.items():
             binding.bind_ortvalue_output(name, value)
-        binding.synchronize_inputs()  # others have written on streams of their own
-        with OnnxRun():
+        with running(self._path):
+            binding.synchronize_inputs()  # others have written on streams of their own
             self._session.run_with_iobinding(binding)
-        binding.synchronize_outputs()
+            binding.synchronize_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""

@@ -1,6 +1,7 @@
 """An ONNX graph in a session of ONNX Runtime, and a frame as graphs take it."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -9,8 +10,13 @@ import numpy as np
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.gbuffers import GBUFFERS
+from supersampler.model_info import MAX_FILE, TensorInfo, is_shipped
+from supersampler.onnx_file import refusal_of
+from supersampler.onnx_runs import OnnxRun
 from supersampler.onnx_runtime import ort
 
+ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
+"""ONNX Runtime's names of types."""
 Provider = str | tuple[str, dict[str, str]]
 """An execution provider's name, with options or without."""
 
@@ -25,17 +31,83 @@ def session_options(threads: int) -> ort.SessionOptions:
 
 
 def open_session(
-    path: Path, options: ort.SessionOptions, providers: Sequence[Provider], graph: bytes | None = None
+    path: Path,
+    options: ort.SessionOptions,
+    providers: Sequence[Provider],
+    graph: bytes | None = None,
+    *,
+    takes: Iterable[TensorInfo] = (),
+    gives: Iterable[TensorInfo] = (),
 ) -> ort.InferenceSession:
     """Load the graph at `path`, or in its place the one that was made of it.
 
+    ONNX Runtime sees no graph that has data in other files, or operators that are not ONNX's own. Those that
+    ship with this package are known to have neither.
+
+    Args:
+        path: of the graph.
+        options: of the session.
+        providers: execution providers, in order.
+        graph: made of the one at `path`.
+        takes: all inputs of the graph; none are checked where there are none.
+        gives: outputs that it has, others among them; likewise.
+
     Raises:
-        ModelError: ONNX Runtime cannot.
+        ModelError: it is too large, not a plain graph, or not one of these tensors; or ONNX Runtime cannot.
     """
     try:
-        return ort.InferenceSession(graph or str(path), options, providers=list(providers))
+        content = graph or _content(path)
+        session = ort.InferenceSession(content, options, providers=list(providers))
+    except ModelError:
+        raise
     except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
+    inputs, outputs = list(takes), list(gives)
+    if inputs:
+        _check_tensors(path, "input", inputs, session.get_inputs())
+    named = {tensor.name for tensor in outputs}
+    _check_tensors(path, "output", outputs, [node for node in session.get_outputs() if node.name in named])
+    return session
+
+
+@contextmanager
+def running(path: Path) -> Iterator[None]:
+    """A run of the graph at `path`: turns what ONNX Runtime raises into ModelError; see `OnnxRun`."""
+    try:
+        with OnnxRun():
+            yield
+    except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
+        raise ModelError(f"{path}: ONNX Runtime cannot run it: {error}") from error
+
+
+def _content(path: Path) -> bytes:
+    """The bytes of a graph that ONNX Runtime may see."""
+    if path.stat().st_size > MAX_FILE:
+        raise ModelError(f"{path}: is {path.stat().st_size} bytes; want at most {MAX_FILE}.")
+    content = path.read_bytes()
+    refusal = None if is_shipped(path) else refusal_of(content)
+    if refusal is not None:
+        raise ModelError(f"{path}: {refusal}. `supersampler export` writes graphs that are taken.")
+    return content
+
+
+def _check_tensors(path: Path, kind: str, wanted: Sequence[TensorInfo], nodes: Sequence[Any]) -> None:
+    """Raise ModelError unless a graph's inputs or outputs are model.json's: by name, type and shape."""
+    there = {node.name: node for node in nodes}
+    if set(there) != {tensor.name for tensor in wanted}:
+        want = ", ".join(sorted(tensor.name for tensor in wanted))
+        raise ModelError(f"{path}: {kind}s are {', '.join(sorted(there))}; model.json says {want}.")
+    for tensor in wanted:
+        node = there[tensor.name]
+        same = len(node.shape) == len(tensor.shape) and all(
+            got == want if isinstance(got, int) else True
+            for got, want in zip(node.shape, tensor.shape, strict=True)
+        )
+        if node.type != ORT_TYPES[tensor.type] or not same:
+            got = f"{tuple(node.shape)} {node.type}"
+            raise ModelError(
+                f"{path}: {kind} {tensor.name!r} is {got}; model.json says {tensor.shape} {tensor.type}."
+            )
 
 
 def frame_inputs(frame: Frame, display_size: Size, names: Collection[str]) -> dict[str, np.ndarray[Any, Any]]:

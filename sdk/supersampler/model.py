@@ -7,6 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.array_spec import ArraySpec, checked_arrays, checked_extents, values_of
 from supersampler.carry import Carrier, check_carry
 from supersampler.checked import (
     check_out,
@@ -34,6 +35,7 @@ from supersampler.graph_session import pixels_of, session_options, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result, check_histories
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
+from supersampler.host.trail import trail_specs
 from supersampler.model_info import ModelInfo, read_model_info, read_upscaling_info
 from supersampler.onnx_runtime import ort
 from supersampler.plan import Plan
@@ -314,21 +316,24 @@ class Model:
         """Make a history of copies by `save_history`.
 
         Raises:
-            ArgumentError: they are of another method or of other sizes.
+            ArgumentError: they are of another method or of other sizes, or one has another type, values that
+                are not finite or out of range, or is too large for the memory that there is.
         """
-        history = self.first_history(display_size, render_size)
-        for h in self.info.history:
-            shape = h.input.shape_for(render=render_size, display=display_size, previous=render_size)
-            if h.input.name not in arrays or arrays[h.input.name].shape != shape:
-                got, want = f"without a fitting {h.input.name!r}", f"one saved by {self.info.method!r}"
-                raise ArgumentError("state", got=got, want=want)
-        self._executor.load(history.buffers, arrays)
-        if CARRY in arrays:
-            carry = arrays[CARRY]
-            if carry.ndim != 4 or carry.shape[2:] != display_size[::-1]:
-                want = f"(1, k, {display_size[1]}, {display_size[0]})"
-                raise ArgumentError("state", got=f"with {CARRY!r} {carry.shape}", want=want)
-            history.carry = carry.copy()
+        display_size = checked_extents("state.display_size", display_size)
+        render_size = checked_extents("state.render_size", render_size)
+        sizes = {"render": render_size, "display": display_size, "previous": render_size}
+        specs = {h.input.name: h.input.spec_for(**sizes) for h in self.info.history}
+        names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
+        if CARRY in names:
+            specs[CARRY] = ArraySpec("float32", (1, "k", *display_size[::-1]), values_of(CARRY))
+        specs |= trail_specs(names, display_size, render_size)
+        checked = checked_arrays(arrays, specs, _refused_state)
+        try:
+            history = self.first_history(display_size, render_size)
+            self._executor.load(history.buffers, checked)
+            history.carry = checked[CARRY].copy() if CARRY in checked else None
+        except MemoryError:
+            raise _refused_state(f"at {display_size}", "a size that fits into memory") from None
         return history
 
     def check(
@@ -387,6 +392,10 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)
+
+
+def _refused_state(got: str, want: str) -> ArgumentError:
+    return ArgumentError("state", got=got, want=want)
 
 
 def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) -> Model:

@@ -1,17 +1,22 @@
 """What an Upscaler remembers, as a copy."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
+from supersampler.array_spec import checked_extents
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.history import History
 
 if TYPE_CHECKING:
     from supersampler.model import Model
+
+
+STATE_VERSION = 1
+"""Version of what a State holds. Another one is refused: what its arrays mean may have changed."""
 
 
 @dataclass(frozen=True)
@@ -24,6 +29,7 @@ class State:
         render_size: of the frame before; None where there is none.
         history: tensors by name; None where there is no past.
         shaded: what frames that are not shaded are drawn from, likewise.
+        version: STATE_VERSION of the package that saved it.
     """
 
     method: str
@@ -31,6 +37,9 @@ class State:
     render_size: Size | None
     history: Mapping[str, NDArray[Any]] | None
     shaded: Mapping[str, NDArray[Any]] | None = None
+    version: int = field(
+        default_factory=lambda: STATE_VERSION
+    )  # no attribute of the class: older pickles lack it
 
     def history_for(self, model: "Model", display_size: Size | None) -> History | None:
         """Return the history as a model takes it; None where there is no past.
@@ -40,12 +49,21 @@ class State:
             display_size: (width, height) that it must be of; None takes any.
 
         Raises:
-            ArgumentError: it is of another method or display size.
+            ArgumentError: it is of another version, method or display size, or an array of its history is
+                not as the model has it.
         """
+        version = getattr(self, "version", None)
+        if type(version) is not int or version != STATE_VERSION:
+            hint = "Load it with the version of supersampler that saved it."
+            raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
         if self.method != model.info.method:
             raise ArgumentError("state", got=f"of {self.method!r}", want=f"of {model.info.method!r}")
-        if display_size not in (None, self.display_size):
+        own = None if self.display_size is None else checked_extents("state.display_size", self.display_size)
+        if display_size not in (None, own):
             raise ArgumentError("state", got=f"at {self.display_size}", want=f"at {display_size}")
-        if self.history is None or self.display_size is None or self.render_size is None:
+        if self.history is None:
             return None
-        return model.load_history(self.display_size, self.render_size, self.history)
+        if own is None or self.render_size is None:
+            want = "both with a history"
+            raise ArgumentError("state", got="without display_size or render_size", want=want)
+        return model.load_history(own, self.render_size, self.history)

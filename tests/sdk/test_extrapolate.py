@@ -231,7 +231,7 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(taau: Model, h
         del wrong["history.normal"]
     else:
         wrong["history.normal"] = wrong["history.normal"][:, :, 1:]
-    with pytest.raises(ArgumentError, match=r"without a fitting 'history\.normal'"):
+    with pytest.raises(ArgumentError, match=r"'history\.normal'"):
         other.load_state(replace(state, shaded=wrong))
     np.testing.assert_array_equal(one.extrapolate(unshaded(2)), other.extrapolate(unshaded(2)))
 

@@ -104,7 +104,7 @@ class ClassifierHost(Host):
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
         kernels = load_kernels(gather, *READING, *SKIPPING, SURFACES, LEVEL, finish)
         super().__init__(kernels, bands)
-        self.network = ByteNetwork(info.folder / "network.npz", kernels[LEVEL])
+        self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
         self._config = c = info.config
         self._filters = [
             Filter(gaussian(c["sample_sigma"]), True),

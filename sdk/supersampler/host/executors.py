@@ -2,17 +2,24 @@
 
 import os
 import warnings
+from collections.abc import Mapping
 
 from supersampler.errors import BackendWarning, KernelError
 from supersampler.executor import Executor
 from supersampler.host.bands import Bands
 from supersampler.host.classifier import ClassifierHost
 from supersampler.host.guided_warp import GuidedWarpHost
+from supersampler.host.model_check import check_constants, has_known_history
 from supersampler.host.taa import TaaHost
 from supersampler.host.taau import TaauHost
 from supersampler.model_info import ModelInfo
 
 _SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
+_HOSTS: Mapping[str, type[ClassifierHost] | type[TaaHost] | type[TaauHost]] = {
+    "classifier": ClassifierHost,
+    "taa": TaaHost,
+    "taau": TaauHost,
+}
 
 
 def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
@@ -29,11 +36,12 @@ def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> E
     Warns:
         BackendWarning: kernels cannot be compiled; once in a process.
     """
-    kind = _kind(info)
-    if kind is None:
+    kernels = _kernels_of(info)
+    if kernels is None or not has_known_history(info, kernels):
         return None
+    check_constants(info, kernels)
     try:
-        return kind(info, Bands(threads or len(_cores())))
+        return _HOSTS[kernels](info, Bands(threads or len(_cores())))
     except KernelError as error:
         _fall_back(error, required=required)
         return None
@@ -41,8 +49,14 @@ def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> E
 
 def host_drawing(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpHost | None:
     """Return what extrapolates unshaded frames on the CPU; see `host_executor`."""
-    if info.method != "guided-warp" or not GuidedWarpHost.draws(info.config):
+    kernels = "guided-warp"
+    if (
+        info.method != kernels
+        or not GuidedWarpHost.draws(info.config)
+        or not has_known_history(info, kernels)
+    ):
         return None
+    check_constants(info, kernels)
     try:
         return GuidedWarpHost(info, Bands(threads or len(_cores())))
     except KernelError as error:
@@ -66,14 +80,14 @@ def _fall_back(error: KernelError, *, required: bool) -> None:
         )
 
 
-def _kind(info: ModelInfo) -> type[ClassifierHost] | type[TaaHost] | type[TaauHost] | None:
+def _kernels_of(info: ModelInfo) -> str | None:
     if "network.npz" in info.files:
-        return ClassifierHost
+        return "classifier"
     if info.method == "taau":
-        return TaauHost
+        return "taau"
     config = info.config
-    if info.method == "taa" and config["gamma"] is not None and _SALVIS.items() <= config.items():
-        return TaaHost
+    if info.method == "taa" and config.get("gamma") is not None and _SALVIS.items() <= config.items():
+        return "taa"
     return None
 
 

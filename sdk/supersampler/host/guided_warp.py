@@ -12,6 +12,7 @@ from supersampler.host.bands import Bands
 from supersampler.host.kernel_loader import load_kernels
 from supersampler.host.layout import GUIDED, LANES
 from supersampler.host.memory import address, aligned
+from supersampler.host.model_check import are_rings
 from supersampler.host.tables import up_to
 from supersampler.host.workspaces import Workspaces
 from supersampler.model_info import ModelInfo
@@ -51,8 +52,7 @@ class GuidedWarpHost:
     @staticmethod
     def draws(config: Mapping[str, Any]) -> bool:
         """Whether the kernels draw with this GuidedWarpConfig: rings from near to far, four samples kept."""
-        strides = config["strides"]
-        return config["taps"] == 4 and bool(strides) and list(strides) == sorted(strides)
+        return config.get("taps") == 4 and are_rings(config.get("strides"))
 
     def placed(self, array: NDArray[Any]) -> NDArray[Any]:
         """See `Drawing`."""

@@ -1,7 +1,6 @@
 """The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
 
-from collections.abc import Callable, Sequence
-from pathlib import Path
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,13 @@ from supersampler.host.bands import Bands, Box
 from supersampler.host.kernel_loader import Call
 from supersampler.host.layout import LANES, PAD, RECORD, TILE
 from supersampler.host.memory import address, aligned
+from supersampler.host.network_file import KEPT, read_network
 from supersampler.host.tables import up_to
 from supersampler.host.tiles import Tiles
+from supersampler.model_info import ModelInfo
 
 Bytes = NDArray[np.uint8]
 LevelWork = Callable[[int, int, Box, int], None]
-KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
 ROOM = 16  # pixels after a row: kernels do several at once
 SIX = 6  # so many; they write nothing beyond a row that is at least as long
@@ -29,7 +29,7 @@ LEVEL = "encode.level"
 class Layer:
     """Weights of a layer, and how its sums become bytes or values: addresses."""
 
-    def __init__(self, arrays: dict[str, NDArray[Any]], name: str) -> None:
+    def __init__(self, arrays: Mapping[str, NDArray[Any]], name: str) -> None:
         self._arrays = [arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias")]
         self.weights, self.scale, self.bias = (address(array) for array in self._arrays)
         self.blocks, self.words = self._arrays[0].shape[:2]  # of the last: outputs, words
@@ -40,13 +40,16 @@ class ByteNetwork:
     """Weights of all layers.
 
     Args:
-        path: network.npz of a model folder.
+        info: the model, whose folder has a network.npz.
+        outputs: of the last layer.
         level: the kernel LEVEL.
+
+    Raises:
+        ModelError: network.npz is damaged, or not what the model's config and the kernels make it.
     """
 
-    def __init__(self, path: Path, level: Call) -> None:
-        with np.load(path) as file:
-            arrays = {name: np.ascontiguousarray(file[name]) for name in file.files}
+    def __init__(self, info: ModelInfo, outputs: int, level: Call) -> None:
+        arrays = read_network(info, outputs)
         self.levels = [
             tuple(Layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
             for level in range(len(KEPT))

@@ -7,6 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.array_spec import ArraySpec
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler.host.layout import SAMPLES
+
 Sums = NDArray[np.uint64]
 Jitter = tuple[float, float]
 
@@ -14,6 +19,7 @@ MOVING = 0
 """The sum of a tile in which anything moves."""
 PHASES = 256
 """Of a jitter sequence; of a longer one, or one that never repeats, nothing counts as still."""
+_MANY = 1 << 53  # frames: a million years
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,19 +59,45 @@ class Stillness:
         if self.same is None:
             return {}
         return {
-            "still.frames": np.array(self.frames),
+            "still.frames": np.array(self.frames, np.int64),
             "still.jitter": np.array(list(self.phases), np.float64),
-            "still.when": np.array([when for when, _ in self.phases.values()]),
+            "still.when": np.array([when for when, _ in self.phases.values()], np.int64),
             "still.sums": np.stack([sums for _, sums in self.phases.values()]),
             "still.same": self.same.copy(),
         }
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Stillness":
-        """Continue from copies by `arrays`, which may lie among others; from nothing where there are none."""
+        """Continue from copies by `arrays`, which may lie among others; from nothing where there are none.
+
+        Args:
+            arrays: as `stillness_specs` says.
+
+        Raises:
+            ArgumentError: a jitter was seen after the last frame.
+        """
         if "still.frames" not in arrays:
             return cls()
         jitter, when, sums = (arrays[f"still.{name}"] for name in ("jitter", "when", "sums"))
+        frames = int(arrays["still.frames"])
+        if when.max() >= frames:
+            raise ArgumentError(
+                "state",
+                got=f"with 'still.when' up to {when.max()}",
+                want=f"less than 'still.frames', {frames}",
+            )
         keys = [(float(x), float(y)) for x, y in jitter]
-        phases = {key: (int(frame), seen) for key, frame, seen in zip(keys, when, sums, strict=True)}
-        return cls(int(arrays["still.frames"]), phases, same=arrays["still.same"])
+        phases = {key: (int(frame), seen.copy()) for key, frame, seen in zip(keys, when, sums, strict=True)}
+        return cls(frames, phases, same=arrays["still.same"].copy())
+
+
+def stillness_specs(render: Size) -> dict[str, ArraySpec]:
+    """What `Stillness.arrays` are after a frame of this size."""
+    tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
+    return {
+        "still.frames": ArraySpec("int64", (), (1, _MANY)),
+        "still.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
+        "still.when": ArraySpec("int64", ("phases",), (0, _MANY)),
+        "still.sums": ArraySpec("uint64", ("phases", *tiles)),
+        "still.same": ArraySpec("bool", tiles),
+    }

@@ -1,16 +1,17 @@
 """What tells, from frame to frame, which tiles of a picture may stay as they are."""
 
 import itertools
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.array_spec import ArraySpec, values_of
 from supersampler.frame import Float32, Size
 from supersampler.host.layout import TILE
-from supersampler.host.stillness import Stillness
+from supersampler.host.stillness import Stillness, stillness_specs
 from supersampler.host.tiles import Bool
 
 _STAMPS = itertools.count(1)
@@ -70,7 +71,11 @@ class Trail:
         return arrays
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from there; the picture has been loaded, too."""
+        """Continue from there, arrays as `trail_specs` says; the picture is loaded, too.
+
+        Raises:
+            ArgumentError: they contradict each other.
+        """
         self.stamps[:] = new_stamp()
         self.stillness = Stillness.of_arrays(arrays)
         if "still.matched" in arrays:
@@ -78,6 +83,27 @@ class Trail:
         if "still.looks" in arrays:
             self.looked = np.where(arrays["still.looked"], new_stamp(), 0)
             self.looks = Looks(arrays["still.looks"].copy(), self.looked.copy())
+
+
+def trail_specs(names: Collection[str], display: Size, render: Size) -> dict[str, ArraySpec]:
+    """What arrays by `Trail.arrays` must be, where any of their names is among these.
+
+    Args:
+        names: of arrays, others among them.
+        display: size of the picture.
+        render: size of the frame that left them.
+    """
+    looks, still = {"still.looks", "still.looked"}, {name for name in names if name.startswith("still.")}
+    if not still:
+        return {}
+    tiles = tuple(-(-extent // TILE) for extent in display[::-1])
+    specs = stillness_specs(render)
+    specs["still.matched"] = ArraySpec("int32", tiles, (0, np.iinfo(np.int32).max))
+    specs["still.tiles"] = ArraySpec("bool", tiles)
+    if looks & still:
+        specs["still.looks"] = ArraySpec("float32", (*display[::-1], 3), values_of("still.looks"))
+        specs["still.looked"] = ArraySpec("bool", tiles)
+    return specs
 
 
 @dataclass(eq=False)

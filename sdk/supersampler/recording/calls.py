@@ -2,20 +2,24 @@
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.array_spec import MAX_SIDE, checked_extents
 from supersampler.frame import Float32, Frame, Size
+from supersampler.machine import MAX_THREADS
 from supersampler.model_info import ModelInfo
 from supersampler.recording.format import Record
-from supersampler.recording.outcome import Outcome
+from supersampler.recording.outcome import Outcome, checked_image
+from supersampler.recording.values import flag, members, number, text, texts, whole
 from supersampler.state import State
 
 FORMAT = 1
 """Version of the records. One that a reader does not know is refused."""
 _SHADED = "shaded."  # before names of a state's arrays
+_MANY = 1 << 31  # of versions
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -137,36 +141,41 @@ def setup_of(record: Record) -> Setup:
     """Undo `setup_record`.
 
     Raises:
-        KeyError, TypeError, ValueError: something is missing or of a wrong type.
+        KeyError, ValueError, ArgumentError: something is missing, or of a wrong type or range.
     """
-    given = {"extrapolation": None, **record.values}  # which recordings that are older lack
-    values: dict[str, Any] = {f.name: given[f.name] for f in fields(Setup)}
-    size, skip, extrapolation = values["display_size"], values["skip"], values["extrapolation"]
-    values |= {
+    values = record.values
+    size, skip, extrapolation = values["display_size"], values["skip"], values.get("extrapolation")
+    return Setup(
         **_model_of(values),
-        "contract": int(values["contract"]),
-        "extrapolation": None if extrapolation is None else RecordedModel(**_model_of(extrapolation)),
-        "providers": tuple(map(str, values["providers"])),
-        "threads": int(values["threads"]),
-        "display_size": None if size is None else _size(size),
-        "scale": float(values["scale"]),
-        "skip": str(skip) if isinstance(skip, str) else float(skip),
-        "versions": dict(values["versions"]),
-        "machine": dict(values["machine"]),
-    }
-    for name in ("executor", "precision", "validate"):
-        values[name] = str(values[name])
-    if values["threads"] < 0:
-        raise ValueError(f"{values['threads']} threads")
-    return Setup(**values)
+        contract=whole(values["contract"], 0, _MANY),
+        extrapolation=None if extrapolation is None else RecordedModel(**_model_of(members(extrapolation))),
+        executor=text(values["executor"], ("graph", "host")),
+        precision=text(values["precision"], ("fp32", "fp16", "int8")),
+        providers=texts(values["providers"], 16),
+        threads=whole(values["threads"], 0, MAX_THREADS),
+        display_size=None if size is None else checked_extents("display_size", size),
+        scale=number(values["scale"], 1.0, MAX_SIDE),
+        skip=_skip(skip),
+        validate=cast(
+            "Literal['off', 'warn', 'strict']", text(values["validate"], ("off", "warn", "strict"))
+        ),
+        versions={name: text(version) for name, version in members(values["versions"]).items()},
+        machine=members(values["machine"]),
+    )
+
+
+def _skip(value: Any) -> Literal["auto", "exact"] | float:
+    if isinstance(value, str):
+        return cast("Literal['auto', 'exact']", text(value, ("auto", "exact")))
+    return number(value, 0.0, 1.0)
 
 
 def _model_of(values: Mapping[str, Any]) -> dict[str, Any]:
     return {
-        "folder": str(values["folder"]),
-        "method": str(values["method"]),
-        "files": {str(name): str(digest) for name, digest in dict(values["files"]).items()},
-        "config": dict(values["config"]),
+        "folder": text(values["folder"]),
+        "method": text(values["method"]),
+        "files": {name: text(digest) for name, digest in members(values["files"]).items()},
+        "config": members(values["config"]),
     }
 
 
@@ -193,13 +202,13 @@ def frame_of(record: Record) -> Frame:
     """Undo `step_record`.
 
     Raises:
-        FrameError, AttributeError, KeyError, TypeError: it is no frame.
+        FrameError, KeyError, TypeError, ValueError, OverflowError: it is no frame.
     """
-    inputs: dict[str, Any] = dict(record.values["frame"])
+    inputs: dict[str, Any] = dict(members(record.values["frame"]))
     for name, array in record.arrays.items():
         outer, _, inner = name.partition(".")
         if inner:
-            inputs[outer][inner] = array
+            inputs[outer] = {**members(inputs[outer]), inner: array}
         else:
             inputs[outer] = array
     return Frame(**inputs)
@@ -213,6 +222,7 @@ def state_record(state: State) -> Record:
         "render_size": state.render_size,
         "past": state.history is not None,
         "shaded": state.shaded is not None,
+        "version": state.version,
     }
     shaded = {f"{_SHADED}{name}": array for name, array in (state.shaded or {}).items()}
     return Record("load_state", values, {**(state.history or {}), **shaded})
@@ -222,21 +232,28 @@ def state_of(record: Record) -> State:
     """Undo `state_record`.
 
     Raises:
-        KeyError, TypeError, ValueError: it is no state.
+        KeyError, ValueError, ArgumentError: it is no state. Arrays are checked by whoever loads it.
     """
-    sizes = [record.values[name] for name in ("display_size", "render_size")]
-    display, render = (None if size is None else _size(size) for size in sizes)
+    values = {"shaded": False, "version": 1, **record.values}  # which recordings that are older lack
+    sizes = [(name, values[name]) for name in ("display_size", "render_size")]
+    display, render = (None if size is None else checked_extents(name, size) for name, size in sizes)
     history = {name: a for name, a in record.arrays.items() if not name.startswith(_SHADED)}
     shaded = {name.removeprefix(_SHADED): a for name, a in record.arrays.items() if name not in history}
     return State(
-        str(record.values["method"]),
+        text(values["method"]),
         display,
         render,
-        history if record.values["past"] else None,
-        shaded if record.values.get("shaded") else None,
+        history if flag(values["past"]) else None,
+        shaded if flag(values["shaded"]) else None,
+        whole(values["version"], 0, _MANY),
     )
 
 
-def _size(numbers: Any) -> Size:
-    width, height = (int(number) for number in numbers)
-    return width, height
+def image_of(record: Record) -> Float32 | None:
+    """The last image of a "close" record.
+
+    Raises:
+        ValueError: it is none.
+    """
+    image = record.arrays.get("image")
+    return None if image is None else checked_image("image", image)

@@ -25,6 +25,9 @@ from supersampler.files import NO_ROOM
 MAGIC = b"\x89SSR\r\n\x1a\n"
 """As PNG's: a file that was sent as text, or lost its eighth bits, is known at once."""
 
+MAX_TEXT = 4 << 20
+"""Bytes of a record's text, at most."""
+
 _HEAD = struct.Struct("<QII")  # bytes of text and arrays, bytes of the text, CRC-32 of both
 _CHECK = struct.Struct("<I")  # CRC-32 of the head
 _NUMBERS = re.compile(r"[<>|][biuf]\d{1,2}")  # numpy's names of plain numbers: no objects, no structures
@@ -160,6 +163,9 @@ def _checked_record(file: BinaryIO, path: Path) -> Record | None:
         return _next_record(file)
     except OSError as error:
         raise RecordingError(path, f"cannot be read ({error})", _DAMAGED) from error
+    except MemoryError as error:
+        hint = "Replay it on a machine with more memory."
+        raise RecordingError(path, f"has a record at byte {begin} beyond memory", hint) from error
     except (ValueError, TypeError, KeyError, AttributeError, RecursionError) as error:
         raise RecordingError(path, f"has a damaged record at byte {begin}", _DAMAGED) from error
 
@@ -175,7 +181,7 @@ def _next_record(file: BinaryIO) -> Record | None:
         return None
     head = file.read(_HEAD.size)
     length, text_length, check = _HEAD.unpack(head)
-    if file.read(_CHECK.size) != _CHECK.pack(zlib.crc32(head)) or text_length > length:
+    if file.read(_CHECK.size) != _CHECK.pack(zlib.crc32(head)) or text_length > min(length, MAX_TEXT):
         raise ValueError("head")
     if length > left:
         return None

@@ -6,11 +6,13 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
+import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32
 from supersampler.history import Result
 from supersampler.recording.format import Record, octets
+from supersampler.recording.values import members, texts, whole
 
 SAMPLES = 4096
 """Pixels of each image that are kept, about: little beside a frame."""
@@ -70,8 +72,20 @@ def outcome_of(record: Record) -> Outcome:
     """Undo `outcome_record`.
 
     Raises:
-        KeyError, TypeError, ValueError: it is no outcome.
+        KeyError, ValueError: it is no outcome.
     """
-    digests = {str(name): int(digest) for name, digest in dict(record.values["digests"]).items()}
-    kind, text = record.values["error"]
-    return Outcome(digests, record.arrays, (str(kind), str(text)))
+    digests = {name: whole(n, 0, 0xFFFFFFFF) for name, n in members(record.values["digests"]).items()}
+    kind, error = texts(record.values["error"], 2)
+    samples = {name: checked_image(name, image) for name, image in record.arrays.items()}
+    return Outcome(digests, samples, (kind, error))
+
+
+def checked_image(name: str, image: NDArray[Any]) -> Float32:
+    """Return an array of a record that is to be an image.
+
+    Raises:
+        ValueError: it is none.
+    """
+    if image.dtype != np.float32 or image.ndim != 3 or image.size == 0:
+        raise ValueError(f"{name} is {image.shape} {image.dtype}; want (H, W, k) float32")
+    return image

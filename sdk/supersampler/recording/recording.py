@@ -1,9 +1,10 @@
 """A recording, read call by call."""
 
+import reprlib
 from collections.abc import Iterator
 from pathlib import Path
 
-from supersampler.errors import FrameError, RecordingError
+from supersampler.errors import RecordingError, SupersamplerError
 from supersampler.model_info import CONTRACT
 from supersampler.recording.calls import (
     FORMAT,
@@ -14,13 +15,15 @@ from supersampler.recording.calls import (
     Setup,
     StepCall,
     frame_of,
+    image_of,
     setup_of,
     state_of,
 )
 from supersampler.recording.format import Record, read_records
 from supersampler.recording.outcome import outcome_of
+from supersampler.recording.values import flag, texts
 
-_WRONG = (FrameError, AttributeError, KeyError, TypeError, ValueError)
+_WRONG = (SupersamplerError, KeyError, TypeError, ValueError, OverflowError)
 
 
 class Recording:
@@ -41,7 +44,7 @@ class Recording:
             RecordingError: a record is damaged, or is none that an Upscaler writes; after the calls before.
         """
         records = read_records(self.path)
-        next(records)  # the setup
+        next(records, None)  # the setup
         steps, step = 0, None  # the latter waits for its outcome
         for record in records:
             if step is not None:
@@ -62,17 +65,17 @@ class Recording:
             match record.kind:
                 case "step":
                     told = None if outcome is None else outcome_of(outcome)
-                    want, tensors = tuple(record.values["want"]), bool(record.values["tensors"])
-                    extrapolated = bool(record.values.get("extrapolated"))
+                    want, tensors = texts(record.values["want"], 16), flag(record.values["tensors"])
+                    extrapolated = flag(record.values.get("extrapolated", False))
                     return StepCall(index, frame_of(record), want, tensors, extrapolated, told)
                 case "load_state":
                     return LoadStateCall(state_of(record))
                 case "reset":
                     return ResetCall()
                 case "close":
-                    return CloseCall(record.arrays.get("image"))
+                    return CloseCall(image_of(record))
         except _WRONG as error:
-            raise _strange(self.path, record) from error
+            raise _strange(self.path, record, error) from error
         raise _strange(self.path, record)
 
 
@@ -90,17 +93,18 @@ def open_recording(path: Path | str) -> Recording:
     if first is None:
         raise RecordingError(path, "ends in its first record", "The process ended, or the disk was full.")
     if first.kind != "setup" or first.values.get("format") != FORMAT:
-        problem = f"is of format {first.values.get('format')}; this package reads {FORMAT}"
+        problem = f"is of format {reprlib.repr(first.values.get('format'))}; this package reads {FORMAT}"
         raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
     try:
         setup = setup_of(first)
     except _WRONG as error:
-        raise _strange(path, first) from error
+        raise _strange(path, first, error) from error
     if setup.contract != CONTRACT:
         problem = f"holds frames of contract {setup.contract}; this package drives {CONTRACT}"
         raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
     return Recording(Path(path), setup)
 
 
-def _strange(path: Path | str, record: Record) -> RecordingError:
-    return RecordingError(path, f"has a {record.kind!r} record that no Upscaler writes")
+def _strange(path: Path | str, record: Record, error: Exception | None = None) -> RecordingError:
+    why = "" if error is None else f" ({type(error).__name__}: {error})"
+    return RecordingError(path, f"has a {reprlib.repr(record.kind)} record that no Upscaler writes{why}")

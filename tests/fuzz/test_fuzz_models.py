@@ -1,0 +1,142 @@
+"""Whatever lies in a model folder, loading it ends in a model that steps or in an error of ours.
+
+ONNX Runtime is shown damaged graphs only where our own reader finds nothing wrong with them; it may
+refuse the rest, and it alone runs them, which is not looked at here.
+"""
+
+import hashlib
+import json
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from fuzzing import damaged, examples, replaced, run_apart
+from noise import noise
+from supersampler import Model, Upscaler
+from supersampler.extrapolation import Extrapolator
+from supersampler.model_info import find_model, read_model_info
+from supersampler.onnx_file import refusal_of
+
+Rng = np.random.Generator
+
+
+def folder_of(method: str, path: Path) -> Path:
+    shutil.copytree(find_model(method), path)
+    return path
+
+
+def described(folder: Path) -> dict[str, Any]:
+    return dict(json.loads((folder / "model.json").read_text()))
+
+
+def describe(folder: Path, description: Any) -> None:
+    try:
+        (folder / "model.json").write_text(json.dumps(description))
+    except RecursionError:
+        (folder / "model.json").write_text("[" * 100_000)
+
+
+def replace_file(folder: Path, name: str, content: bytes) -> None:
+    """With the hash that belongs to it."""
+    (folder / name).write_bytes(content)
+    description = described(folder)
+    description["files"][name] = hashlib.sha256(content).hexdigest()
+    describe(folder, description)
+
+
+def step(model: Model) -> None:
+    ratio = 2.0 if model.info.ratios[1] >= 2.0 >= model.info.ratios[0] else model.info.ratios[0]
+    upscaler = Upscaler(model, scale=ratio, validate="off")
+    for seed in range(2):
+        image = upscaler.step(noise(seed))
+    assert np.isfinite(image).all()
+
+
+def prepare_descriptions() -> Callable[[int], object]:
+    folders = {
+        method: folder_of(method, Path(method)) for method in ("taau", "classifier-small", "guided-warp")
+    }
+    texts = {method: described(folder) for method, folder in folders.items()}
+    texts["classifier-small"]["parity"] = {}  # which nobody reads
+
+    def run(case: int) -> None:
+        rng, method = np.random.default_rng(case), list(folders)[case % len(folders)]
+        folder, description = folders[method], texts[method]
+        for _ in range(int(rng.integers(1, 3))):
+            description = replaced(description, rng)
+        describe(folder, description)
+        if rng.random() < 0.1:
+            (folder / "model.json").write_bytes(damaged((folder / "model.json").read_bytes(), rng))
+        if method == "guided-warp":
+            Extrapolator(folder, ["CPUExecutionProvider"], 1)
+        else:
+            step(Model.load(folder, threads=1))
+
+    return run
+
+
+def prepare_networks() -> Callable[[int], object]:
+    folder = folder_of("classifier-small", Path("classifier-small"))
+    network = (folder / "network.npz").read_bytes()
+    arrays = dict(np.load(folder / "network.npz"))
+
+    def run(case: int) -> None:
+        rng = np.random.default_rng(case)
+        if case % 2:
+            replace_file(folder, "network.npz", damaged(network, rng))
+        else:
+            name = str(rng.choice(list(arrays)))
+            np.savez(folder / "made.npz", **{**arrays, name: _another(arrays[name], rng)})
+            replace_file(folder, "network.npz", (folder / "made.npz").read_bytes())
+        step(Model.load(folder, threads=1, executor="host"))
+
+    return run
+
+
+def _another(array: Any, rng: Rng) -> Any:
+    match int(rng.integers(0, 5)):
+        case 0:
+            return array[..., 1:]
+        case 1:
+            return np.zeros([int(rng.choice([0, 1, 8, 64])) for _ in array.shape], array.dtype)
+        case 2:
+            return array.astype(str(rng.choice(["f2", "f8", "i1", "i4", "u1", "O"])))
+        case 3:
+            return array.T
+        case _:
+            changed = array.copy()
+            extreme = np.float64(rng.choice([np.nan, np.inf, -1, 1e38, 127]))
+            with np.errstate(all="ignore"):
+                changed[rng.random(array.shape) < 0.3] = extreme.astype(array.dtype)
+            return changed
+
+
+def prepare_graphs() -> Callable[[int], object]:
+    folder = folder_of("bilinear", Path("bilinear"))
+    graphs = [(find_model(method) / "step.onnx").read_bytes() for method in ("bilinear", "taa")]
+
+    def run(case: int) -> None:
+        rng = np.random.default_rng(case)
+        content = damaged(graphs[case % 2], rng)
+        refused = refusal_of(content) is not None
+        replace_file(folder, "step.onnx", content)
+        read_model_info(folder)
+        Model.load(folder, threads=1)
+        assert not refused
+
+    return run
+
+
+def test_no_model_json_harms_who_loads_it() -> None:
+    assert run_apart(prepare_descriptions, examples(60)) == []
+
+
+def test_no_network_file_harms_who_loads_it() -> None:
+    assert run_apart(prepare_networks, examples(30)) == []
+
+
+def test_no_graph_file_harms_who_loads_it() -> None:
+    assert run_apart(prepare_graphs, examples(60)) == []

@@ -1,0 +1,208 @@
+"""A state is taken whole or refused; what a stranger put into it never reaches kernels."""
+
+import pickle
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from still_states import FRAMES, frame, loaded, still_state, upscaler
+from supersampler import ArgumentError, Upscaler
+from supersampler.host.stillness import PHASES
+from supersampler.state import STATE_VERSION, State
+
+STILL = (
+    "still.frames", "still.jitter", "still.when", "still.sums", "still.same", "still.matched", "still.tiles",
+    "still.looks", "still.looked",
+)  # fmt: skip
+CUTS: dict[str, Callable[[Any], Any]] = {
+    "gone": lambda _: None,
+    "empty": lambda array: array[..., :0] if array.ndim else np.zeros(0, array.dtype),
+    "cut": lambda array: array[..., 1:] if array.ndim else np.zeros(1, array.dtype),
+    "an axis more": lambda array: array[None],
+    "of another type": lambda array: np.zeros(array.shape, np.float16),
+    "of objects": lambda array: array.astype(object),
+    "masked": np.ma.MaskedArray,
+    "a list": lambda array: array.tolist(),
+    "of the other byte order": lambda array: array.astype(array.dtype.newbyteorder()),
+}
+
+
+def with_array(state: State, name: str, array: Any, field: str = "history") -> State:
+    arrays: Mapping[str, Any] = getattr(state, field)
+    changed = {**arrays, name: array} if array is not None else {n: a for n, a in arrays.items() if n != name}
+    return replace(state, **{field: changed})  # type: ignore[arg-type]
+
+
+def with_values(state: State, name: str, value: Any, field: str = "history") -> State:
+    array = getattr(state, field)[name].copy()
+    array[(0,) * array.ndim] = value
+    return with_array(state, name, array, field)
+
+
+def assert_refused(state: Any, match: str) -> None:
+    """By an Upscaler, which goes on as if it had never seen it."""
+    one, other = upscaler(), upscaler()
+    for each in (one, other):
+        each.load_state(still_state())
+    with pytest.raises(ArgumentError, match=match):
+        one.load_state(state)
+    np.testing.assert_array_equal(one.step(frame(FRAMES)), other.step(frame(FRAMES)))
+
+
+def test_the_state_of_these_tests_holds_all_that_there_is() -> None:
+    state = still_state()
+    assert state.version == STATE_VERSION
+    assert {*STILL, "history.color", "history.carry"} <= set(state.history or ())
+    assert (state.history or {})["still.looked"].any()
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize("name", [*STILL, "history.color", "history.jitter", "history.carry"])
+def test_an_array_that_is_not_as_the_method_has_it_is_refused(name: str, cut: str) -> None:
+    state = still_state()
+    array = CUTS[cut]((state.history or {})[name])
+    if array is None and name == "history.carry":
+        return  # which a state need not have
+    if cut == "of the other byte order" and array.dtype.itemsize == 1:
+        return
+    assert_refused(with_array(state, name, array), f"'{name.replace('.', '[.]')}'")
+
+
+@pytest.mark.parametrize("cut", CUTS)
+@pytest.mark.parametrize("name", ["history.color", "history.motion"])
+def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -> None:
+    state = still_state()
+    array = CUTS[cut]((state.shaded or {})[name])
+    if cut == "cut" and name == "history.motion":
+        array = array[:, :1]  # of another size it is that of another frame before
+    assert_refused(with_array(state, name, array, "shaded"), "state.shaded is with.* 'history")
+
+
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("history.color", np.nan),
+        ("history.samples", np.inf),
+        ("history.surface", -np.inf),
+        ("history.carry", np.nan),
+        ("history.jitter", 0.51),
+        ("history.exposure", -1.0),
+        ("still.looks", np.nan),
+        ("still.frames", 0),
+        ("still.frames", 2**62),
+        ("still.jitter", np.nan),
+        ("still.when", -1),
+        ("still.when", FRAMES),
+        ("still.matched", -1),
+    ],
+)
+def test_a_value_that_no_frame_leaves_is_refused(name: str, value: Any) -> None:
+    assert_refused(with_values(still_state(), name, value), f"'{name.replace('.', '[.]')}'")
+
+
+def test_a_truth_value_of_another_byte_is_refused() -> None:
+    tiles = (still_state().history or {})["still.tiles"]
+    strange = np.full(tiles.shape, 7, np.uint8).view(bool)
+    assert_refused(with_array(still_state(), "still.tiles", strange), "still.tiles.*bytes")
+
+
+def test_pixels_of_a_shaded_frame_that_are_none_are_taken_as_a_frames_are() -> None:
+    one, color = upscaler(), np.array(frame(0).color)
+    color[3, 4] = np.nan
+    one.step(frame(0, color=color))
+    other = upscaler()
+    other.load_state(one.save_state())
+    drawn = [each.extrapolate(frame(1, color=None)) for each in (one, other)]
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+    assert np.isfinite(drawn[0]).all()
+    assert_refused(with_values(still_state(), "history.jitter", np.nan, "shaded"), "history.jitter")
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        ({"version": 0}, "state is of version 0; want 1"),
+        ({"version": True}, "version True"),
+        ({"version": "1"}, "version '1'"),
+        ({"method": "taa"}, "of 'taa'"),
+        ({"method": None}, "of None"),
+        ({"method": []}, r"of \[\]"),
+        ({"display_size": (2**40, 2**40)}, "state.display_size is"),
+        ({"display_size": "80x48"}, "state.display_size is '80x48'"),
+        ({"display_size": (80.0, 48)}, "state.display_size"),
+        ({"display_size": None}, "at None"),
+        ({"render_size": None}, "without display_size or render_size"),
+        ({"render_size": (0, 24)}, "state.render_size is"),
+        ({"render_size": (2**40, 1)}, "state.render_size is"),
+        ({"render_size": (41, 24)}, "history.surface"),
+        ({"history": 7}, "state is int; want arrays by name"),
+        ({"history": []}, "state is list"),
+        ({"history": {1: np.zeros(1)}}, "with 1"),
+        ({"shaded": "x"}, "state.shaded is str"),
+        ({"shaded": {}}, "without 'history.color'"),
+    ],
+)
+def test_a_field_that_is_not_a_states_is_refused(changes: dict[str, Any], match: str) -> None:
+    assert_refused(replace(still_state(), **changes), match)
+
+
+def test_an_array_of_no_known_name_is_refused() -> None:
+    state = still_state()
+    assert_refused(
+        with_array(state, "still.speed", np.zeros(1)), "with 'still.speed'; want only history.color"
+    )
+    assert_refused(with_array(state, "history.more", np.zeros(1), "shaded"), "with 'history.more'")
+
+
+def test_a_state_that_was_pickled_before_states_had_a_version_is_refused() -> None:
+    old = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
+    del vars(old)["version"]
+    assert_refused(pickle.loads(pickle.dumps(old)), "of version None; want 1")  # noqa: S301
+
+
+def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
+    """By numpy's strides a value may pass for an image of any size."""
+    side = 1 << 14
+    claimed = np.broadcast_to(np.float32(0.5), (1, 3, side, side))
+    state = replace(
+        still_state(), shaded=None, history={"history.color": claimed}, display_size=(side, side * 2)
+    )
+    with pytest.raises(ArgumentError, match=r"state\.display_size"):
+        Upscaler(loaded("taa", "host"), scale=2.0).load_state(replace(state, method="taa"))
+    wide = {name: np.broadcast_to(np.float32(0.0), (*a.shape[:2], 1 << 16, 40)) for name, a in _images()}
+    assert_refused(
+        replace(still_state(), shaded={**(still_state().shaded or {}), **wide}), "each named extent"
+    )
+
+
+def _images() -> list[tuple[str, Any]]:
+    return [(name, array) for name, array in (still_state().shaded or {}).items() if array.ndim == 4]
+
+
+def test_a_state_shares_no_memory_with_whoever_loads_it() -> None:
+    state = pickle.loads(pickle.dumps(still_state()))  # noqa: S301  # of our own
+    one, other = upscaler(), upscaler()
+    one.load_state(state)
+    other.load_state(still_state())
+    for arrays in (state.history, state.shaded):
+        for array in (arrays or {}).values():
+            array[...] = 0
+    for index in (FRAMES - 1, FRAMES):
+        np.testing.assert_array_equal(one.step(frame(index)), other.step(frame(index)))
+    drawn = [each.extrapolate(frame(9, color=None, reset=False)) for each in (one, other)]
+    np.testing.assert_array_equal(drawn[0], drawn[1])
+
+
+def test_phases_of_a_stranger_are_bounded() -> None:
+    state, count = still_state(), PHASES + 50
+    history = dict(state.history or {})
+    history["still.jitter"] = np.linspace(-0.5, 0.5, 2 * count).reshape(count, 2)
+    history["still.when"] = np.zeros(count, np.int64)
+    history["still.sums"] = np.repeat(history["still.sums"][:1], count, axis=0)
+    one = upscaler()
+    one.load_state(replace(state, history=history))
+    one.step(frame(1))
+    assert len((one.save_state().history or {})["still.when"]) <= PHASES

@@ -1,0 +1,57 @@
+"""States that hold all that a state may: of a still scene, with channels carried and a shaded frame."""
+
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from noise import noise
+from supersampler import Frame, Model, Upscaler
+from supersampler.state import State
+
+RENDER, DISPLAY = (40, 24), (80, 48)
+FRAMES = 35  # enough for a second look at tiles that have not changed
+
+
+@lru_cache
+def loaded(method: str, executor: str) -> Model:
+    return Model.load(method, executor=executor, threads=2)  # type: ignore[arg-type]
+
+
+def upscaler(method: str = "taau", executor: str = "host") -> Upscaler:
+    model = loaded(method, executor)
+    return Upscaler(model, display_size=DISPLAY, validate="off", extrapolation="guided-warp")
+
+
+def frame(index: int, **overrides: Any) -> Frame:
+    """A frame of a scene that stands still, with a jitter of period one; beyond FRAMES it moves."""
+    w, h = RENDER
+    gbuffer = {"base_color": np.full((h, w, 3), 0.5, np.float32), "normal": np.zeros((h, w, 3), np.float32)}
+    fields: dict[str, Any] = {
+        "jitter": (0.25, -0.25),
+        "exposure": 1.0,
+        "reset": index == 0,
+        "gbuffer": gbuffer,
+    }
+    if index < FRAMES:
+        fields["motion"] = np.zeros((h, w, 2), np.float32)
+    return noise(1, RENDER, **{**fields, **overrides})
+
+
+@lru_cache
+def still_state(method: str = "taau", executor: str = "host") -> State:
+    """The state after FRAMES frames; with `still.looks` where kernels ran."""
+    made = upscaler(method, executor)
+    for index in range(FRAMES):
+        made.step(frame(index))
+    made.step(frame(FRAMES - 1, carry=np.ones((*RENDER[::-1], 2), np.float32)), want=("carry",))
+    carry = made.save_state().history
+    assert carry is not None
+    made.reset()
+    for index in range(FRAMES):
+        made.step(frame(index))
+    state = made.save_state()
+    assert state.history is not None
+    assert state.shaded is not None
+    history = {**state.history, "history.carry": carry["history.carry"]}
+    return State(state.method, state.display_size, state.render_size, history, dict(state.shaded))
