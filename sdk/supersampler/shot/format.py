@@ -62,6 +62,11 @@ class FrameEntry:
     shaded: bool = True
 
 
+def files_of(entry: FrameEntry) -> list[str]:
+    """Return the files of a frame, relative to the shot's folder."""
+    return [name for name in (entry.file, entry.display_file, entry.reference) if name]
+
+
 def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     """Read and check a shot.json.
 
@@ -161,7 +166,7 @@ def _file(keys: JsonKeys, key: str) -> str:
 def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:
     seen: dict[str, int] = {}
     for index, entry in enumerate(entries):
-        for name in filter(None, (entry.file, entry.display_file, entry.reference)):
+        for name in files_of(entry):
             if name in seen:
                 problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
                 raise ShotError(path, problem, "Each frame has its own files.")

@@ -93,6 +93,11 @@ class Shot:
         return self.info.name
 
     @property
+    def source(self) -> Path:
+        """The folder or file that its frames are read from."""
+        return self.path.parent if self.path.suffix == ".json" else self.path
+
+    @property
     def render_size(self) -> Size:
         """(width, height) of the frames; a frame of another size says so itself."""
         return self.info.render_size
@@ -185,7 +190,7 @@ class Shot:
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:
-            folder = self.path if self.path.is_dir() else self.path.parent
+            folder = self.source if self.source.is_dir() else self.source.parent
             file = folder / self._entries[index].file
             raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)

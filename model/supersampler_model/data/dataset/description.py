@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from supersampler.files import replacing
+from supersampler.files import is_there, replacing
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec
@@ -137,12 +137,19 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
     """Begin a set, or take up one of the same description.
 
     Raises:
-        DatasetError: a set of another description is there, or one drawn from files that have changed.
+        DatasetError: a set of another description is there, or one drawn from files that have changed; or
+            folders of no set are in the way.
     """
     path = folder / FILE_NAME
-    if path.exists():
+    if is_there(path):
         _check_same(path, open_dataset(folder).description, description)
     else:
+        for entry in description.sequences:
+            if is_there(folder / entry.folder):
+                hint = "Move it away, or choose another folder."
+                raise DatasetError(
+                    folder / entry.folder, f"is there already, and no {FILE_NAME} lists it", hint
+                )
         with replacing(path) as partial:
             partial.write_text(json.dumps(description.to_json(), indent=1) + "\n", encoding="utf-8")
     return Dataset(folder, description)
