@@ -1,6 +1,7 @@
 # make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
 # make test   all tests
 # make check  style and types
+# make fuzz   fuzz tests at length: SUPERSAMPLER_FUZZ cases each
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -8,13 +9,16 @@ RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test check clean
+.PHONY: demo test fuzz check clean
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
 
 test: $(DEVELOPMENT)
 	.venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope
+
+fuzz: $(DEVELOPMENT)
+	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} .venv-dev/bin/pytest -q tests/fuzz
 
 check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .
