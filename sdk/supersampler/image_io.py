@@ -1,7 +1,8 @@
 """Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic."""
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,6 +12,7 @@ from OpenImageIO import ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
 from supersampler.files import NO_ROOM, replacing
+from supersampler.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, image_size_problem
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Channel: TypeAlias = NDArray[Any]
@@ -34,28 +36,26 @@ def read_exr(
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, cut off, not an image, cropped, or deep.
+        ShotError: the file is missing, cut off, no EXR, cropped, or deep; its parts differ in size; or it has
+            more pixels or channels than `supersampler.limits` allows.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
-    source = _opened(path)
-    try:
-        for part, names in enumerate(_part_names(source)):
+    with _opened(path) as source:
+        for part, names in enumerate(_part_names(source, path)):
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
                 image.update(_read_part(source, part, names, chosen, path))
-    finally:
-        source.close()
+    if len(sizes := {(array.shape[1], array.shape[0]) for array in image.values()}) > 1:
+        found = " and ".join(f"{width}x{height}" for width, height in sorted(sizes))
+        raise ShotError(path, f"has parts of several sizes, {found}", "Write those that belong together.")
     return image
 
 
 def read_exr_channels(path: Path | str) -> list[str]:
     """Return the names that `read_exr` would, from the file's header alone."""
-    source = _opened(path)
-    try:
-        return [name for names in _part_names(source) for name in names]
-    finally:
-        source.close()
+    with _opened(path) as source:
+        return [name for names in _part_names(source, path) for name in names]
 
 
 def write_exr(
@@ -125,24 +125,51 @@ def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
         return path.read_bytes()
 
 
-def _opened(path: Path | str) -> ImageInput:
-    if not Path(path).is_file():
-        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
-    source = ImageInput.open(str(path))
-    if source is None:
-        raise ShotError(path, f"is not an image that can be read ({_first_line(geterror())})", _DAMAGED)
-    return source
+@contextmanager
+def _opened(path: Path | str) -> Iterator[ImageInput]:
+    """Open an EXR file; what its decoder raises inside becomes a ShotError.
+
+    The first bytes are looked at before: OpenImageIO would try every other decoder that it has.
+    """
+    try:
+        if not Path(path).is_file():
+            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+        with Path(path).open("rb") as file:
+            begins = file.read(len(_MAGIC))
+        if begins != _MAGIC:
+            raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
+        source = ImageInput.open(str(path))
+        if source is None:
+            raise ShotError(path, f"is not an image that can be read ({_first_line(geterror())})", _DAMAGED)
+        try:
+            yield source
+        finally:
+            source.close()
+    except MemoryError as error:
+        raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
+    except UnicodeDecodeError as error:
+        raise ShotError(path, f"has a name that is not UTF-8 ({error})", _DAMAGED) from error
+    except OSError as error:
+        if isinstance(error, ShotError):
+            raise
+        raise ShotError(path, f"cannot be read ({error})") from error
 
 
+_MAGIC = b"v/1\x01"
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 
 
-def _part_names(source: ImageInput) -> list[list[str]]:
+def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
     """Channel names of each part; the part's name in front where a multi-part file needs it."""
     parts: list[tuple[str, list[str]]] = []
+    count = 0
     while source.seek_subimage(len(parts), 0):
         spec = source.spec()
         parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
+        count += spec.nchannels
+        if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
+            limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
+            raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
     source.geterror()  # the seek past the last part leaves a message behind
     if len(parts) == 1:
         return [parts[0][1]]
@@ -157,6 +184,8 @@ def _read_part(
 ) -> dict[str, Channel]:
     source.seek_subimage(part, 0)
     spec = source.spec()
+    if (problem := image_size_problem(spec.width, spec.height)) is not None:
+        raise ShotError(path, problem, _DAMAGED)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
     window = (spec.x, spec.y, spec.width, spec.height)
@@ -166,6 +195,9 @@ def _read_part(
         raise ShotError(path, problem, "Render without a crop region and without overscan.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
+    size = spec.width * spec.height * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
+    if size > IMAGE_BYTES:
+        raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
         raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
