@@ -1,7 +1,7 @@
 """Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic."""
 
 import tempfile
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
@@ -36,8 +36,8 @@ def read_exr(
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, cut off, no EXR, cropped, or deep; its parts differ in size; or it has
-            more pixels or channels than `supersampler.limits` allows.
+        ShotError: the file is missing, cut off, no EXR, cropped, or deep, or has more pixels or
+            channels than `supersampler.limits` allows.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
@@ -46,9 +46,6 @@ def read_exr(
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
                 image.update(_read_part(source, part, names, chosen, path))
-    if len(sizes := {(array.shape[1], array.shape[0]) for array in image.values()}) > 1:
-        found = " and ".join(f"{width}x{height}" for width, height in sorted(sizes))
-        raise ShotError(path, f"has parts of several sizes, {found}", "Write those that belong together.")
     return image
 
 
@@ -140,21 +137,20 @@ def _opened(path: Path | str) -> Iterator[ImageInput]:
             raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
         source = ImageInput.open(str(path))
         if source is None:
-            raise ShotError(path, f"is not an image that can be read ({_first_line(geterror())})", _DAMAGED)
+            raise ShotError(path, f"is not an image that can be read ({_reason(geterror)})", _DAMAGED)
         try:
             yield source
         finally:
             source.close()
     except MemoryError as error:
         raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
-    except UnicodeDecodeError as error:
-        raise ShotError(path, f"has a name that is not UTF-8 ({error})", _DAMAGED) from error
     except OSError as error:
         if isinstance(error, ShotError):
             raise
         raise ShotError(path, f"cannot be read ({error})") from error
 
 
+_NO_REASON = "no reason given"
 _MAGIC = b"v/1\x01"
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 
@@ -170,7 +166,7 @@ def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
         if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
             limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
             raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
-    source.geterror()  # the seek past the last part leaves a message behind
+    _reason(source.geterror)  # the seek past the last part leaves a message behind
     if len(parts) == 1:
         return [parts[0][1]]
     return [
@@ -200,7 +196,7 @@ def _read_part(
         raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
-        raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
+        raise ShotError(path, f"cannot be read to its end ({_reason(source.geterror)})", _DAMAGED)
     return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
 
 
@@ -249,13 +245,20 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
     with replacing(path) as partial:
         target = ImageOutput.create(str(partial))
         if target is None:
-            raise ShotError(path, f"cannot be written ({_first_line(geterror())})")
+            raise ShotError(path, f"cannot be written ({_reason(geterror)})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = target.geterror()  # the PNG writer says True on a full disk, and leaves a message
-        if not (target.close() and done) or message:
-            reason = _first_line(message or target.geterror()).replace(partial.name, Path(path).name)
+        left = _reason(target.geterror)  # the PNG writer says True on a full disk, and leaves a message
+        if not (target.close() and done) or left != _NO_REASON:
+            reason = (left if left != _NO_REASON else _reason(target.geterror)).replace(
+                partial.name, Path(path).name
+            )
             raise ShotError(path, f"cannot be written ({reason})", NO_ROOM)
 
 
-def _first_line(message: str) -> str:
-    return message.strip().splitlines()[0] if message.strip() else "no reason given"
+def _reason(last_error: Callable[[], str]) -> str:
+    """Return the first line of OpenImageIO's last message."""
+    try:
+        message = last_error().strip()
+    except UnicodeDecodeError:  # it quotes bytes of the file
+        return "it holds text that is not UTF-8"
+    return message.splitlines()[0] if message else _NO_REASON

@@ -42,7 +42,7 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
         ShotError: the file is missing or damaged, or a tensor is missing or of another shape.
     """
     path = Path(path)
-    tensors = open_safetensors(path)
+    tensors, _ = open_safetensors(path)
     _check_shapes(path, tensors)
     _check_values(path, tensors)
     count, _, height, width = tensors["colour_linear"].shape

@@ -18,19 +18,21 @@ _TYPES = {
 _HINT = "The file is damaged or cut off; copy it again."
 
 
-def open_safetensors(path: Path) -> dict[str, NDArray[Any]]:
-    """Return tensor name to memory-mapped array: pixels are read when they are touched, and only those.
+def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return tensor name to memory-mapped array, and the file's metadata.
+
+    Values are read when they are touched, and only those; the arrays are not to be written to.
 
     Raises:
         ShotError: the file is missing, cut off, or not of this format.
     """
-    if not path.is_file():
-        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
     try:
+        if not path.is_file():
+            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
         size = path.stat().st_size
         if size < 8:
             raise ShotError(path, "is not a safetensors file", _HINT)
-        content = np.memmap(path, np.uint8, mode="r")
+        content = np.asarray(np.memmap(path, np.uint8, mode="r"))
     except ShotError:
         raise
     except (OSError, ValueError) as error:
@@ -42,8 +44,8 @@ def open_safetensors(path: Path) -> dict[str, NDArray[Any]]:
         raise ShotError(path, f"has a header of {start} bytes; want at most {JSON_BYTES}", _HINT)
     try:
         header: dict[str, dict[str, Any]] = json.loads(content[8:start].tobytes())
-        header.pop("__metadata__", None)
-        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}
+        metadata = header.pop("__metadata__", {})
+        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}, metadata
     except (ValueError, TypeError, AttributeError, KeyError, OverflowError, RecursionError) as error:
         raise ShotError(path, f"has a header or tensor that cannot be read ({error})", _HINT) from error
 

@@ -328,11 +328,10 @@ def test_a_small_file_that_claims_much_is_refused_before_room_is_made(tmp_path: 
     )
     assert "accessor 4: all arrays come to more than" in message_of(file, tmp_path)
     file = cube()
-    shared = file.array(np.zeros((3000, 16)))
-    file.add("skins", joints=[0], inverseBindMatrices=shared)
-    file.json["nodes"] = [{"mesh": index, "skin": 0} for index in range(1000)]
-    file.json["meshes"] = [file.json["meshes"][0]] * 1000
-    file.json["scenes"][0]["nodes"] = list(range(1000))
+    times = file.array(np.arange(5000.0))
+    sampler = {"input": times, "output": file.array(np.ones((5000, 3)))}
+    channels = [{"sampler": 0, "target": {"node": 0, "path": "scale"}}] * 2000
+    file.add("animations", samplers=[sampler], channels=channels)
     assert "all arrays come to more than" in message_of(file, tmp_path)
 
 
