@@ -8,7 +8,7 @@ import os
 import re
 import secrets
 import stat
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
@@ -55,6 +55,22 @@ def remove_partial_files(folder: Path, names: re.Pattern[str], below: Iterable[s
             found = _PARTIAL_NAME.fullmatch(path.name)
             if found and names.fullmatch(found[1] + found[2]) and is_regular(path):
                 remove_files([path])
+
+
+def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
+    """Raise where something is at `path` that this package did not write.
+
+    Args:
+        path: a file that is to be replaced, there or not.
+        is_ours: tells it by its content.
+        what: it should be, "a record of `bench ... --json`" say.
+
+    Raises:
+        ShotError: names the file.
+    """
+    if is_there(path) and not (is_regular(path) and is_ours(path)):
+        hint = "Move it away, or choose another name."
+        raise ShotError(path, f"is there already, and is not {what}", hint)
 
 
 def remove_files(paths: Iterable[Path]) -> None:

@@ -137,7 +137,9 @@ def _opened(path: Path | str) -> Iterator[ImageInput]:
             raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
         source = ImageInput.open(str(path))
         if source is None:
-            raise ShotError(path, f"is not an image that can be read ({_reason(geterror)})", _DAMAGED)
+            raise ShotError(
+                path, f"is not an image that can be read ({_reason(geterror) or _NO_REASON})", _DAMAGED
+            )
         try:
             yield source
         finally:
@@ -196,7 +198,9 @@ def _read_part(
         raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
-        raise ShotError(path, f"cannot be read to its end ({_reason(source.geterror)})", _DAMAGED)
+        raise ShotError(
+            path, f"cannot be read to its end ({_reason(source.geterror) or _NO_REASON})", _DAMAGED
+        )
     return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
 
 
@@ -245,20 +249,19 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
     with replacing(path) as partial:
         target = ImageOutput.create(str(partial))
         if target is None:
-            raise ShotError(path, f"cannot be written ({_reason(geterror)})")
+            raise ShotError(path, f"cannot be written ({_reason(geterror) or _NO_REASON})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        left = _reason(target.geterror)  # the PNG writer says True on a full disk, and leaves a message
-        if not (target.close() and done) or left != _NO_REASON:
-            reason = (left if left != _NO_REASON else _reason(target.geterror)).replace(
-                partial.name, Path(path).name
-            )
+        message = _reason(target.geterror)  # the PNG writer says True on a full disk, and leaves a message
+        if not (target.close() and done) or message:
+            reason = message or _reason(target.geterror) or _NO_REASON
+            reason = reason.replace(partial.name, Path(path).name)
             raise ShotError(path, f"cannot be written ({reason})", NO_ROOM)
 
 
 def _reason(last_error: Callable[[], str]) -> str:
-    """Return the first line of OpenImageIO's last message."""
+    """Return the first line of OpenImageIO's last message, which this takes away; "" where there is none."""
     try:
         message = last_error().strip()
     except UnicodeDecodeError:  # it quotes bytes of the file
         return "it holds text that is not UTF-8"
-    return message.splitlines()[0] if message else _NO_REASON
+    return message.splitlines()[0] if message else ""

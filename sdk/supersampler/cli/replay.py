@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import ExecutorChoice, Format, PrecisionName, parse_providers, size_text
+from supersampler.cli.arguments import (
+    ExecutorChoice,
+    Format,
+    PrecisionName,
+    parse_providers,
+    printable,
+    size_text,
+)
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -90,8 +97,7 @@ def replay(
 
 
 def _say(line: str) -> None:
-    """Print a line; a stranger's file has no say over the terminal."""
-    typer.echo("".join(character if character.isprintable() else "?" for character in line))
+    typer.echo(printable(line))
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":

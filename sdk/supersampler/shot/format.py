@@ -85,10 +85,8 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     info = _info(header)
     frames = header.take("frames", list)
     header.check_no_more()
-    if len(frames) > SHOT_FRAMES:
-        raise ShotError(
-            path, f"lists {len(frames)} frames; want at most {SHOT_FRAMES}", "Cut the shot in two."
-        )
+    if not 1 <= len(frames) <= SHOT_FRAMES:
+        raise ShotError(path, f"lists {len(frames)} frames; want 1 to {SHOT_FRAMES}")
     entries = [_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
     _check_listed_once(path, entries)
     return info, entries

@@ -6,7 +6,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
+from supersampler.errors import ShotError
 from supersampler.files import is_there, replacing
+from supersampler.shot.json_keys import read_json
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec
@@ -163,13 +165,14 @@ def open_dataset(folder: Path) -> Dataset:
     """
     path = folder / FILE_NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if content["version"] != VERSION:
             raise DatasetError(path, f"version {content['version']}, this code reads {VERSION}")
         return Dataset(folder, Description.from_json(content))
-    except FileNotFoundError as error:
-        raise DatasetError(path, "is not there", "`supersampler render` makes training sets.") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except ShotError as error:
+        problem = error.problem if is_there(path) else "is not there"
+        raise DatasetError(path, problem, "`supersampler render` makes training sets.") from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
 
 
