@@ -6,6 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
+from supersampler.files import check_ours
 from supersampler_bench.cli_shared import ERRORS
 from supersampler_bench.record import read_record
 
@@ -68,10 +69,11 @@ def report(
       supersampler bench report --quick -o here.html
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.shot import shipped_shot
-    from supersampler_bench.page import write_page
+    from supersampler_bench.page import is_page, write_page
     from supersampler_bench.pictures import split_view
     from supersampler_bench.tables import RESULTS, SHIPPED_PARETO, read_records
 
+    check_ours(output, is_page, "a page of `bench report`")
     if quick:
         from supersampler_bench.quick import measure_quickly
 

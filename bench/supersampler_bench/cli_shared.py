@@ -8,12 +8,24 @@ import typer
 from rich.console import Console
 
 from supersampler.errors import ArgumentError
+from supersampler.files import check_ours
 from supersampler.model import ExecutorName
-from supersampler_bench.record import Record, setting, write_json
+from supersampler_bench.record import Record, is_record, setting, write_json
 from supersampler_bench.table import find_block, update_blocks
 
 ERRORS = Console(stderr=True, highlight=False)
-JSON = Annotated[Path | None, typer.Option(help="Write all values and their setting here.")]
+
+
+def _checked_json(path: Path | None) -> Path | None:
+    """Fail now, not after minutes, where a file that is no record has this name."""
+    if path is not None:
+        check_ours(path, is_record, "a record of `bench ... --json`")
+    return path
+
+
+JSON = Annotated[
+    Path | None, typer.Option(help="Write all values and their setting here.", callback=_checked_json)
+]
 UPDATE = Annotated[
     Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
 ]

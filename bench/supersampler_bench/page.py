@@ -61,6 +61,16 @@ _OPENED = ("pareto", "speed")
 _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 
 
+def is_page(path: Path) -> bool:
+    """Tell whether a file begins as pages of `write_page` do."""
+    head = files("supersampler_bench").joinpath("report.html").read_bytes().partition(b"</title>")[0]
+    try:
+        with path.open("rb") as file:
+            return file.read(len(head)) == head
+    except OSError:
+        return False
+
+
 def write_page(path: Path, records: Mapping[str, Record], results: Path, pictures: str) -> None:
     """Write the page, whole or not at all.
 

@@ -14,6 +14,7 @@ from supersampler.errors import ShotError
 from supersampler.files import replacing
 from supersampler.frame import Size
 from supersampler.shot import Shot
+from supersampler.shot.json_keys import read_json
 from supersampler_model.data.shots import variant_name
 
 NAME = "test-shots"
@@ -218,7 +219,12 @@ def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
 
 
 def _json(path: Path) -> dict[str, Any]:
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+    if not path.exists():
+        return {}
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise ShotError(path, "is no description: want an object {...}", _HOW)
+    return content
 
 
 def _arrays(raw: RawFrame) -> dict[str, Any]:

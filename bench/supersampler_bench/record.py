@@ -100,9 +100,18 @@ def read_record(path: Path) -> dict[str, Any]:
         record = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(record["bench"], str):
             return dict(record)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
         raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
     raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
+
+
+def is_record(path: Path) -> bool:
+    """Tell whether a file is a record that a bench command wrote."""
+    try:
+        read_record(path)
+    except ArgumentError:
+        return False
+    return True
 
 
 def write_json(record: Record, path: Path) -> None:

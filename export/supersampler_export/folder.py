@@ -4,7 +4,7 @@ import dataclasses
 import hashlib
 import json
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +12,10 @@ import onnx
 import torch
 
 from supersampler import __version__
+from supersampler.errors import ShotError
+from supersampler.files import check_ours
 from supersampler.model_info import CONTRACT, DRAWN
+from supersampler.shot.json_keys import read_json
 from supersampler_export.count import multiply_adds
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -46,13 +49,31 @@ def write_model_folder(method: Method, folder: Path) -> None:
 
     Raises:
         ExportError: opset, operators or parity are not as they must be; nothing is written.
+        ShotError: files that no export wrote are in the way; likewise.
     """
     drawn = method.on_drawn()
     inner = {} if drawn is None else {f"{DRAWN}/{name}": made for name, made in _made(drawn, {}).items()}
     content = {**inner, **_made(method, inner)}
+    _check_free(folder, content)
     (folder / DRAWN if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
         _replace(folder / name, made)
+
+
+def _check_free(folder: Path, names: Iterable[str]) -> None:
+    """Raise where a file is in the way that the model.json beside it does not list."""
+    for name in names:
+        check_ours(folder / name, _is_listed, "listed by a model.json beside it")
+
+
+def _is_listed(path: Path) -> bool:
+    try:
+        described = read_json(path.with_name("model.json"))
+    except ShotError:
+        return False
+    if not isinstance(described, dict) or "contract" not in described:
+        return False
+    return path.name in ("model.json", "MODEL_CARD.md", *described.get("files", ()))
 
 
 def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:

@@ -1,7 +1,8 @@
 """Image files by OpenImageIO: multi-channel EXR with its types kept, PNG and JPEG. Every write is atomic."""
 
 import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -11,6 +12,7 @@ from OpenImageIO import ImageInput, ImageOutput, ImageSpec, TypeDesc, geterror
 
 from supersampler.errors import ShotError
 from supersampler.files import NO_ROOM, replacing
+from supersampler.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, image_size_problem
 
 Bytes: TypeAlias = NDArray[np.uint8]
 Channel: TypeAlias = NDArray[Any]
@@ -34,28 +36,23 @@ def read_exr(
         Channel name to (h, w) array; half stays float16, float stays float32, uint stays uint32.
 
     Raises:
-        ShotError: the file is missing, cut off, not an image, cropped, or deep.
+        ShotError: the file is missing, cut off, no EXR, cropped, or deep, or has more pixels or
+            channels than `supersampler.limits` allows.
     """
     wanted, unwanted = None if only is None else frozenset(only), frozenset(without)
     image: dict[str, Channel] = {}
-    source = _opened(path)
-    try:
-        for part, names in enumerate(_part_names(source)):
+    with _opened(path) as source:
+        for part, names in enumerate(_part_names(source, path)):
             chosen = frozenset(names if wanted is None else wanted.intersection(names)) - unwanted
             if chosen:
                 image.update(_read_part(source, part, names, chosen, path))
-    finally:
-        source.close()
     return image
 
 
 def read_exr_channels(path: Path | str) -> list[str]:
     """Return the names that `read_exr` would, from the file's header alone."""
-    source = _opened(path)
-    try:
-        return [name for names in _part_names(source) for name in names]
-    finally:
-        source.close()
+    with _opened(path) as source:
+        return [name for names in _part_names(source, path) for name in names]
 
 
 def write_exr(
@@ -125,25 +122,53 @@ def encode_jpeg(image: Bytes, quality: int = 90) -> bytes:
         return path.read_bytes()
 
 
-def _opened(path: Path | str) -> ImageInput:
-    if not Path(path).is_file():
-        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
-    source = ImageInput.open(str(path))
-    if source is None:
-        raise ShotError(path, f"is not an image that can be read ({_first_line(geterror())})", _DAMAGED)
-    return source
+@contextmanager
+def _opened(path: Path | str) -> Iterator[ImageInput]:
+    """Open an EXR file; what its decoder raises inside becomes a ShotError.
+
+    The first bytes are looked at before: OpenImageIO would try every other decoder that it has.
+    """
+    try:
+        if not Path(path).is_file():
+            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+        with Path(path).open("rb") as file:
+            begins = file.read(len(_MAGIC))
+        if begins != _MAGIC:
+            raise ShotError(path, f"is not an EXR image (it begins with {begins!r})", _DAMAGED)
+        source = ImageInput.open(str(path))
+        if source is None:
+            raise ShotError(
+                path, f"is not an image that can be read ({_reason(geterror) or _NO_REASON})", _DAMAGED
+            )
+        try:
+            yield source
+        finally:
+            source.close()
+    except MemoryError as error:
+        raise ShotError(path, "claims more pixels than there is memory for", _DAMAGED) from error
+    except OSError as error:
+        if isinstance(error, ShotError):
+            raise
+        raise ShotError(path, f"cannot be read ({error})") from error
 
 
+_NO_REASON = "no reason given"
+_MAGIC = b"v/1\x01"
 _DAMAGED = "The file is damaged or cut off; write or copy it again."
 
 
-def _part_names(source: ImageInput) -> list[list[str]]:
+def _part_names(source: ImageInput, path: Path | str) -> list[list[str]]:
     """Channel names of each part; the part's name in front where a multi-part file needs it."""
     parts: list[tuple[str, list[str]]] = []
+    count = 0
     while source.seek_subimage(len(parts), 0):
         spec = source.spec()
         parts.append((spec.get_string_attribute("oiio:subimagename"), list(spec.channelnames)))
-    source.geterror()  # the seek past the last part leaves a message behind
+        count += spec.nchannels
+        if len(parts) > IMAGE_PARTS or count > IMAGE_CHANNELS:
+            limits = f"want at most {IMAGE_CHANNELS} in {IMAGE_PARTS}"
+            raise ShotError(path, f"has {count} channels or more in {len(parts)} parts or more; {limits}")
+    _reason(source.geterror)  # the seek past the last part leaves a message behind
     if len(parts) == 1:
         return [parts[0][1]]
     return [
@@ -157,6 +182,8 @@ def _read_part(
 ) -> dict[str, Channel]:
     source.seek_subimage(part, 0)
     spec = source.spec()
+    if (problem := image_size_problem(spec.width, spec.height)) is not None:
+        raise ShotError(path, problem, _DAMAGED)
     if spec.deep:
         raise ShotError(path, "holds deep pixels", "Write it with one value per pixel.")
     window = (spec.x, spec.y, spec.width, spec.height)
@@ -166,9 +193,14 @@ def _read_part(
         raise ShotError(path, problem, "Render without a crop region and without overscan.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]
+    size = spec.width * spec.height * (indices[-1] + 1 - begin) * np.dtype(np.float32).itemsize
+    if size > IMAGE_BYTES:
+        raise ShotError(path, f"has {size >> 30} GiB of pixels; want at most {IMAGE_BYTES >> 30}", _DAMAGED)
     pixels = source.read_image(part, 0, begin, indices[-1] + 1, "float")
     if pixels is None:
-        raise ShotError(path, f"cannot be read to its end ({_first_line(source.geterror())})", _DAMAGED)
+        raise ShotError(
+            path, f"cannot be read to its end ({_reason(source.geterror) or _NO_REASON})", _DAMAGED
+        )
     return {names[index]: _plane(source, part, index, pixels[..., index - begin]) for index in indices}
 
 
@@ -217,13 +249,19 @@ def _write(path: Path | str, spec: ImageSpec, pixels: NDArray[Any]) -> None:
     with replacing(path) as partial:
         target = ImageOutput.create(str(partial))
         if target is None:
-            raise ShotError(path, f"cannot be written ({_first_line(geterror())})")
+            raise ShotError(path, f"cannot be written ({_reason(geterror) or _NO_REASON})")
         done = target.open(str(partial), spec) and target.write_image(pixels)
-        message = target.geterror()  # the PNG writer says True on a full disk, and leaves a message
+        message = _reason(target.geterror)  # the PNG writer says True on a full disk, and leaves a message
         if not (target.close() and done) or message:
-            reason = _first_line(message or target.geterror()).replace(partial.name, Path(path).name)
+            reason = message or _reason(target.geterror) or _NO_REASON
+            reason = reason.replace(partial.name, Path(path).name)
             raise ShotError(path, f"cannot be written ({reason})", NO_ROOM)
 
 
-def _first_line(message: str) -> str:
-    return message.strip().splitlines()[0] if message.strip() else "no reason given"
+def _reason(last_error: Callable[[], str]) -> str:
+    """Return the first line of OpenImageIO's last message, which this takes away; "" where there is none."""
+    try:
+        message = last_error().strip()
+    except UnicodeDecodeError:  # it quotes bytes of the file
+        return "it holds text that is not UTF-8"
+    return message.splitlines()[0] if message else ""

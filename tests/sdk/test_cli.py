@@ -186,12 +186,6 @@ def test_overwrite_keeps_what_is_there_until_the_new_settings_are_known_to_do(
     assert pictures(tmp_path / "out") == before
 
 
-def test_pictures_of_unknown_origin_are_not_overwritten(shot: Path) -> None:
-    before = pictures(shot)
-    assert "is there already, and no upscale.json" in one_line(run("upscale", shot, "-o", shot))
-    assert pictures(shot) == before
-
-
 def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="dark", display_size=None, frame_rate=30) as writer:
         for index in range(2):

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from OpenImageIO import ImageInput, ImageOutput, ImageSpec
 
 from supersampler import ShotError
-from supersampler.files import remove_partial_files, replacing
+from supersampler.files import replacing
 from supersampler.image_io import encode_jpeg, encode_png, read_exr, read_exr_channels, write_exr, write_png
 
 HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
@@ -103,7 +103,7 @@ def test_a_file_that_is_cut_off_is_named(tmp_path: Path, kept: float) -> None:
 
 def test_a_text_file_is_not_an_image(tmp_path: Path) -> None:
     (tmp_path / "note.exr").write_text("hello")
-    with pytest.raises(ShotError, match=r"note\.exr: is not an image that can be read \(.+\)"):
+    with pytest.raises(ShotError, match=r"note\.exr: is not an EXR image"):
         read_exr(tmp_path / "note.exr")
 
 
@@ -197,14 +197,6 @@ def test_a_folder_that_is_a_file_is_named_in_the_error(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(ShotError, match=r"image\.png: cannot be written \(.+\)\. Is the disk full"):
         write_png(tmp_path / "file" / "image.png", BYTES)
-
-
-def test_what_a_killed_run_left_is_removed(tmp_path: Path) -> None:
-    (tmp_path / "below").mkdir()
-    for name in (".a.12.partial.exr", "below/.b.34.partial.json", "below/kept.exr"):
-        (tmp_path / name).write_text("")
-    remove_partial_files(tmp_path)
-    assert [path.name for path in tmp_path.rglob("*.*")] == ["kept.exr"]
 
 
 def write_half_and_stop(path: Path) -> None:

@@ -158,6 +158,6 @@ def test_motion_of_display_size_is_read_from_its_own_file(tmp_path: Path) -> Non
         tmp_path, MAP, conventions=conventions, jitter=[JITTER] * COUNT, cuts=[CUT], display_size=DISPLAY_SIZE
     )
     assert_is_the_scene(shot)
-    copy = copy_shot(shot, tmp_path / "copy")
+    copy = copy_shot(shot, tmp_path.with_name(f"{tmp_path.name} copy"))
     assert_is_the_scene(copy)
     assert_same_shot(copy, shot)

@@ -91,9 +91,6 @@ def test_a_recording_of_frames_that_are_there_has_all_of_them_and_replaces_an_ea
     assert run(*again, file).exit_code == 0
     assert file.read_bytes() == recorded
     assert pictures(tmp_path / "out") == before
-    stranger = shot / "shot.json"
-    assert "is there already" in run(*again, stranger).stderr
-    assert stranger.read_text().startswith("{")
 
 
 def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -> None:

@@ -12,8 +12,10 @@ from torch import distributed as dist
 
 from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
+from supersampler.files import check_ours
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
+from supersampler_model.train.run_log import FILES as LOG_FILES
 from supersampler_model.train.run_log import RunLog
 from supersampler_model.train.shots import dataset_of_shots
 from supersampler_model.train.tasks import TASKS
@@ -61,6 +63,7 @@ def train(
         dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
         torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
     torch.manual_seed(seed)
+    _check_free(output)
     output.mkdir(parents=True, exist_ok=True)
     datasets = [open_dataset(folder) for folder in data or []]
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
@@ -73,7 +76,7 @@ def train(
     task = TASKS[name](load_trained(begin) if begin else None)
     learned = task.method.learned
     begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
-    named = [] if attributions is None else attributions.read_text(encoding="utf-8").splitlines()
+    named = [] if attributions is None else _lines(attributions)
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
@@ -88,6 +91,24 @@ def train(
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise ArgumentError("--attributions", got=f"{path} ({error})", want="a text file in UTF-8") from error
+
+
+def _check_free(output: Path) -> None:
+    """Raise where a folder without a run's checkpoint has files that a run writes: somebody else's.
+
+    Raises:
+        ShotError: names the file.
+    """
+    if not any(output.glob("checkpoint-*.pt")):  # which is written before all others, and checked when read
+        for name in ("weights.safetensors", *LOG_FILES):
+            check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
 
 
 def _report(

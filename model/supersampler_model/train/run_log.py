@@ -15,6 +15,8 @@ from supersampler.files import replacing
 from supersampler.frame import Float32
 from supersampler.image_io import write_png
 
+FILES = ("log.csv", "curves.png", "picture.png", "tensorboard")
+"""What a log consists of, by name in its folder."""
 _SCORES = ("psnr", "tpsnr")  # begin the names of columns in dB
 
 

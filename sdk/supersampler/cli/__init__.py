@@ -1,7 +1,8 @@
 """The `supersampler` command. One file per command; each imports what it needs only when it runs.
 
-An error that this package raises on purpose is one line on stderr and exit code 1; Ctrl-C is exit code 130; a
-wrong command line is exit code 2. Anything else keeps its traceback, since it is a bug.
+An error that this package raises on purpose, or that the file system does, is one line on stderr and exit
+code 1; Ctrl-C is exit code 130; a wrong command line is exit code 2. Anything else keeps its traceback, since
+it is a bug.
 """
 
 from supersampler.cli.app import app, bench, export, main, render, train

@@ -8,6 +8,7 @@ import typer
 from typer.core import TyperGroup
 
 from supersampler import __version__
+from supersampler.cli.arguments import printable
 from supersampler.errors import SupersamplerError
 
 TOOLS = {
@@ -44,11 +45,11 @@ class Commands(TyperGroup):
         """Run a command."""
         try:
             return super().invoke(ctx)
-        except (SupersamplerError, ModuleNotFoundError) as error:
+        except (SupersamplerError, ModuleNotFoundError, OSError, UnicodeDecodeError, MemoryError) as error:
             line = _line(error)
             if line is None or ctx.params.get("debug"):
                 raise
-            typer.echo(f"error: {line}", err=True)
+            typer.echo(f"error: {printable(line)}", err=True)
             raise typer.Exit(1) from None
         except KeyboardInterrupt:
             typer.echo("stopped", err=True)
@@ -63,11 +64,17 @@ def main() -> None:
     typer.main.get_command(app)(prog_name="supersampler")
 
 
-def _line(error: SupersamplerError | ModuleNotFoundError) -> str | None:
+def _line(error: Exception) -> str | None:
     """The one line for an error; None for a module whose lack is a bug."""
     if isinstance(error, SupersamplerError):
         return str(error)
-    package = (error.name or "").partition(".")[0]
+    if isinstance(error, OSError):  # of a path that no file can have, a folder, a disk
+        return f"{error.filename}: {error.strerror}" if error.filename else str(error)
+    if isinstance(error, UnicodeDecodeError):
+        return f"a file that should hold text does not ({error})"
+    if isinstance(error, MemoryError):
+        return f"there is not enough memory for this. {error}".rstrip()
+    package = (getattr(error, "name", None) or "").partition(".")[0]
     if package not in EXTRAS:
         return None
     install = f'pip install "supersampler[{EXTRAS[package]}]"'

@@ -103,6 +103,11 @@ def parse_skip(text: str) -> "Skip":
         raise ArgumentError("--skip", got=repr(text), want="auto, exact or a number in [0, 1]") from None
 
 
+def printable(text: str) -> str:
+    """Return a text as one line; names in a stranger's file have no say over the terminal."""
+    return "".join(character if character.isprintable() else "?" for character in text)
+
+
 def size_text(size: Size | None) -> str:
     """Write (1920, 1080) as "1920x1080"."""
     return "none" if size is None else f"{size[0]}x{size[1]}"

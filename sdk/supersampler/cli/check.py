@@ -4,7 +4,7 @@ from typing import Annotated, Any
 
 import typer
 
-from supersampler.cli.arguments import ShotArgument, open_shot
+from supersampler.cli.arguments import ShotArgument, open_shot, printable
 
 
 def check(
@@ -27,7 +27,7 @@ def check(
 
     opened = open_shot(shot)
     detection = detect_conventions(opened, frames=frames)
-    typer.echo(f"{opened.name}: {min(frames, len(opened))} of {len(opened)} frames")
+    typer.echo(f"{printable(opened.name)}: {min(frames, len(opened))} of {len(opened)} frames")
     for row in detection.rows():
         typer.echo(f"  {row['name']:7} {_verdict(row)}")
     typer.echo(f"  gbuffer {listed(names_of(opened.read_raw(0)))}")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from supersampler.cli.arguments import size_text
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, ShotError
 
 if TYPE_CHECKING:
     from supersampler.conventions import Conventions
@@ -125,17 +125,26 @@ def _conventions(text: str) -> "Conventions":
 
 
 def _read_json(path: Path, option: str) -> dict[str, Any]:
+    from supersampler.shot.json_keys import read_json
+
     try:
-        return _parsed_json(path.read_text(encoding="utf-8"), option)
-    except (OSError, UnicodeDecodeError) as error:
-        raise ArgumentError(option, got=f"{path} ({error})", want="a JSON file that can be read") from error
+        content = read_json(path)
+    except ShotError as error:
+        raise ArgumentError(
+            option, got=f"{path} ({error.problem})", want="a JSON file of an object"
+        ) from error
+    return _object(content, option)
 
 
 def _parsed_json(text: str, option: str) -> dict[str, Any]:
     try:
         content = json.loads(text)
-    except ValueError as error:
+    except (ValueError, RecursionError) as error:
         raise ArgumentError(option, got=f"not JSON ({error})", want=_OBJECT) from error
+    return _object(content, option)
+
+
+def _object(content: object, option: str) -> dict[str, Any]:
     if not isinstance(content, dict):
         raise ArgumentError(option, got=type(content).__name__, want=_OBJECT)
     return content

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import open_shot, size_text
+from supersampler.cli.arguments import open_shot, printable, size_text
 
 if TYPE_CHECKING:
     from supersampler.model_info import ModelInfo, TensorInfo
@@ -44,7 +44,7 @@ def _print_rows(rows: dict[str, str]) -> None:
     width = max(map(len, rows))
     for name, value in rows.items():
         for number, line in enumerate(value.split("\n")):
-            typer.echo(f"{name if number == 0 else '':{width}}  {line}".rstrip())
+            typer.echo(printable(f"{name if number == 0 else '':{width}}  {line}".rstrip()))
 
 
 def _model_rows(model: "ModelInfo") -> dict[str, str]:

@@ -6,7 +6,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import ExecutorChoice, Format, PrecisionName, parse_providers, size_text
+from supersampler.cli.arguments import (
+    ExecutorChoice,
+    Format,
+    PrecisionName,
+    parse_providers,
+    printable,
+    size_text,
+)
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
@@ -90,14 +97,15 @@ def replay(
 
 
 def _say(line: str) -> None:
-    """Print a line; a stranger's file has no say over the terminal."""
-    typer.echo("".join(character if character.isprintable() else "?" for character in line))
+    typer.echo(printable(line))
 
 
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
     from supersampler import __version__
     from supersampler.cli.results import Results
+    from supersampler.files import check_apart
 
+    check_apart(folder, replay.recording.path)
     results = Results(folder, formats)
     settings = {
         "supersampler": __version__,
@@ -109,7 +117,7 @@ def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: boo
         "precision": replay.model.precision,
         "formats": formats,
     }
-    results.begin(settings, 0, overwrite=overwrite)
+    results.begin(settings, None, overwrite=overwrite)
     return results
 
 
@@ -164,8 +172,7 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
     if not isinstance(call, CloseCall):
         _say("The recording was not closed; it ends with its last whole call.")
     elif results is not None and last is not None and call.image is not None:
-        recorded = type(results)(results.folder / "recorded", results.formats)
-        recorded.write(last.index, call.image, last.exposure)
+        results.write_recorded(last.index, call.image, last.exposure)
 
 
 def _verdict(replay: "Replay", summary: "Summary") -> Iterator[str]:

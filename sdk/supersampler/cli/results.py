@@ -1,26 +1,36 @@
-"""The folder that `supersampler upscale` writes: pictures, and upscale.json: how they were made."""
+"""The folder that `supersampler upscale` writes: numbered images, a page, and upscale.json."""
 
 import json
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.cli.run_record import (
+    FILE_NAME,
+    PAGE,
+    RECORDED,
+    RunRecord,
+    foreign,
+    frame_path,
+    numbered,
+    read_run_record,
+)
 from supersampler.display import display_transform, to_uint8
 from supersampler.errors import ShotError
-from supersampler.files import remove_partial_files, replacing
+from supersampler.files import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.frame import Float32
 from supersampler.image_io import write_exr, write_png
 
-FILE_NAME = "upscale.json"
-_PICTURE = re.compile(r"\d{4,}\.(exr|png)")
+_NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{re.escape(FILE_NAME)}|{re.escape(PAGE)}")
 _LARGEST_HALF = 65504.0
 
 
 class Results:
-    """Numbered pictures in a folder; with several formats, each in a folder of its name.
+    """Numbered images in a folder; with several formats, each in a folder of its name.
 
     Args:
         folder: the folder.
@@ -29,37 +39,54 @@ class Results:
 
     def __init__(self, folder: Path, formats: Sequence[str]) -> None:
         self.folder, self.formats = folder, tuple(formats)
+        self._record = RunRecord({})
 
-    def begin(self, settings: Mapping[str, object], frame_count: int, *, overwrite: bool) -> int:
+    def begin(
+        self,
+        settings: Mapping[str, object],
+        frame_count: int | None,
+        *,
+        overwrite: bool,
+        page: bool = False,
+        recording: Path | None = None,
+    ) -> int:
         """Make the folder ready, and return the index of the first frame that is not complete.
 
         Args:
-            settings: all that the pictures follow from; JSON values.
-            frame_count: how many there will be.
+            settings: all that the images follow from; JSON values.
+            frame_count: how many there will be; None where it is not known.
             overwrite: whether to remove what an earlier run wrote, instead of continuing it.
+            page: whether a page is to be written.
+            recording: the file that the run will record to: where it is there, one of an earlier run here.
 
         Raises:
-            ShotError: pictures of other settings, or of unknown ones, are there and `overwrite` is False.
+            ShotError: files that no earlier run here wrote are in the way; or images of other settings are
+                there and `overwrite` is False. Nothing has been changed.
         """
-        path = self.folder / FILE_NAME
-        if path.exists() and overwrite:
-            self._remove_pictures()
-        elif path.exists():
-            self._check_same(_read(path), settings)
-        elif not overwrite and (strangers := [name for name in self._pictures() if name.exists()]):
-            hint = "Choose another folder, or --overwrite."
-            raise ShotError(strangers[0], f"is there already, and no {FILE_NAME} says where from", hint)
-        with replacing(path) as partial:
-            partial.write_text(json.dumps(settings, indent=2) + "\n", encoding="utf-8", newline="\n")
-        remove_partial_files(self.folder)
-        return self.count_complete(frame_count)
+        there = read_run_record(self.folder)
+        own = [] if there is None else there.own_files(self.folder)
+        if there is not None and not overwrite:
+            self._check_same(there.settings, settings)
+        self._record = RunRecord({}) if there is None else there
+        self._check_free(frame_count, page=page)
+        self._check_recording(recording)
+        if overwrite:
+            remove_files(own)
+        below = {str(Path(pattern).parent) for pattern in self._record.files}
+        kept = {} if overwrite else self._record.files
+        recorded = self._record.recording if recording is None else str(recording.resolve())
+        self._save(RunRecord(settings, kept, recorded))
+        remove_partial_files(self.folder, _NAMES, below - {"."})
+        return 0 if frame_count is None else self.count_complete(frame_count)
 
     def count_complete(self, frame_count: int) -> int:
-        """Return how many frames from the first on are complete."""
-        for index in range(frame_count):
-            if not all(path.exists() for path in self._paths(index)):
+        """Return how many frames from the first on are complete; files that no run here wrote count not."""
+        listed = min(self._record.files.get(pattern, 0) for pattern in self._patterns())
+        for index in range(min(frame_count, listed)):
+            paths = [frame_path(self.folder, pattern, index) for pattern in self._patterns()]
+            if not all(map(is_regular, paths)):
                 return index
-        return frame_count
+        return min(frame_count, listed)
 
     def write(self, index: int, image: Float32, exposure: float, carry: Float32 | None = None) -> None:
         """Write one frame: EXR as linear half floats, PNG as a screen shows it. Each file appears whole.
@@ -69,46 +96,95 @@ class Results:
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
             carry: (H, W, k) of the EXR: A where it is one channel, else carry.0, carry.1 and so on.
-        """
-        for path in self._paths(index):
-            if path.suffix == ".exr":
-                write_exr(path, *_with_carry(image, carry))
-            else:
-                write_png(path, to_uint8(display_transform(image, exposure)))
 
-    def is_newest(self, path: Path) -> bool:
-        """Tell whether a file is there that was made when all pictures were."""
-        times = [picture.stat().st_mtime_ns for picture in self._pictures()]
-        return path.exists() and path.stat().st_mtime_ns >= max(times, default=0)
+        Raises:
+            ShotError: the disk refused, or a file that no run here wrote has the name.
+        """
+        self._write(self._patterns(), index, image, exposure, carry)
+
+    def write_recorded(self, index: int, image: Float32, exposure: float) -> None:
+        """Write a frame as it was recorded, into a folder of its own; see `write`."""
+        self._write(self._patterns(f"{RECORDED}/"), index, image, exposure, None)
+
+    def begin_page(self) -> Path:
+        """Return the page's path, once it is sure that no file of others is there.
+
+        Raises:
+            ShotError: one is.
+        """
+        if not self._record.files.get(PAGE):
+            self._check_free(0, page=True)
+            self._save(replace(self._record, files={**self._record.files, PAGE: 1}))
+        return self.folder / PAGE
+
+    def is_page_newest(self) -> bool:
+        """Tell whether the page is there, and was made when all images were."""
+        own = self._record.own_files(self.folder)
+        times = {path: path.stat().st_mtime_ns for path in own}
+        return self.folder / PAGE in times and times[self.folder / PAGE] == max(times.values())
 
     def place(self, extension: str) -> Path:
         """Return the folder that files of a format are in."""
         return self.folder / extension if len(self.formats) > 1 else self.folder
 
-    def _paths(self, index: int) -> list[Path]:
-        return [self.place(extension) / f"{index:04d}.{extension}" for extension in self.formats]
+    def _patterns(self, below: str = "") -> list[str]:
+        """Names of the numbered files of this run's formats, as upscale.json lists them."""
+        several = len(self.formats) > 1
+        return [f"{below}{f'{name}/' if several else ''}####.{name}" for name in self.formats]
 
-    def _pictures(self) -> list[Path]:
-        """Pictures that are there by such names, of this run's formats or others."""
-        places = (self.folder, self.folder / "exr", self.folder / "png")
-        return sorted(
-            path
-            for place in places
-            if place.is_dir()
-            for path in place.iterdir()
-            if _PICTURE.fullmatch(path.name)
-        )
+    def _write(
+        self, patterns: list[str], index: int, image: Float32, exposure: float, carry: Float32 | None
+    ) -> None:
+        self._list(patterns, index + 1)
+        for pattern in patterns:
+            path = frame_path(self.folder, pattern, index)
+            if path.suffix == ".exr":
+                write_exr(path, *_with_carry(image, carry))
+            else:
+                write_png(path, to_uint8(display_transform(image, exposure)))
 
-    def _remove_pictures(self) -> None:
-        (self.folder / FILE_NAME).unlink()
-        for path in self._pictures():
-            path.unlink()
+    def _list(self, patterns: list[str], count: int) -> None:
+        """List the first `count` files of each pattern as this run's, once it is sure that no others are."""
+        listed = dict(self._record.files)
+        for pattern in patterns:
+            for index in range(listed.get(pattern, 0), count):
+                if is_there(path := frame_path(self.folder, pattern, index)):
+                    raise foreign(path)
+            listed[pattern] = max(listed.get(pattern, 0), count)
+        if listed != self._record.files:
+            self._save(replace(self._record, files=listed))
+
+    def _save(self, record: RunRecord) -> None:
+        record.write(self.folder)
+        self._record = record
+
+    def _check_free(self, frame_count: int | None, *, page: bool) -> None:
+        """Raise where a file that is not listed has the name of one that is to be written."""
+        listed = self._record.files
+        if page and not listed.get(PAGE) and is_there(self.folder / PAGE):
+            raise foreign(self.folder / PAGE)
+        unknown = frame_count is None
+        for pattern in self._patterns() + (self._patterns(f"{RECORDED}/") if unknown else []):
+            for index, path in sorted(numbered(self.folder, pattern)):
+                if index >= listed.get(pattern, 0) and (frame_count is None or index < frame_count):
+                    raise foreign(path)
+
+    def _check_recording(self, recording: Path | None) -> None:
+        """Raise where a file to record to is there, unless an earlier run of this folder recorded it."""
+        if recording is None or not is_there(recording):
+            return
+        from supersampler.recording.format import is_recording
+
+        own = self._record.recording == str(recording.resolve())
+        if not (own and is_regular(recording) and is_recording(recording)):
+            problem = f"is there already, and is no recording of an earlier run into {self.folder}"
+            raise ShotError(recording, problem, "Choose another name, or move the file away.")
 
     def _check_same(self, there: Mapping[str, object], wanted: Mapping[str, object]) -> None:
         changed = [key for key in wanted if there.get(key) != json.loads(json.dumps(wanted[key]))]
         if changed:
             key = changed[0]
-            problem = f"pictures of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
+            problem = f"images of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 
@@ -121,11 +197,3 @@ def _with_carry(image: Float32, carry: Float32 | None) -> tuple[NDArray[np.float
         arrays.append(carry)
     pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
     return pixels.astype(np.float16), names
-
-
-def _read(path: Path) -> Mapping[str, object]:
-    try:
-        content = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ShotError(path, f"cannot be read ({error})", "--overwrite starts over.") from error
-    return content if isinstance(content, dict) else {}

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Literal
@@ -34,17 +34,16 @@ from supersampler.compare import (
 )
 from supersampler.display import ExposureMeter
 from supersampler.errors import FrameError, ShotError
+from supersampler.files import check_apart, remove_files
 from supersampler.frame import Frame, Size
 from supersampler.history import Result
 from supersampler.maps import LEGENDS, map_layers
 from supersampler.model import Model, Precision, Skip
 from supersampler.model_info import find_model, read_model_info
 from supersampler.presets import PresetName, chosen
-from supersampler.recording.format import is_recording
 from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
-PAGE = "compare.html"
 COMPARE_FRAMES = 64
 """A page holds the last so many frames: with more, browsers load it slowly."""
 
@@ -63,7 +62,8 @@ class UpscaleJob:
     Frames of the shot that were not shaded are drawn by `extrapolation`, the name or folder of a model.
     Without `display_size` and `scale` the pictures are of the shot's display size; where it has none, 2x, or
     what the model's only ratio is.
-    `record` is a file to record to, all frames from the first on; an earlier recording is replaced.
+    `record` is a file to record to, all frames from the first on; that of an earlier run into the same folder
+    is replaced.
     """
 
     shot: Shot
@@ -91,13 +91,21 @@ def run_job(job: UpscaleJob) -> Results:
 
     Raises:
         typer.Exit: 130 after Ctrl-C; the frames that are complete stay.
-        SupersamplerError: a frame, a file or the model will not do.
+        SupersamplerError: a frame, a file or the model will not do, or what is to be written would lie in the
+            shot or in the place of other people's files.
     """
     results, count = Results(job.output, job.formats), len(job.shot)
-    with _open_upscaler(job) as upscaler:
+    for written in filter(None, (job.output, job.record)):
+        check_apart(written, job.shot.source)
+    with ExitStack() as stack:
+        upscaler = stack.enter_context(_open_upscaler(job))
         upscaler.warm_up()  # a model or ratio that will not do is said before anything is overwritten
-        first = results.begin(_settings(job, upscaler), count, overwrite=job.overwrite)
-        page_is_there = not job.compare or results.is_newest(job.output / PAGE)
+        first = results.begin(
+            _settings(job, upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record
+        )
+        if job.record is not None:
+            upscaler = stack.enter_context(_recording_upscaler(job, upscaler))
+        page_is_there = not job.compare or results.is_page_newest()
         if first == count and page_is_there and job.record is None:
             job.console.print(f"All {count} frames are there already.")
             return results
@@ -113,8 +121,6 @@ def run_job(job: UpscaleJob) -> Results:
 
 def _open_upscaler(job: UpscaleJob) -> Upscaler:
     model, precision, skip = chosen(job.preset, job.model, job.precision, job.skip)
-    if job.record is not None and is_recording(job.record):  # the shot makes it again
-        job.record.unlink()
     size = job.display_size or (job.shot.display_size if job.scale is None else None)
     return Upscaler(
         model,
@@ -125,6 +131,20 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
         threads=job.threads,
         precision=precision,
         skip=skip,
+        extrapolation=job.extrapolation,
+        validate=job.validate,
+    )
+
+
+def _recording_upscaler(job: UpscaleJob, opened: Upscaler) -> Upscaler:
+    """Return one with the same model that records; the shot makes an earlier run's recording again."""
+    assert job.record is not None  # noqa: S101 - the caller has seen to it
+    remove_files([job.record])  # `Results.begin` has made sure that it is an earlier run's, if anybody's
+    return Upscaler(
+        opened.model,
+        display_size=opened.display_size,
+        render_size=job.shot.render_size,
+        skip=opened.skip,
         extrapolation=job.extrapolation,
         validate=job.validate,
         record=job.record,
@@ -165,7 +185,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     page_start = max(0, count - COMPARE_FRAMES) if job.compare else count
     start = 0 if job.record else _last_cut(job.shot, min(first, page_start))
     meter, began = ExposureMeter(), time.perf_counter()
-    with _page(job, upscaler) as page, _progress(job.console) as progress:
+    with _page(job, upscaler, results) as page, _progress(job.console) as progress:
         task = progress.add_task("", total=count - start)
         for item in job.shot.frames(start, gbuffers=upscaler.gbuffers):
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
@@ -204,7 +224,9 @@ def _last_cut(shot: Shot, index: int) -> int:
     return index
 
 
-def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[ComparePage | None]:
+def _page(
+    job: UpscaleJob, upscaler: Upscaler, results: Results
+) -> AbstractContextManager[ComparePage | None]:
     if not job.compare:
         return nullcontext()
     shot, model, info = job.shot, upscaler.model, upscaler.model.info
@@ -227,7 +249,7 @@ def _page(job: UpscaleJob, upscaler: Upscaler) -> AbstractContextManager[Compare
         legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],
     )
-    return compare_page(job.output / PAGE, about)
+    return compare_page(results.begin_page(), about)
 
 
 class _FramesPerSecond(ProgressColumn):

@@ -96,6 +96,11 @@ class Converter:
         self._previous_out = _in_uv(frame.jitter, frame.size)
         return raw
 
+    def pass_over(self, jitter: tuple[float, float] | None, size: Size) -> None:
+        """Take a frame as seen of which only the jitter, as stored, and the render size are known."""
+        own = self._jitter_in(jitter, size)
+        self._previous_in = self._previous_out = _in_uv(own, size)
+
     def _rows(self, array: Array) -> Array:
         return np.ascontiguousarray(array[::-1]) if self.conventions.bottom_up else array
 

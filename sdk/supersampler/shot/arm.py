@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Array, Float32
+from supersampler.limits import SHOT_FRAMES, image_size_problem
 from supersampler.shot.format import FrameEntry, ShotInfo
 from supersampler.shot.safetensors import open_safetensors
 from supersampler.shot.shot import Shot
@@ -19,6 +20,8 @@ _SHAPES = {
     "colour_linear": (3, "h", "w"), "motion_lr": (2, "h", "w"), "depth": (1, "h", "w"),
     "depth_params": (4,), "jitter": (2, 1, 1),
 }  # fmt: skip
+_TRUTH = "ground_truth_linear"
+_LARGEST_LOGARITHM = 80.0  # of an exposure; float32 ends at 88
 
 
 def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
@@ -39,10 +42,11 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
         ShotError: the file is missing or damaged, or a tensor is missing or of another shape.
     """
     path = Path(path)
-    tensors = open_safetensors(path)
+    tensors, _ = open_safetensors(path)
     _check_shapes(path, tensors)
+    _check_values(path, tensors)
     count, _, height, width = tensors["colour_linear"].shape
-    truth = tensors.get("ground_truth_linear")
+    truth = tensors.get(_TRUTH)
     info = ShotInfo(
         name=name or path.stem,
         render_size=(width, height),
@@ -64,7 +68,7 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
         )
 
     def reference(index: int) -> Float32:
-        return _image(tensors["ground_truth_linear"], index).astype(np.float32)
+        return _image(tensors[_TRUTH], index).astype(np.float32)
 
     return Shot(path, info, entries, raw_frame, reference)
 
@@ -81,6 +85,36 @@ def _check_shapes(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
         if tensors[name].shape != want or len(want) != len(rest) + 1:
             problem = f"tensor {name} is {tensors[name].shape}; want (frames, {', '.join(map(str, rest))})"
             raise ShotError(path, problem, f"It has {frames} frames of (h, w) {size}.")
+    count = len(tensors["colour_linear"])
+    if not 1 <= count <= SHOT_FRAMES:
+        raise ShotError(path, f"has {count} frames; want 1 to {SHOT_FRAMES}")
+    truth = tensors.get(_TRUTH)
+    if truth is not None and (truth.ndim != 4 or truth.shape[:2] != (count, 3)):
+        raise ShotError(path, f"tensor {_TRUTH} is {truth.shape}; want ({count}, 3, H, W)")
+    for name in ("exposure", "camera_cut", "seq"):
+        if name in tensors and (tensors[name].shape[:1] != (count,) or tensors[name].size < count):
+            problem = f"tensor {name} is {tensors[name].shape}; want a value for each of {count} frames"
+            raise ShotError(path, problem)
+
+
+def _check_values(path: Path, tensors: dict[str, NDArray[Any]]) -> None:
+    """Check sizes and types of images, and the numbers that are computed with before pixels are read."""
+    for name in {*_SHAPES, _TRUTH} & tensors.keys():
+        if tensors[name].dtype.kind != "f":
+            raise ShotError(path, f"tensor {name} is {tensors[name].dtype}; want floating point")
+    for name in {"colour_linear", _TRUTH} & tensors.keys():
+        if (problem := image_size_problem(*tensors[name].shape[:1:-1])) is not None:
+            raise ShotError(path, f"tensor {name} {problem}")
+    planes = tensors["depth_params"][:, :2].astype(np.float64)
+    if not (np.isfinite(planes).all() and (planes != 0).all()):
+        raise ShotError(path, "tensor depth_params holds 0, NaN or an infinity, which tell no distance")
+    exposure = tensors.get("exposure")
+    if exposure is not None and not (np.abs(exposure.astype(np.float64)) <= _LARGEST_LOGARITHM).all():
+        want = f"natural logarithms from -{_LARGEST_LOGARITHM:g} to {_LARGEST_LOGARITHM:g}"
+        raise ShotError(path, f"tensor exposure holds other numbers than {want}")
+    rate = tensors.get("EmulatedFramerate")
+    if rate is not None and not (rate.size and 0 < float(rate.ravel()[0]) < float("inf")):
+        raise ShotError(path, "tensor EmulatedFramerate is no number > 0")
 
 
 def _entry(path: Path, tensors: dict[str, NDArray[Any]], index: int) -> FrameEntry:
@@ -93,7 +127,7 @@ def _entry(path: Path, tensors: dict[str, NDArray[Any]], index: int) -> FrameEnt
         jitter=(x, y),
         reset=index == 0 or cut or other,
         exposure=None if logarithm is None else math.exp(logarithm),
-        reference=path.name if "ground_truth_linear" in tensors else None,
+        reference=path.name if _TRUTH in tensors else None,
     )
 
 

@@ -3,7 +3,7 @@
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -62,7 +62,7 @@ def import_channels(
     """
     files = _MappedFiles(Path(folder), channel_map)
     count = len(files.numbers)
-    if not set(cuts) <= set(range(count)):
+    if not all(isinstance(index, int | np.integer) and 0 <= index < count for index in cuts):
         raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {count - 1}")
     offsets = read_jitter(files.folder, jitter, count)
     first = files.read_raw(0, offsets[0], reset=True)
@@ -104,6 +104,8 @@ def import_described_channels(folder: Path | str) -> Shot:
     frame_rate, cuts = keys.take_or("frame_rate", float, 24.0), keys.take_or("cuts", list, [])
     name = keys.take("name", str) if "name" in keys else None
     keys.check_no_more()
+    if not 0 < frame_rate < float("inf"):
+        raise keys.wrong("frame_rate", frame_rate, "frames a second, > 0")
     try:
         return import_channels(
             folder,
@@ -199,7 +201,7 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
         if name not in _COUNTS and name != "carry":
             want = f"one of {', '.join(_COUNTS)}, carry"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
-        texts = list(value) if isinstance(value, list | tuple) else [str(value)]
+        texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
         count = _COUNTS.get(name, len(texts))
         if len(texts) != count or not all(isinstance(text, str) for text in texts):
             raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")

@@ -1,6 +1,7 @@
 """shot.json: what a shot's folder says about its frames. docs/shots.md shows one and explains each key."""
 
 import json
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -8,10 +9,13 @@ from pathlib import Path, PurePosixPath
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
+from supersampler.limits import SHOT_FRAMES
 from supersampler.shot.json_keys import JsonKeys, read_json
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
+_LONGEST = 255  # bytes of a name; no file system takes more
+_FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -62,6 +66,11 @@ class FrameEntry:
     shaded: bool = True
 
 
+def files_of(entry: FrameEntry) -> list[str]:
+    """Return the files of a frame, relative to the shot's folder."""
+    return [name for name in (entry.file, entry.display_file, entry.reference) if name]
+
+
 def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     """Read and check a shot.json.
 
@@ -76,6 +85,8 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     info = _info(header)
     frames = header.take("frames", list)
     header.check_no_more()
+    if not 1 <= len(frames) <= SHOT_FRAMES:
+        raise ShotError(path, f"lists {len(frames)} frames; want 1 to {SHOT_FRAMES}")
     entries = [_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
     _check_listed_once(path, entries)
     return info, entries
@@ -153,15 +164,17 @@ def _file(keys: JsonKeys, key: str) -> str:
     """A name inside the shot's folder: a shot that came by mail must not reach for other files."""
     name = keys.take(key, str)
     path = PurePosixPath(name)
-    if not name or path.is_absolute() or ".." in path.parts or "\\" in name or ":" in name:
+    if not path.name or path.is_absolute() or ".." in path.parts or _FORBIDDEN.search(name):
         raise keys.wrong(key, name, "a file inside the shot's folder, with forward slashes")
+    if any(len(part.encode()) > _LONGEST for part in path.parts):
+        raise keys.wrong(key, name, f"names of at most {_LONGEST} bytes")
     return name
 
 
 def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:
     seen: dict[str, int] = {}
     for index, entry in enumerate(entries):
-        for name in filter(None, (entry.file, entry.display_file, entry.reference)):
+        for name in files_of(entry):
             if name in seen:
                 problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
                 raise ShotError(path, problem, "Each frame has its own files.")

@@ -96,7 +96,11 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
     check_size(path, channels, display_size)
     if not channels:
         return None
-    ghost, alias = (take(path, channels, (name,)).astype(np.uint8) for name in CLASSES)
+    maps = [take(path, channels, (name,)) for name in CLASSES]
+    for name, array in zip(CLASSES, maps, strict=True):
+        if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
+            raise ShotError(path, f"channel {name} holds other values than classes, 0 to 255")
+    ghost, alias = (array.astype(np.uint8) for array in maps)
     return ClassMaps(ghost, alias)
 
 

@@ -7,6 +7,7 @@ from typing import Any, TypeVar
 
 from supersampler.errors import ShotError
 from supersampler.frame import Size
+from supersampler.limits import IMAGE_PIXELS, IMAGE_SIDE, JSON_BYTES, image_size_problem
 
 _Value = TypeVar("_Value")
 
@@ -15,13 +16,21 @@ def read_json(path: Path) -> Any:  # JSON is anything
     """Return the content of a JSON file.
 
     Raises:
-        ShotError: it is missing, cannot be read, or is not JSON.
+        ShotError: it is missing, cannot be read, is not JSON, or is larger than `limits.JSON_BYTES`.
     """
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        if path.exists() and not path.is_file():  # a pipe, say, which never ends
+            raise ShotError(path, "is no regular file")
+        with path.open("rb") as file:
+            text = file.read(JSON_BYTES + 1)
+        if len(text) > JSON_BYTES:
+            raise ShotError(path, f"is larger than {JSON_BYTES >> 20} MiB", "Is it the right file?")
+        return json.loads(text)
+    except ShotError:
+        raise
     except FileNotFoundError:
         raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?") from None
-    except ValueError as error:  # of json and of the text's encoding
+    except (ValueError, RecursionError) as error:  # of json, of the text's encoding, and of nested lists
         raise ShotError(path, f"is not JSON ({error})", "Mend it there, or write it again.") from error
     except OSError as error:
         raise ShotError(path, f"cannot be read ({error})") from error
@@ -45,7 +54,7 @@ class JsonKeys:
             raise ShotError(self.path, f'{self.where} has no "{key}"', "docs/shots.md lists the keys.")
         value = self._left.pop(key)
         if kind is float and type(value) is int:
-            value = float(value)
+            value = self._float(key, value)
         if not isinstance(value, kind) or type(value) is not kind:  # True is an int, and is not meant as one
             raise self.wrong(key, value, kind.__name__)
         return value
@@ -59,13 +68,16 @@ class JsonKeys:
         value = self.take(key, list)
         if len(value) != 2 or not all(type(number) in (int, float) for number in value):
             raise self.wrong(key, value, "[x, y]")
-        return float(value[0]), float(value[1])
+        return self._float(key, value[0]), self._float(key, value[1])
 
     def take_size(self, key: str) -> Size:
-        """Return [width, height], both > 0."""
+        """Return [width, height], both > 0 and within `limits`."""
         value = self.take(key, list)
         if len(value) != 2 or not all(type(number) is int and number > 0 for number in value):
             raise self.wrong(key, value, "[width, height], both > 0")
+        if image_size_problem(*value) is not None:
+            want = f"[width, height], each at most {IMAGE_SIDE} and {IMAGE_PIXELS} pixels together"
+            raise self.wrong(key, value, want)
         return value[0], value[1]
 
     def take_texts(self, key: str) -> tuple[str, ...]:
@@ -74,6 +86,12 @@ class JsonKeys:
         if not all(isinstance(text, str) for text in value):
             raise self.wrong(key, value, "a list of strings")
         return tuple(value)
+
+    def _float(self, key: str, value: int | float) -> float:
+        try:
+            return float(value)
+        except OverflowError:
+            raise self.wrong(key, value, "a number that a float can hold") from None
 
     def wrong(self, key: str, value: object, want: str) -> ShotError:
         """Return the error for a value that will not do."""
@@ -87,5 +105,8 @@ class JsonKeys:
 
 
 def _short(value: object) -> str:
-    text = json.dumps(value, ensure_ascii=False)
+    try:
+        text = json.dumps(value)  # ASCII: a stranger's text has no say over the terminal
+    except RecursionError:
+        return "nested too deeply"
     return text if len(text) <= 60 else f"{text[:57]}..."

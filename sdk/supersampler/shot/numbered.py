@@ -3,10 +3,12 @@
 import re
 from collections.abc import Sequence
 from itertools import pairwise
-from pathlib import Path
+from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
+from supersampler.files import check_inside
+from supersampler.limits import SHOT_FRAMES
 from supersampler.shot.json_keys import read_json
 
 JITTER_FILE_NAME = "jitter.json"
@@ -18,12 +20,12 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     """Return frame number to file, in order, for the files that match a glob pattern.
 
     Raises:
-        ShotError: none matches, a name has no number, or two have the same.
+        ShotError: none matches, a name has no number, two have the same, or one lies outside of the folder.
     """
-    if not folder.is_dir():
+    if not is_folder(folder):
         raise ShotError(folder, "there is no such folder", "Is the path right, is the drive connected?")
     files: dict[int, Path] = {}
-    for path in sorted(folder.glob(pattern)):
+    for path in _matching(folder, pattern):
         if path.name.startswith("."):  # being written
             continue
         digits = re.findall(r"\d+", path.stem)
@@ -36,7 +38,29 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         files[number] = path
     if not files:
         raise ShotError(folder, f"has no file {pattern}", "Is this the folder of the frames?")
+    if len(files) > SHOT_FRAMES:
+        raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
+    check_inside(folder, files.values())
     return dict(sorted(files.items()))
+
+
+def is_folder(path: Path) -> bool:
+    """Tell whether a folder is there; False for a path that is too long for any to be."""
+    try:
+        return path.is_dir()
+    except OSError:
+        return False
+
+
+def _matching(folder: Path, pattern: str) -> list[Path]:
+    parts = PurePosixPath(pattern).parts
+    if not parts or PurePath(pattern).is_absolute() or ".." in parts:
+        hint = "Copy the files into the folder; names that leave it are not followed."
+        raise ShotError(folder, f"the pattern {pattern!r} is of no files in it", hint)
+    try:
+        return sorted(folder.glob(pattern))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
 
 
 def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
@@ -64,7 +88,7 @@ def read_jitter(folder: Path, jitter: Jitter | None, count: int) -> list[tuple[f
     want = f"[x, y] for each of {count} frames"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         pairs = []
     if len(pairs) != count:
         got = f"{len(pairs)} pairs" if pairs else "something else"

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
+from supersampler.limits import JSON_BYTES
 
 _TYPES = {
     "F16": "<f2", "F32": "<f4", "F64": "<f8", "BOOL": "?", "U8": "u1", "I8": "i1",
@@ -17,26 +18,35 @@ _TYPES = {
 _HINT = "The file is damaged or cut off; copy it again."
 
 
-def open_safetensors(path: Path) -> dict[str, NDArray[Any]]:
-    """Return tensor name to memory-mapped array: pixels are read when they are touched, and only those.
+def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return tensor name to memory-mapped array, and the file's metadata.
+
+    Values are read when they are touched, and only those; the arrays are not to be written to.
 
     Raises:
         ShotError: the file is missing, cut off, or not of this format.
     """
-    if not path.is_file():
-        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
-    size = path.stat().st_size
-    if size < 8:
-        raise ShotError(path, "is not a safetensors file", _HINT)
-    content = np.memmap(path, np.uint8, mode="r")
+    try:
+        if not path.is_file():
+            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+        size = path.stat().st_size
+        if size < 8:
+            raise ShotError(path, "is not a safetensors file", _HINT)
+        content = np.asarray(np.memmap(path, np.uint8, mode="r"))
+    except ShotError:
+        raise
+    except (OSError, ValueError) as error:
+        raise ShotError(path, f"cannot be read ({error})", _HINT) from error
     start = 8 + int(content[:8].view("<u8")[0])
     if start > size:
         raise ShotError(path, "is not a safetensors file, or ends in its header", _HINT)
+    if start > JSON_BYTES:
+        raise ShotError(path, f"has a header of {start} bytes; want at most {JSON_BYTES}", _HINT)
     try:
         header: dict[str, dict[str, Any]] = json.loads(content[8:start].tobytes())
-        header.pop("__metadata__", None)
-        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}
-    except (ValueError, TypeError, AttributeError, KeyError) as error:
+        metadata = header.pop("__metadata__", {})
+        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}, metadata
+    except (ValueError, TypeError, AttributeError, KeyError, OverflowError, RecursionError) as error:
         raise ShotError(path, f"has a header or tensor that cannot be read ({error})", _HINT) from error
 
 

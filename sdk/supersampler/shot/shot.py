@@ -6,13 +6,12 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy as np
-
 from supersampler.checked import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
+from supersampler.files import check_inside
 from supersampler.frame import Float32, Frame, Size
-from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json
+from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
 
 _AHEAD = 2  # frames held ready; more would cost memory and hide no more of the disk
@@ -68,7 +67,8 @@ class Shot:
             path: the folder; or a JSON file in it, of the several that may share its pictures.
 
         Raises:
-            ShotError: shot.json is missing or wrong, or names a file that is not there.
+            ShotError: shot.json is missing or wrong, or names a file that is not there, or that a link has
+                outside of the folder. The folder itself may be a link.
         """
         path = Path(checked_path("path", path))
         description = path if path.suffix == ".json" else path / FILE_NAME
@@ -92,6 +92,11 @@ class Shot:
     def name(self) -> str:
         """The shot's name."""
         return self.info.name
+
+    @property
+    def source(self) -> Path:
+        """The folder or file that its frames are read from."""
+        return self.path.parent if self.path.suffix == ".json" else self.path
 
     @property
     def render_size(self) -> Size:
@@ -186,7 +191,7 @@ class Shot:
         try:
             frame = converter.to_frame(raw)
         except FrameError as error:
-            folder = self.path if self.path.is_dir() else self.path.parent
+            folder = self.source if self.source.is_dir() else self.source.parent
             file = folder / self._entries[index].file
             raise ShotError(file, f"frame {index} breaks the contract: {error}") from error
         return ShotFrame(index=index, frame=frame, raw=raw, reference=reference)
@@ -200,16 +205,23 @@ def converter_at(info: ShotInfo, entries: Sequence[FrameEntry], index: int) -> C
     converter = info.conventions.converter(display_size=info.display_size)
     if index > 0 and info.conventions.motion_jittered:
         before = entries[index - 1]
-        width, height = before.render_size or info.render_size
-        depth, motion = np.zeros((height, width), np.float32), np.zeros((height, width, 2), np.float32)
-        converter.from_frame(converter.to_frame(RawFrame(depth=depth, motion=motion, jitter=before.jitter)))
+        converter.pass_over(before.jitter, before.render_size or info.render_size)
     return converter
 
 
 def _check_files(description: Path, entries: Sequence[FrameEntry]) -> None:
     folder = description.parent
     for index, entry in enumerate(entries):
-        for name in filter(None, (entry.file, entry.display_file, entry.reference)):
-            if not (folder / name).is_file():
+        for name in files_of(entry):
+            if not _is_file(folder / name):
                 hint = f"{description.name} lists it; copy or render it again."
                 raise ShotError(folder / name, f"the file of frame {index} is missing", hint)
+    check_inside(folder, (folder / name for entry in entries for name in files_of(entry)))
+
+
+def _is_file(path: Path) -> bool:
+    """Tell whether a file is there; False for a path that is too long for any to be."""
+    try:
+        return path.is_file()
+    except OSError:
+        return False

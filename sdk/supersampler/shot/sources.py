@@ -52,19 +52,24 @@ def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
     Raises:
         ShotError: it is none that is known; the message says what was found.
     """
-    if path.is_file() and path.suffix in (".safetensors", ".json"):
-        return "arm" if path.suffix == ".safetensors" else "shot"
-    if not path.exists():
-        raise ShotError(path, "there is no such file or folder", _KNOWN)
-    if not path.is_dir():
-        raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
-    if (path / FILE_NAME).exists():
-        return "shot"
-    if (path / MAP_FILE_NAME).exists():
-        return "channels"
-    frames = sorted(path.glob("[!.]*.exr"))
-    if not frames:
+    try:
+        if path.is_file() and path.suffix in (".safetensors", ".json"):
+            return "arm" if path.suffix == ".safetensors" else "shot"
+        if not path.exists():
+            raise ShotError(path, "there is no such file or folder", _KNOWN)
+        if not path.is_dir():
+            raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
+        if (path / FILE_NAME).exists():
+            return "shot"
+        if (path / MAP_FILE_NAME).exists():
+            return "channels"
         names = sorted(item.name for item in path.iterdir())
+    except OSError as error:
+        if isinstance(error, ShotError):
+            raise
+        raise ShotError(path, f"cannot be read ({error})", _KNOWN) from error
+    frames = [path / name for name in names if name.endswith(".exr") and not name.startswith(".")]
+    if not frames:
         raise ShotError(path, f"holds {_listed(names) or 'nothing'}", _KNOWN)
     channels = read_exr_channels(frames[0])
     if is_blender(channels):

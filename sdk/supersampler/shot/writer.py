@@ -1,5 +1,9 @@
 """Write a shot frame by frame. A run that is killed leaves whole frames only, and can be resumed."""
 
+import json
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import TracebackType
@@ -9,11 +13,24 @@ from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.files import remove_partial_files, replacing
+from supersampler.files import (
+    NO_ROOM,
+    check_apart,
+    check_inside,
+    is_regular,
+    is_there,
+    remove_files,
+    remove_partial_files,
+    replacing,
+)
 from supersampler.frame import Array, Frame, Size
-from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, load_shot_json, shot_json
+from supersampler.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
+from supersampler.shot.json_keys import read_json
 from supersampler.shot.shot import Shot, converter_at
+
+_DISPLAY, _REFERENCE = "display", "reference"
+_FOREIGN = "Move it away, or write the shot to another folder."
 
 
 class ShotWriter:
@@ -25,7 +42,8 @@ class ShotWriter:
 
     Each file appears under its name only when it is complete, a frame's files before shot.json lists it. So
     the folder is a whole shot at any moment, of as many frames as were finished; with `resume=True` the next
-    run goes on after them: `len(writer)` is the index of the frame to write next.
+    run goes on after them: `len(writer)` is the index of the frame to write next. Files that no run wrote are
+    never replaced: one in the way is an error.
 
     Args:
         path: the folder; made where it is missing.
@@ -74,9 +92,12 @@ class ShotWriter:
             attribution=tuple(attribution),
         )
         self._entries: list[FrameEntry] = []
-        if self._description.exists():
+        self._note = self.path / f".{self._description.name}.writing"
+        if is_there(self._description):
             self._continue(resume)
-        remove_partial_files(self.path)
+        self._begun = self._read_note()
+        names = re.compile(rf"\d{{4,}}\.exr|{re.escape(self._description.name)}")
+        remove_partial_files(self.path, names, (self._frames_below.rstrip("/"), _DISPLAY, _REFERENCE))
 
     def __len__(self) -> int:
         """Return how many frames are complete."""
@@ -122,22 +143,73 @@ class ShotWriter:
             jitter=(0.0, 0.0) if raw.jitter is None else (float(raw.jitter[0]), float(raw.jitter[1])),
             reset=bool(raw.reset),
             exposure=None if raw.exposure is None else float(raw.exposure),
-            display_file=f"display/{number}" if has_display_file(raw) else None,
-            reference=None if reference is None else f"reference/{number}",
+            display_file=f"{_DISPLAY}/{number}" if has_display_file(raw) else None,
+            reference=None if reference is None else f"{_REFERENCE}/{number}",
             render_size=None if (width, height) == info.render_size else (width, height),
             shaded=raw.color is not None,
         )
-        write_frame(self.path, entry, raw, self._compression, display=not shared)
-        if reference is not None and not shared:
-            path = self.path / str(entry.reference)
-            write_reference(path, reference, classes, self._reference_compression)
-        self._publish(info, [*self._entries, entry])
+        with self._writing([entry.file] if shared else files_of(entry)):
+            write_frame(self.path, entry, raw, self._compression, display=not shared)
+            if reference is not None and not shared:
+                path = self.path / str(entry.reference)
+                write_reference(path, reference, classes, self._reference_compression)
+            self._publish(info, [*self._entries, entry])
 
     def _publish(self, info: ShotInfo, entries: list[FrameEntry]) -> None:
         """List the frames in shot.json: from here on they count as written."""
         with replacing(self._description) as partial:
             partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
         self._info, self._entries = info, entries
+
+    @contextmanager
+    def _writing(self, names: list[str]) -> Iterator[None]:
+        """Note in a file which files are about to be written, once it is sure that they are nobody else's.
+
+        A run that is killed before shot.json lists them leaves that note, by which the next one knows them.
+
+        Raises:
+            ShotError: a file that no run wrote has one of these names.
+        """
+        paths = [self.path / name for name in names]
+        check_inside(self.path, paths)
+        for name, path in zip(names, paths, strict=True):
+            if is_there(path) and not (is_regular(path) and (name in self._begun or self._is_listed(name))):
+                problem = f"is there already, and {self._description.name} does not list it"
+                raise ShotError(path, problem, _FOREIGN)
+        try:
+            self.path.mkdir(parents=True, exist_ok=True)
+            self._note.write_text(json.dumps(names), encoding="utf-8")
+        except OSError as error:
+            raise ShotError(self._note, f"cannot be written ({error})", NO_ROOM) from error
+        self._begun, before = frozenset(names), len(self._entries)
+        try:
+            yield
+        finally:
+            if before < len(self._entries) or not any(map(is_there, paths)):  # listed, or not begun
+                remove_files([self._note])
+
+    def _read_note(self) -> frozenset[str]:
+        """Names of the files that a killed run was about to write."""
+        if not is_there(self._note):
+            return frozenset()
+        if not is_regular(self._note):
+            raise ShotError(self._note, "is no regular file", _FOREIGN)
+        try:
+            names = read_json(self._note)
+        except ShotError:  # killed while it was written, before any of the files
+            return frozenset()
+        return frozenset(filter(lambda name: isinstance(name, str), names if isinstance(names, list) else ()))
+
+    def _is_listed(self, name: str) -> bool:
+        """Tell whether another shot in the folder, which shares files with this one, lists a file."""
+        for path in self.path.glob("[!.]*.json"):
+            try:
+                _, entries = load_shot_json(path)
+            except ShotError:
+                continue
+            if any(name in files_of(entry) for entry in entries):
+                return True
+        return False
 
     def _checked(self, frame: RawFrame | Frame) -> RawFrame:
         """Return the frame in the shot's conventions, once it is known that it can be read again."""
@@ -189,7 +261,12 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
 
     Returns:
         The shot that was written.
+
+    Raises:
+        ShotError: the folder is, holds or lies in the source, or a file of others is in the way; see also
+            `ShotWriter` and `Shot.read`.
     """
+    check_apart(Path(path), shot.source)
     info = shot.info
     writer = ShotWriter(
         path,

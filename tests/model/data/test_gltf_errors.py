@@ -1,6 +1,7 @@
 """A glTF file that is broken or not supported is named, with the place in it and the reason."""
 
 import json
+import os
 import random
 import re
 from collections.abc import Callable, Iterator
@@ -10,9 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from gltf_files import GltfFile, cube, glb, strip
+from gltf_files import GltfFile, cube, glb, png, strip
 from supersampler_model.data.errors import DataError
 from supersampler_model.data.gltf import GltfError, GltfScene
+from supersampler_model.data.gltf.lighting import panorama
 
 Break = Callable[[GltfFile], Any]
 CUBE = r"mesh 0 'Cube', primitive 0"
@@ -264,3 +266,76 @@ def test_damaged_json_is_read_or_refused_and_never_anything_else(tmp_path: Path)
         except GltfError:
             refused += 1
     assert refused > 100
+
+
+def saved(file: GltfFile, folder: Path, uri: str) -> Path:
+    """A .gltf in `folder` whose buffer is what the URI stands for."""
+    folder.mkdir(exist_ok=True)
+    content = {**file.json, "buffers": [{"byteLength": len(file.binary), "uri": uri}]}
+    path = folder / "file.gltf"
+    path.write_text(json.dumps(content))
+    return path
+
+
+@pytest.mark.parametrize(
+    "uri",
+    [
+        "../buffer.bin", "%2e%2e/buffer.bin", "%2E%2E%2Fbuffer.bin", "sub/../../buffer.bin", "{absolute}",
+        "%2F{absolute}", "file://{absolute}", "file:{absolute}", "//host/buffer.bin", "..\\buffer.bin",
+        "C:buffer.bin", "https://example.org/buffer.bin", "", ".", "..", "buffer%00.bin",
+    ],
+)  # fmt: skip
+def test_a_name_that_leaves_the_folder_is_refused(tmp_path: Path, uri: str) -> None:
+    file = cube()
+    (tmp_path / "buffer.bin").write_bytes(file.binary)
+    path = saved(file, tmp_path / "models", uri.format(absolute=tmp_path / "buffer.bin"))
+    with pytest.raises(GltfError, match="is elsewhere; only files in the folder of this one are read"):
+        GltfScene(path)
+
+
+@pytest.mark.parametrize("linked", ["buffer.bin", "sub"])
+def test_a_link_out_of_the_folder_is_not_followed(tmp_path: Path, linked: str) -> None:
+    file = cube()
+    (tmp_path / "away").mkdir()
+    (tmp_path / "away" / "buffer.bin").write_bytes(file.binary)
+    path = saved(file, tmp_path / "models", "buffer.bin" if linked == "buffer.bin" else "sub/buffer.bin")
+    target = tmp_path / "away" / "buffer.bin" if linked == "buffer.bin" else tmp_path / "away"
+    (tmp_path / "models" / linked).symlink_to(target)
+    with pytest.raises(GltfError, match="is elsewhere, by a link"):
+        GltfScene(path)
+
+
+def test_names_below_and_a_folder_that_is_a_link_are_read(tmp_path: Path) -> None:
+    file = cube()
+    path = saved(file, tmp_path / "models", "./sub/the%20buffer.bin")
+    (tmp_path / "models" / "sub").mkdir()
+    (tmp_path / "models" / "sub" / "the buffer.bin").write_bytes(file.binary)
+    (tmp_path / "link").symlink_to("models")
+    assert GltfScene(tmp_path / "link" / path.name).digest == GltfScene(path).digest
+
+
+def test_a_buffer_that_is_no_regular_file_is_refused(tmp_path: Path) -> None:
+    path = saved(cube(), tmp_path / "models", "pipe")
+    os.mkfifo(tmp_path / "models" / "pipe")
+    with pytest.raises(GltfError, match="is no regular file"):
+        GltfScene(path)
+
+
+def test_a_small_file_that_claims_much_is_refused_before_room_is_made(tmp_path: Path) -> None:
+    file = cube()
+    primitive(file)["attributes"]["POSITION"] = file.add(
+        "accessors", componentType=5126, count=1 << 26, type="VEC3"
+    )
+    assert "accessor 4: all arrays come to more than" in message_of(file, tmp_path)
+    file = cube()
+    times = file.array(np.arange(5000.0))
+    sampler = {"input": times, "output": file.array(np.ones((5000, 3)))}
+    channels = [{"sampler": 0, "target": {"node": 0, "path": "scale"}}] * 2000
+    file.add("animations", samplers=[sampler], channels=channels)
+    assert "all arrays come to more than" in message_of(file, tmp_path)
+
+
+def test_a_panorama_of_another_format_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "sky.hdr").write_bytes(png(np.zeros((4, 8, 3), np.uint8)))
+    with pytest.raises(GltfError, match=r"sky\.hdr: the panorama is no \.hdr file"):
+        panorama(tmp_path / "sky.hdr")

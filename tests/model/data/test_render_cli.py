@@ -80,7 +80,7 @@ def test_a_killed_run_leaves_whole_frames_ends_its_workers_and_goes_on(tmp_path:
     [entry] = open_dataset(out).entries()
     there = open_dataset(out).complete(entry)
     assert 2 <= there < 24
-    partial = out / entry.folder / ".0023.0000.partial.safetensors"
+    partial = out / entry.folder / ".0023.00000000.partial.safetensors"
     partial.write_bytes(b"half a frame")
     kept = (out / entry.folder / "0000.safetensors").stat().st_mtime_ns
     assert render(out, *options).exit_code == 0

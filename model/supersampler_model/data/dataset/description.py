@@ -6,7 +6,9 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Literal
 
-from supersampler.files import replacing
+from supersampler.errors import ShotError
+from supersampler.files import is_there, replacing
+from supersampler.shot.json_keys import read_json
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec
@@ -137,12 +139,19 @@ def create_dataset(folder: Path, description: Description) -> Dataset:
     """Begin a set, or take up one of the same description.
 
     Raises:
-        DatasetError: a set of another description is there, or one drawn from files that have changed.
+        DatasetError: a set of another description is there, or one drawn from files that have changed; or
+            folders of no set are in the way.
     """
     path = folder / FILE_NAME
-    if path.exists():
+    if is_there(path):
         _check_same(path, open_dataset(folder).description, description)
     else:
+        for entry in description.sequences:
+            if is_there(folder / entry.folder):
+                hint = "Move it away, or choose another folder."
+                raise DatasetError(
+                    folder / entry.folder, f"is there already, and no {FILE_NAME} lists it", hint
+                )
         with replacing(path) as partial:
             partial.write_text(json.dumps(description.to_json(), indent=1) + "\n", encoding="utf-8")
     return Dataset(folder, description)
@@ -156,13 +165,14 @@ def open_dataset(folder: Path) -> Dataset:
     """
     path = folder / FILE_NAME
     try:
-        content = json.loads(path.read_text(encoding="utf-8"))
+        content = read_json(path)
         if content["version"] != VERSION:
             raise DatasetError(path, f"version {content['version']}, this code reads {VERSION}")
         return Dataset(folder, Description.from_json(content))
-    except FileNotFoundError as error:
-        raise DatasetError(path, "is not there", "`supersampler render` makes training sets.") from error
-    except (ValueError, KeyError, TypeError) as error:
+    except ShotError as error:
+        problem = error.problem if is_there(path) else "is not there"
+        raise DatasetError(path, problem, "`supersampler render` makes training sets.") from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise DatasetError(path, f"not a description ({type(error).__name__}: {error})") from error
 
 

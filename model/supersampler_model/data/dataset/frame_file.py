@@ -1,7 +1,6 @@
 """One frame of a training set in one file: safetensors, read by memory map, so that a crop costs a crop."""
 
 import json
-import mmap
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,9 +11,12 @@ from numpy.typing import NDArray
 from safetensors.numpy import save
 
 from supersampler import Frame
+from supersampler.errors import ShotError
 from supersampler.files import replacing
+from supersampler.shot.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 
+_AGAIN = "Delete it and render again: what is complete is kept."
 _TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
 _STORED = {"color": "F16", "depth": "F32", "motion": "F16", "reference": "F16", "ghost": "U8", "alias": "U8"}
 _DISPLAY, _RENDER = "display.", "render."
@@ -94,9 +96,28 @@ def read_training_frame(path: Path) -> TrainingFrame:
     tensors, numbers = _read(path)
     display = _split_off(_DISPLAY, tensors)
     try:
-        return TrainingFrame(**tensors, **numbers, gbuffer_display=display or None)  # type: ignore[arg-type]
-    except TypeError as error:
+        frame = TrainingFrame(**tensors, **numbers, gbuffer_display=display or None)  # type: ignore[arg-type]
+        _check(frame)
+    except (TypeError, ValueError) as error:
         raise _damaged(path, error) from error
+    return frame
+
+
+def _check(frame: TrainingFrame) -> None:
+    """Raise a TypeError or ValueError where arrays or numbers are not those of a frame."""
+    render, display = frame.depth.shape, frame.ghost.shape
+    shapes = {
+        "color": (*render, 3), "motion": (*render, 2), "reference": (*display, 3), "alias": display,
+        "depth": render[:2], "ghost": display[:2],
+    }  # fmt: skip
+    for name, shape in shapes.items():
+        if getattr(frame, name).shape != shape or 0 in shape:
+            raise ValueError(f"{name} is {getattr(frame, name).shape}")
+    for name, array in (frame.gbuffer_display or {}).items():
+        if array.shape[:2] != display:
+            raise ValueError(f"{_DISPLAY}{name} is {array.shape}")
+    if type(frame.reset) is not bool or type(frame.exposure) not in (int, float) or not frame.exposure > 0:
+        raise ValueError(f"reset is {frame.reset!r}, exposure {frame.exposure!r}")
 
 
 class Drawn(NamedTuple):
@@ -152,29 +173,21 @@ def _write(path: Path, tensors: dict[str, NDArray[Any]], numbers: dict[str, Any]
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
     """Tensors, mapped, and the numbers beside them."""
     try:
-        with path.open("rb") as file:
-            mapped = mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)
-        length = int.from_bytes(mapped[:8], "little")
-        header = json.loads(mapped[8 : 8 + length])
-        numbers = json.loads(header.pop("__metadata__")["frame"])
-        tensors = {name: _view(mapped, 8 + length, entry) for name, entry in header.items()}
-        return tensors, numbers | {"jitter": tuple(numbers["jitter"])}
-    except (OSError, ValueError, KeyError, TypeError) as error:
+        tensors, metadata = open_safetensors(path)
+        numbers = json.loads(metadata["frame"])
+        x, y = (float(value) for value in numbers.pop("jitter"))
+    except ShotError as error:
+        raise DatasetError(path, f"not a whole training frame: {error.problem}", _AGAIN) from error
+    except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError) as error:
         raise _damaged(path, error) from error
+    for name, array in tensors.items():
+        if name in _STORED and array.dtype != _TYPES[_STORED[name]]:
+            raise _damaged(path, TypeError(f"{name} is {array.dtype}"))
+    return tensors, {**numbers, "jitter": (x, y)}
 
 
 def _damaged(path: Path, error: Exception) -> DatasetError:
-    hint = "Delete it and render again: what is complete is kept."
-    return DatasetError(path, f"not a whole training frame ({type(error).__name__}: {error})", hint)
-
-
-def _view(mapped: mmap.mmap, start: int, entry: dict[str, Any]) -> NDArray[Any]:
-    first, last = entry["data_offsets"]
-    if start + last > len(mapped):
-        raise ValueError(f"it ends at byte {len(mapped)}, not {start + last}")
-    dtype = np.dtype(_TYPES[entry["dtype"]])
-    flat = np.frombuffer(mapped, dtype, (last - first) // dtype.itemsize, start + first)
-    return flat.reshape(entry["shape"])
+    return DatasetError(path, f"not a whole training frame ({type(error).__name__}: {error})", _AGAIN)
 
 
 def _rounded(prefix: str, buffers: Mapping[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:

@@ -1,5 +1,6 @@
 """Render a set with several processes, a sequence at a time."""
 
+import re
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -9,6 +10,8 @@ from supersampler_model.data.dataset.description import Dataset, open_dataset
 from supersampler_model.data.dataset.produce import render_sequence
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.processes import OnFrame, run_parts
+
+_FRAMES = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
 
 
 def render_dataset(
@@ -30,7 +33,8 @@ def render_dataset(
         DataError: a worker failed (a full disk, no OpenGL, a file that has changed); what is complete
             stays, and a next run goes on.
     """
-    remove_partial_files(dataset.folder)
+    folders = [entry.folder for entry in dataset.entries()]
+    remove_partial_files(dataset.folder, _FRAMES, folders)
     at = dataset if ratio is None else dataset.at(ratio)
     todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
     shares = [todo[k::workers] for k in range(min(workers, len(todo)))]

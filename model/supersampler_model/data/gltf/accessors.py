@@ -44,6 +44,7 @@ def _read(document: Document, accessor: Json, kind: str) -> NDArray[Any]:
     count, dtype, width = accessor["count"], _dtype(accessor), _WIDTHS[kind]
     if type(count) is not int or not 0 < count <= MOST:
         raise MalformedError(f"its count is {count!r}; want 1 to {MOST}")
+    document.claim("arrays", count * width)
     if "bufferView" in accessor:
         raw = _elements(document, accessor, dtype, count, width)
     else:

@@ -4,17 +4,26 @@ import base64
 import binascii
 import hashlib
 import json
+import re
 from dataclasses import dataclass, field
-from pathlib import Path
-from typing import Any, TypeAlias
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal, TypeAlias
 from urllib.parse import unquote, urlsplit
 
+from supersampler.errors import ShotError
+from supersampler.files import check_inside
 from supersampler_model.data.gltf.errors import MalformedError, at
 
 Json: TypeAlias = dict[str, Any]
 
+LARGEST_FILE = 1 << 31  # bytes
+LARGEST_JSON = 1 << 28  # bytes; data URIs are in it
+LARGEST_IMAGES = 1 << 31  # bytes of all that are decoded
+LARGEST_ARRAYS = 1 << 23  # numbers that arrays may come to, however small the file
+ARRAYS_A_BYTE = 32  # numbers more for each byte read: several primitives may share an array
 UNDERSTOOD = {"KHR_mesh_quantization", "KHR_materials_emissive_strength", "KHR_texture_transform"}
 _HEADER, _CHUNK = 12, 8  # bytes
+_OUTSIDE = re.compile(r"[\\:\x00-\x1f]")  # of other systems' paths; a scheme ends in a colon, too
 _JSON, _BINARY = b"JSON", b"BIN\0"
 
 
@@ -32,6 +41,7 @@ class Document:
     binary: bytes
     _buffers: dict[int, bytes] = field(default_factory=dict)
     _read: list[bytes] = field(default_factory=list)  # SHA-256 of each file, in order
+    _sizes: dict[str, int] = field(default_factory=lambda: {"read": 0, "arrays": 0, "images": 0})
 
     def digest(self) -> str:
         """Return the SHA-256, in hexadecimal, of what has been read: the file, and those beside it."""
@@ -62,8 +72,18 @@ class Document:
             raise MalformedError(f"bufferView {index} ends at byte {start + length} of {len(data)}")
         return data[start : start + length], stride
 
+    def claim(self, kind: Literal["arrays", "images"], count: int) -> None:
+        """Count numbers that room is to be made for; more than the file can be meant to hold are refused."""
+        self._sizes[kind] += count
+        most = LARGEST_ARRAYS + ARRAYS_A_BYTE * self._sizes["read"] if kind == "arrays" else LARGEST_IMAGES
+        if self._sizes[kind] > most:
+            raise MalformedError(f"all {kind} come to more than {most} numbers")
+
     def load(self, uri: Any) -> bytes:
-        """Return what a buffer's or an image's URI stands for: data of its own, or a file beside this."""
+        """Return what a buffer's or an image's URI stands for: data of its own, or a file beside this.
+
+        Files are read from the folder of this one and below, whatever links and names like `..` lead to.
+        """
         if not isinstance(uri, str):
             raise MalformedError(f"the URI {uri!r} is no text")
         if uri.startswith("data:"):
@@ -74,14 +94,26 @@ class Document:
                 return base64.b64decode(text, validate=True)
             except binascii.Error as error:
                 raise MalformedError(f"a data URI is damaged ({error})") from error
-        if urlsplit(uri).scheme:
-            raise MalformedError(f"{uri!r} is elsewhere; only files beside this one are read")
-        try:
-            data = (self.path.parent / unquote(uri)).read_bytes()
-        except OSError as error:
-            raise MalformedError(f"{uri!r} cannot be read ({error.strerror})") from error
-        self._read.append(hashlib.sha256(data).digest())
+        data = _content(self._beside(uri), repr(uri))
+        self._count(data)
         return data
+
+    def _beside(self, uri: str) -> Path:
+        """Return the file of a relative URI, once it is sure that it lies in the folder of this one."""
+        name = unquote(uri, errors="strict")
+        path = PurePosixPath(name)
+        outside = path.is_absolute() or ".." in path.parts or _OUTSIDE.search(name)
+        if urlsplit(uri).netloc or not path.name or outside:
+            raise MalformedError(f"{uri!r} is elsewhere; only files in the folder of this one are read")
+        try:
+            check_inside(self.path.parent, [self.path.parent / name])
+        except ShotError as error:
+            raise MalformedError(f"{uri!r} is elsewhere, by a link; copy the file to this one") from error
+        return self.path.parent / name
+
+    def _count(self, data: bytes) -> None:
+        self._read.append(hashlib.sha256(data).digest())
+        self._sizes["read"] += len(data)
 
     def _buffer(self, index: Any) -> bytes:
         buffer = self.item("buffers", index)
@@ -98,11 +130,10 @@ class Document:
 
 def open_document(path: Path) -> Document:
     """Read a .glb or .gltf file."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise MalformedError(f"it cannot be read ({error.strerror})") from error
+    data = _content(path, "it")
     text, binary = _chunks(data) if data[:4] == b"glTF" else (data, b"")
+    if len(text) > LARGEST_JSON:
+        raise MalformedError(f"its JSON has {len(text)} bytes; want at most {LARGEST_JSON}")
     try:
         content = json.loads(text)
     except (ValueError, RecursionError) as error:
@@ -115,7 +146,23 @@ def open_document(path: Path) -> Document:
     missing = sorted(set(content.get("extensionsRequired", [])) - UNDERSTOOD)
     if missing:
         raise MalformedError(f"it requires {', '.join(missing)}, which is not supported; export it without")
-    return Document(path, content, binary, _read=[hashlib.sha256(data).digest()])
+    document = Document(path, content, binary)
+    document._count(data)
+    return document
+
+
+def _content(path: Path, name: str) -> bytes:
+    """Return the bytes of a regular file; `name` is what messages call it."""
+    try:
+        if path.exists() and not path.is_file():  # a pipe, say, which never ends
+            raise MalformedError(f"{name} is no regular file")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise MalformedError(f"{name} cannot be read ({error.strerror})") from error
+    if len(data) > LARGEST_FILE:
+        raise MalformedError(f"{name} is larger than {LARGEST_FILE >> 20} MiB")
+    return data
 
 
 def _chunks(data: bytes) -> tuple[bytes, bytes]:

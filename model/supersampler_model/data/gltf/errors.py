@@ -47,7 +47,7 @@ def at(place: str) -> Iterator[None]:
         raise _placed(str(error), place) from error
     except KeyError as error:
         raise _placed(f"{error} is missing", place) from error
-    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError) as error:
+    except (LookupError, TypeError, ValueError, AttributeError, ArithmeticError, RecursionError) as error:
         raise _placed(f"this is not as glTF 2.0 has it ({error})", place) from error
 
 
@@ -59,6 +59,10 @@ def reading(path: Path) -> Iterator[None]:
             yield
     except MalformedError as error:
         raise GltfError(path, ", ".join(filter(None, error.places)), error.problem) from error
+    except MemoryError as error:
+        raise GltfError(path, "", "there is not enough memory for what it holds") from error
+    except OSError as error:
+        raise GltfError(path, "", f"it cannot be read ({error})") from error
 
 
 def _placed(problem: str, place: str) -> MalformedError:

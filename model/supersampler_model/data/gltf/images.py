@@ -19,11 +19,11 @@ def image_of(document: Document, index: int) -> Pixels:
     image = document.item("images", index)
     with at(document.name("images", index)):
         if "bufferView" in image:
-            return decoded(document.view(image["bufferView"])[0])
-        return decoded(document.load(image["uri"]))
+            return _decoded(document, document.view(image["bufferView"])[0])
+        return _decoded(document, document.load(image["uri"]))
 
 
-def decoded(data: bytes) -> Pixels:
+def _decoded(document: Document, data: bytes) -> Pixels:
     """Return the pixels of a PNG or JPEG file; grey becomes colour, 16 bits become 8."""
     suffix = next((suffix for magic, suffix in _SUFFIXES.items() if data.startswith(magic)), None)
     if suffix is None:
@@ -31,13 +31,13 @@ def decoded(data: bytes) -> Pixels:
     with tempfile.TemporaryDirectory() as folder:  # OpenImageIO's Python side reads files only
         path = Path(folder) / f"image{suffix}"
         path.write_bytes(data)
-        pixels = _read(path)
+        pixels = _read(document, path)
     if pixels.shape[2] < 3:
         pixels = np.concatenate([pixels[..., :1]] * 3 + [pixels[..., 1:]], axis=-1)
     return np.ascontiguousarray(pixels[..., :4])
 
 
-def _read(path: Path) -> Pixels:
+def _read(document: Document, path: Path) -> Pixels:
     config = ImageSpec()
     config.attribute("oiio:UnassociatedAlpha", 1)
     source = ImageInput.open(str(path), config)
@@ -46,6 +46,7 @@ def _read(path: Path) -> Pixels:
     spec = source.spec()
     if max(spec.width, spec.height) > LARGEST:
         raise MalformedError(f"it is {spec.width} x {spec.height}; want at most {LARGEST} a side")
+    document.claim("images", spec.width * spec.height * spec.nchannels)
     pixels = source.read_image(0, 0, 0, spec.nchannels, "uint8")
     if pixels is None:
         raise MalformedError(f"it is damaged ({source.geterror().strip()})")

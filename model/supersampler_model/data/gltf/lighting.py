@@ -7,10 +7,10 @@ from typing import NamedTuple
 import numpy as np
 from OpenImageIO import ImageInput, geterror
 
+from supersampler.limits import image_size_problem
 from supersampler_model.data.environment import Environment, directions
-from supersampler_model.data.errors import SceneError
 from supersampler_model.data.gltf.accessors import Values
-from supersampler_model.data.gltf.errors import GltfError
+from supersampler_model.data.gltf.errors import MalformedError, reading
 from supersampler_model.data.gltf.motions import Course, Flicker
 from supersampler_model.data.lights import Point, Spot, Sun
 from supersampler_model.data.values import Color, Vector
@@ -99,15 +99,25 @@ def sky(rng: np.random.Generator) -> Environment:
 
 
 def panorama(path: Path) -> Environment:
-    """Read a panorama (.hdr) whose size is (2 h, h), h a power of two."""
-    source = ImageInput.open(str(path))
-    pixels = None if source is None else source.read_image(0, 0, 0, 3, "float")
-    if pixels is None:
-        raise GltfError(path, "", f"the panorama is damaged ({geterror().strip()})")
-    try:
+    """Read a panorama (.hdr) whose size is (2 h, h), h a power of two.
+
+    Raises:
+        GltfError: it is damaged, too large, or of another size.
+    """
+    with reading(path):
+        with path.open("rb") as file:
+            if file.read(2) != b"#?":
+                raise MalformedError("the panorama is no .hdr file")
+        source = ImageInput.open(str(path))
+        if source is None:
+            raise MalformedError(f"the panorama is damaged ({geterror().strip()})")
+        spec = source.spec()
+        if (problem := image_size_problem(spec.width, spec.height)) is not None:
+            raise MalformedError(f"the panorama {problem}")
+        pixels = source.read_image(0, 0, 0, 3, "float")
+        if pixels is None:
+            raise MalformedError(f"the panorama is damaged ({source.geterror().strip()})")
         return Environment(pixels=np.ascontiguousarray(np.clip(pixels, 0.0, _BRIGHTEST), np.float32))
-    except SceneError as error:
-        raise GltfError(path, "", str(error).rstrip(".")) from error
 
 
 def _tint(rng: np.random.Generator) -> Values:

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,8 @@ from supersampler_model.data.gltf.nodes import Node, nodes_of, places
 from supersampler_model.data.mesh import Mesh
 from supersampler_model.data.scene import MAX_JOINTS, Instance, Material
 from supersampler_model.data.values import Matrices, Matrix
+
+MOST_PARTS = 1 << 16  # primitives on nodes
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +73,9 @@ class GltfScene:
         with reading(self.path):
             document = open_document(self.path)
             self._nodes = nodes_of(document)
-            self._parts = tuple(_parts(document, self._nodes))
+            self._parts = tuple(islice(_parts(document, self._nodes), MOST_PARTS + 1))
+            if len(self._parts) > MOST_PARTS:
+                raise MalformedError(f"its nodes show more than {MOST_PARTS} primitives")
             if not self._parts:
                 raise MalformedError("nothing in it is to be seen")
             self.clips = clips_of(document)

@@ -1,0 +1,123 @@
+"""No EXR file harms its reader: whole ones of every kind, damaged in every place, are read or refused."""
+
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageOutput, ImageSpec
+
+from fuzzing import damaged, examples, run_apart
+from supersampler import ShotError
+from supersampler.errors import SupersamplerError
+from supersampler.image_io import read_exr, read_exr_channels, write_exr
+from supersampler.shot.frame_files import read_classes
+
+COMPRESSIONS = ("zip", "zips", "piz", "rle", "none", "dwaa:45", "dwab:45", "pxr24", "b44", "b44a")
+NUMBERS = (0, 1, -1, 7, 255, 65536, 10**5, 10**9, 2**31 - 1, -(2**31))
+
+
+def whole_files() -> list[bytes]:
+    """One of each compression, one in tiles, one in parts."""
+    noise = np.random.default_rng(0)
+    channels = ("R", "G", "B", "depth.Z", "motion.X", "class.ghost", "class.alias")
+    image = {
+        name: noise.random((12, 16)).astype(np.float16 if index % 2 else np.float32)
+        for index, name in enumerate(channels)
+    }
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "a.exr"
+        found = []
+        for compression in (
+            "zip",
+            "zips",
+            "piz",
+            "rle",
+            "none",
+            "dwaa:45",
+            "dwab:45",
+            "pxr24",
+            "b44",
+            "b44a",
+        ):
+            write_exr(path, image, compression=compression)
+            found.append(path.read_bytes())
+        tiles = ImageSpec(40, 30, 4, "half")
+        tiles.tile_width = tiles.tile_height = 16
+        write_parts(path, [tiles])
+        found.append(path.read_bytes())
+        parts = [ImageSpec(16, 12, 3, "half"), ImageSpec(16, 12, 1, "float")]
+        for name, part in zip("ab", parts, strict=True):
+            part.attribute("oiio:subimagename", name)
+        write_parts(path, parts)
+        return [*found, path.read_bytes()]
+
+
+def write_parts(path: Path, specs: list[ImageSpec]) -> None:
+    output = ImageOutput.create(str(path))
+    assert output is not None
+    assert output.open(str(path), tuple(specs))
+    for index, spec in enumerate(specs):
+        assert index == 0 or output.open(str(path), spec, "AppendSubimage")
+        pixels = np.random.default_rng(index).random((spec.height, spec.width, spec.nchannels), np.float32)
+        assert output.write_image(pixels)
+    assert output.close()
+
+
+def with_other_numbers(data: bytes, rng: np.random.Generator) -> bytes:
+    """Set a few aligned or unaligned numbers of the header: sizes, windows, counts, lengths of attributes."""
+    content = bytearray(data)
+    for _ in range(int(rng.integers(1, 4))):
+        at = int(rng.integers(8, min(len(content), 700)))
+        number = NUMBERS[int(rng.integers(len(NUMBERS)))]
+        content[at : at + 4] = number.to_bytes(4, "little", signed=True)
+    return bytes(content)
+
+
+def prepare() -> Callable[[int], object]:
+    files = whole_files()
+
+    def run(case: int) -> None:
+        rng = np.random.default_rng(case)
+        data = files[case % len(files)]
+        data = with_other_numbers(data, rng) if rng.random() < 0.4 else damaged(data, rng)
+        path = Path("case.exr")
+        path.write_bytes(data)
+        for read in (read_exr_channels, read_exr, lambda path: read_classes(path, None)):
+            try:
+                read(path)
+            except SupersamplerError:
+                continue
+
+    return run
+
+
+def test_no_exr_harms_its_reader() -> None:
+    assert run_apart(prepare, examples(150)) == []
+
+
+def set_window(data: bytes, width: int, height: int) -> bytes:
+    """Have both windows of a whole file say another size."""
+    content = bytearray(data)
+    for name in (b"dataWindow\0box2i\0", b"displayWindow\0box2i\0"):
+        at = content.index(name) + len(name) + 4 + 8
+        content[at : at + 8] = (width - 1).to_bytes(4, "little") + (height - 1).to_bytes(4, "little")
+    return bytes(content)
+
+
+@pytest.mark.parametrize("size", [(1 << 16, 4), (4, 1 << 16), (1 << 14, 1 << 14), (1 << 30, 1 << 30)])
+def test_a_size_beyond_the_limits_is_refused_before_room_is_made(
+    tmp_path: Path, size: tuple[int, int]
+) -> None:
+    (tmp_path / "a.exr").write_bytes(set_window(whole_files()[0], *size))
+    with pytest.raises(ShotError, match=r"want 1 to 32768 a side|claims|INVALID"):
+        read_exr(tmp_path / "a.exr")
+
+
+def test_other_formats_do_not_reach_their_decoders_under_the_name_of_an_exr(tmp_path: Path) -> None:
+    spec = ImageSpec(4, 3, 3, "uint8")
+    write_parts(tmp_path / "a.tif", [spec])
+    (tmp_path / "a.tif").rename(tmp_path / "a.exr")
+    with pytest.raises(ShotError, match="is not an EXR image"):
+        read_exr(tmp_path / "a.exr")

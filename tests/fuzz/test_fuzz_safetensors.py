@@ -1,0 +1,135 @@
+"""No .safetensors file harms its reader: Arm's sequences, training frames, weights."""
+
+import json
+import tempfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from safetensors.numpy import save
+from safetensors.torch import save as save_torch
+from torch import zeros
+
+from fuzzing import damaged, examples, replaced, run_apart
+from supersampler import ShotError
+from supersampler.shot import import_arm
+from supersampler_model.data.dataset import TrainingFrame, read_training_frame
+from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.trained import load_trained
+
+FRAMES, HEIGHT, WIDTH = 2, 4, 6
+
+
+def arm_tensors() -> dict[str, np.ndarray]:
+    """A whole sequence, as far as an importer looks."""
+    noise = np.random.default_rng(0)
+
+    def of(*shape: int) -> np.ndarray:
+        return noise.random((FRAMES, *shape)).astype(np.float32)
+
+    return {
+        "colour_linear": of(3, HEIGHT, WIDTH).astype(np.float16),
+        "motion_lr": of(2, HEIGHT, WIDTH),
+        "depth": of(1, HEIGHT, WIDTH),
+        "depth_params": np.tile(np.array([-0.1, 0.1, 1, 1], np.float32), (FRAMES, 1)),
+        "jitter": of(2, 1, 1) - 0.5,
+        "ground_truth_linear": of(3, 2 * HEIGHT, 2 * WIDTH),
+        "exposure": of(1),
+        "camera_cut": np.zeros((FRAMES, 1), bool),
+        "seq": np.zeros((FRAMES, 1), np.int64),
+        "EmulatedFramerate": np.full((FRAMES, 1), 30, np.int32),
+    }
+
+
+def training_frame() -> TrainingFrame:
+    def of(shape: tuple[int, ...], kind: Any) -> Any:
+        return np.ones(shape, kind)
+
+    return TrainingFrame(
+        color=of((4, 6, 3), np.float16), depth=of((4, 6), np.float32), motion=of((4, 6, 2), np.float16),
+        jitter=(0.1, 0.2), reset=True, exposure=1.0, reference=of((8, 12, 3), np.float16),
+        ghost=of((8, 12), np.uint8), alias=of((8, 12), np.uint8),
+        gbuffer_display={"normal": of((8, 12, 3), np.float16), "roughness": of((8, 12), np.uint8)},
+    )  # fmt: skip
+
+
+def weights() -> bytes:
+    trained = {"method": "classifier", "config": {"a": 1}, "facts": {"steps": 3}}
+    return save_torch({"weight": zeros(3, 2)}, {"trained": json.dumps(trained)})
+
+
+def with_other_header(data: bytes, rng: np.random.Generator) -> bytes:
+    """Change one value of the JSON header, and keep its length right, mostly."""
+    length = int.from_bytes(data[:8], "little")
+    try:
+        header = json.dumps(replaced(json.loads(data[8 : 8 + length]), rng)).encode()
+    except (ValueError, RecursionError):
+        header = b"[" * 100_000
+    claimed = len(header) if rng.random() < 0.9 else int(rng.choice([0, 1, 2**31, 2**62]))
+    return claimed.to_bytes(8, "little") + header + data[8 + length :]
+
+
+def prepare() -> Callable[[int], object]:
+    def read_arm(path: Path) -> None:
+        for item in import_arm(path):
+            assert item.reference is None or item.reference.dtype == np.float32
+
+    with tempfile.TemporaryDirectory() as folder:
+        write_training_frame(Path(folder) / "a", training_frame())
+        frame = (Path(folder) / "a").read_bytes()
+    kinds = [(save(arm_tensors()), read_arm), (frame, read_training_frame), (weights(), load_trained)]
+
+    def run(case: int) -> None:
+        rng, path = np.random.default_rng(case), Path("case.safetensors")
+        data, read = kinds[case % len(kinds)]
+        path.unlink(missing_ok=True)  # the last case's may still be mapped
+        path.write_bytes(with_other_header(data, rng) if rng.random() < 0.7 else damaged(data, rng))
+        read(path)
+
+    return run
+
+
+def test_no_safetensors_file_harms_its_reader() -> None:
+    assert run_apart(prepare, examples(60)) == []
+
+
+CHANGES: dict[str, tuple[str, Any, str]] = {
+    "no frames": ("all", 0, "has 0 frames; want 1 to"),
+    "no pixels": ("colour_linear", np.zeros((FRAMES, 3, 0, 0), np.float16), "is 0x0"),
+    "a plane at 0": ("depth_params", np.zeros((FRAMES, 4), np.float32), "which tell no distance"),
+    "a bright exposure": ("exposure", np.full((FRAMES, 1), 1e5, np.float32), "want|natural logarithms"),
+    "too few cuts": ("camera_cut", np.zeros((1, 1), bool), "want a value for each of 2 frames"),
+    "truth without sides": ("ground_truth_linear", np.zeros((FRAMES, 3), np.float32), r"want \(2, 3, H, W\)"),
+    "whole numbers": ("depth", np.zeros((FRAMES, 1, HEIGHT, WIDTH), np.int32), "want floating point"),
+    "no rate": ("EmulatedFramerate", np.zeros((0,), np.int32), "is no number > 0"),
+}
+
+
+@pytest.mark.parametrize("case", CHANGES)
+def test_what_no_sequence_can_say_is_a_shot_error(tmp_path: Path, case: str) -> None:
+    name, value, message = CHANGES[case]
+    tensors = arm_tensors()
+    if name == "all":
+        tensors = {name: tensor[:0] for name, tensor in tensors.items()}
+    elif name == "colour_linear":
+        for other in ("colour_linear", "motion_lr", "depth"):
+            tensors[other] = tensors[other][..., :0, :0]
+    else:
+        tensors[name] = value
+    (tmp_path / "a.safetensors").write_bytes(save({n: np.ascontiguousarray(t) for n, t in tensors.items()}))
+    with pytest.raises(ShotError, match=message):
+        import_arm(tmp_path / "a.safetensors")
+
+
+@pytest.mark.parametrize(
+    "shape", ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", '"00"', "[2.0, 3]"]
+)
+def test_a_shape_that_is_none_is_a_shot_error(tmp_path: Path, shape: str) -> None:
+    size = 0 if shape.startswith("[0,") else 24
+    entry = f'{{"dtype": "F32", "shape": {shape}, "data_offsets": [0, {size}]}}'
+    header = f'{{"colour_linear": {entry}}}'.encode()
+    (tmp_path / "a.safetensors").write_bytes(len(header).to_bytes(8, "little") + header + bytes(24))
+    with pytest.raises(ShotError, match="has a header or tensor that cannot be read"):
+        import_arm(tmp_path / "a.safetensors")

@@ -1,0 +1,352 @@
+"""What `upscale`, `replay` and `import` may replace and remove: what their own record lists, no more."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from noise import noise
+from supersampler import ShotError
+from supersampler.cli import app
+from supersampler.cli.results import Results
+from supersampler.cli.run_record import read_run_record
+from supersampler.image_io import read_exr, write_exr
+from supersampler.shot import Shot, ShotWriter, copy_shot
+
+COUNT = 4
+FOREIGN = "upscale.json does not list it"
+IMAGE = np.zeros((4, 6, 3), np.float32)
+
+
+def run(*arguments: object) -> Result:
+    return CliRunner().invoke(app, [str(argument) for argument in arguments])
+
+
+def one_line(result: Result) -> str:
+    assert (result.exit_code, result.stderr.count("\n")) == (1, 1), result.output
+    assert result.stderr.startswith("error: ")
+    return str(result.stderr)
+
+
+def content(folder: Path) -> dict[str, bytes | str]:
+    """All that is in a folder: bytes of files, targets of links."""
+    return {
+        path.relative_to(folder).as_posix(): str(path.readlink()) if path.is_symlink() else path.read_bytes()
+        for path in sorted(folder.rglob("*"))
+        if path.is_symlink() or path.is_file()
+    }
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    with ShotWriter(tmp_path / "shot", name="tiny", display_size=(64, 36), frame_rate=30) as writer:
+        for index in range(COUNT):
+            writer.write(noise(index))
+    return tmp_path / "shot"
+
+
+def upscale(shot: Path, output: Path, *options: object) -> Result:
+    return run("upscale", shot, "-o", output, "--method", "bilinear", *options)
+
+
+@pytest.mark.parametrize("where", ["shot", "shot/out", ".", "link", "link/out"])
+@pytest.mark.parametrize("options", [(), ("--overwrite",)])
+def test_a_folder_that_is_holds_or_lies_in_the_shot_is_refused_and_nothing_changes(
+    shot: Path, where: str, options: tuple[str, ...]
+) -> None:
+    (shot.parent / "link").symlink_to("shot")
+    before = content(shot.parent)
+    for source in (shot, shot / "shot.json"):
+        assert "the input" in one_line(upscale(source, shot.parent / where, *options))
+    assert content(shot.parent) == before
+
+
+def test_overwrite_removes_what_the_record_lists_and_nothing_else(shot: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    upscale(shot, out, "--format", "png", "--format", "exr", "--compare")
+    foreign = {
+        "20240102.png": b"a",
+        "exr/0099.exr": b"b",
+        "png/notes.txt": b"c",
+        "0000.exr": b"d",
+        "1.png": b"e",
+    }
+    for name, data in foreign.items():
+        (out / name).write_bytes(data)
+    done = upscale(shot, out, "--format", "png", "--overwrite")
+    assert done.exit_code == 0, done.output
+    after = content(out)
+    assert after.keys() == {*foreign, "upscale.json", *(f"{i:04d}.png" for i in range(COUNT))}
+    assert {name: after[name] for name in foreign} == foreign
+
+
+@pytest.mark.parametrize("kind", ["file", "folder", "link", "dangling link"])
+@pytest.mark.parametrize(
+    ("begun", "options"), [(False, ()), (False, ("--overwrite",)), (True, ("--overwrite",))]
+)
+def test_a_foreign_file_in_the_way_is_named_and_nothing_changes(
+    shot: Path, tmp_path: Path, begun: bool, options: tuple[str, ...], kind: str
+) -> None:
+    out = tmp_path / "out"
+    if begun:
+        upscale(shot, out, "--format", "png")
+    path = out / "0002.exr"
+    path.parent.mkdir(exist_ok=True)
+    match kind:
+        case "file":
+            path.write_bytes(b"mine")
+        case "folder":
+            path.mkdir()
+        case _:
+            path.symlink_to(shot / "0001.exr" if kind == "link" else "nowhere")
+    before = content(tmp_path)
+    assert f"{path}: is there already, and {FOREIGN}" in one_line(upscale(shot, out, *options))
+    assert content(tmp_path) == before
+
+
+def test_a_file_of_others_is_no_result_and_is_not_replaced_when_a_run_continues(
+    shot: Path, tmp_path: Path
+) -> None:
+    results = Results(tmp_path / "out", ("exr",))
+    assert results.begin({}, 4, overwrite=False) == 0
+    results.write(0, IMAGE, 1.0)
+    write_exr(tmp_path / "out" / "0001.exr", IMAGE + 1)
+    assert results.count_complete(4) == 1
+    with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
+        results.write(1, IMAGE, 1.0)
+    with pytest.raises(ShotError, match=rf"0001\.exr: is there already, and {FOREIGN}"):
+        Results(tmp_path / "out", ("exr",)).begin({}, 4, overwrite=False)
+    assert read_exr(tmp_path / "out" / "0001.exr")["R"].max() == 1.0
+
+
+def test_a_page_of_others_is_not_replaced(shot: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    (out / "compare.html").write_text("mine")
+    assert f"compare.html: is there already, and {FOREIGN}" in one_line(upscale(shot, out, "--compare"))
+    assert content(out) == {"compare.html": b"mine"}
+    assert upscale(shot, out).exit_code == 0
+    assert f"compare.html: is there already, and {FOREIGN}" in one_line(upscale(shot, out, "--compare"))
+    assert (out / "compare.html").read_text() == "mine"
+
+
+KILLED = """
+import os, signal, sys
+sys.path.insert(0, {tests!r})
+from supersampler.cli import app
+from supersampler import image_io
+import supersampler.cli.results as results
+write, left = results.write_exr, {count}
+def once(path, *rest):
+    global left
+    left -= 1
+    if left < 0 and {before}:
+        os.kill(os.getpid(), signal.SIGKILL)
+    write(path, *rest)
+    if left < 0:
+        os.kill(os.getpid(), signal.SIGKILL)
+results.write_exr = once
+app({arguments!r})
+"""
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows has no SIGKILL")
+@pytest.mark.parametrize("before", [True, False])
+def test_a_killed_run_has_listed_what_it_wrote_and_continues(
+    shot: Path, tmp_path: Path, before: bool
+) -> None:
+    out = tmp_path / "out"
+    arguments = ["upscale", str(shot), "-o", str(out), "--method", "bilinear"]
+    tests = str(Path(__file__).parents[1])
+    code = KILLED.format(tests=tests, count=2, before=before, arguments=arguments)
+    assert subprocess.run([sys.executable, "-c", code], check=False).returncode == -9
+    record = read_run_record(out)
+    assert record is not None
+    assert record.files == {"####.exr": 3}
+    assert [path.name for path in record.own_files(out)] == ["0000.exr", "0001.exr", "0002.exr"][
+        : 2 + (not before)
+    ]
+    assert run(*arguments).exit_code == 0
+    assert sorted(content(out)) == ["0000.exr", "0001.exr", "0002.exr", "0003.exr", "upscale.json"]
+
+
+def test_a_record_that_does_not_list_its_files_is_refused_with_what_to_do(shot: Path, tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    upscale(shot, out)
+    settings = json.loads((out / "upscale.json").read_text())
+    del settings["files"]
+    (out / "upscale.json").write_text(json.dumps(settings))
+    before = content(out)
+    for options in ((), ("--overwrite",)):
+        message = one_line(upscale(shot, out, *options))
+        assert "does not list the files of its run: it is of an earlier version" in message
+        assert "Remove the files of that run and upscale.json yourself, or choose another folder." in message
+        assert content(out) == before
+
+
+@pytest.mark.parametrize(
+    "files",
+    [
+        {"../victim": 1}, {"../####.exr": 9}, {"/etc/passwd": 1}, {"victim.txt": 1}, {"exr/../####.exr": 1},
+        {"####.exr": -1}, {"####.exr": True}, {"####.exr": 10**400}, {"####.exr": "9"}, {"compare.html": 2},
+        {"####.jpg": 3}, ["victim.txt"], "victim.txt", {"": 1},
+    ],
+)  # fmt: skip
+def test_a_record_that_lists_what_no_run_writes_removes_nothing(
+    shot: Path, tmp_path: Path, files: Any
+) -> None:
+    out = tmp_path / "out"
+    upscale(shot, out)
+    settings = json.loads((out / "upscale.json").read_text())
+    (out / "upscale.json").write_text(json.dumps({**settings, "files": files}))
+    (out / "victim.txt").write_text("kept")
+    (tmp_path / "victim").write_text("kept")
+    write_exr(tmp_path / "0001.exr", IMAGE)
+    before = content(tmp_path)
+    assert "upscale.json: " in one_line(upscale(shot, out, "--overwrite"))
+    assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize("linked", ["0001.exr", "exr", "upscale.json"])
+def test_links_in_the_place_of_listed_files_are_neither_followed_nor_removed(
+    shot: Path, tmp_path: Path, linked: str
+) -> None:
+    out, elsewhere = tmp_path / "out", tmp_path / "elsewhere"
+    formats = ("--format", "exr", "--format", "png") if linked == "exr" else ()
+    upscale(shot, out, *formats)
+    (out / linked).rename(elsewhere)
+    (out / linked).symlink_to(elsewhere)
+    before = content(tmp_path)
+    assert "upscale.json does not list it" in one_line(upscale(shot, out, *formats, "--overwrite"))
+    assert content(tmp_path) == before
+
+
+# --- recordings ---
+
+
+@pytest.fixture
+def recording(shot: Path, tmp_path: Path) -> Path:
+    assert upscale(shot, tmp_path / "out", "--record", tmp_path / "a.recording").exit_code == 0
+    return tmp_path / "a.recording"
+
+
+def test_a_recording_of_an_earlier_run_into_the_folder_is_replaced(shot: Path, recording: Path) -> None:
+    before = recording.stat().st_mtime_ns
+    assert upscale(shot, recording.parent / "out").exit_code == 0  # the record still knows it after this
+    assert upscale(shot, recording.parent / "out", "--record", recording).exit_code == 0
+    assert recording.stat().st_mtime_ns > before
+
+
+@pytest.mark.parametrize("case", ["another run's", "no recording", "a link", "of a record that lies"])
+def test_a_file_in_the_way_of_a_recording_is_named_and_kept(
+    shot: Path, recording: Path, tmp_path: Path, case: str
+) -> None:
+    out = tmp_path / "out"
+    if case == "another run's":
+        out = tmp_path / "other"
+    elif case == "a link":
+        recording.rename(tmp_path / "real")
+        recording.symlink_to(tmp_path / "real")
+    else:
+        recording.write_bytes(b"mine")
+    before = content(tmp_path)
+    for options in ((), ("--overwrite",)):
+        message = one_line(upscale(shot, out, *options, "--record", recording))
+        assert f"{recording}: is there already, and is no recording of an earlier run into {out}" in message
+    assert content(tmp_path) == before
+
+
+@pytest.mark.parametrize("name", ["new.recording", "0001.exr", "shot.json"])
+def test_a_recording_into_the_shot_is_refused(shot: Path, tmp_path: Path, name: str) -> None:
+    before = content(tmp_path)
+    assert "lies in the input" in one_line(upscale(shot, tmp_path / "out", "--record", shot / name))
+    assert content(tmp_path) == before
+
+
+def test_a_run_that_cannot_begin_keeps_the_recording_of_the_one_before(
+    shot: Path, recording: Path, tmp_path: Path
+) -> None:
+    before = content(tmp_path)
+    for options in (("--method", "taau"), ("--scale", "99"), ("--method", "nope")):
+        one_line(upscale(shot, tmp_path / "out", "--record", recording, *options))
+    assert content(tmp_path) == before
+
+
+def test_a_replay_writes_beside_its_recording_only_into_a_folder_of_its_own(
+    recording: Path, tmp_path: Path
+) -> None:
+    assert "holds the input" in one_line(run("replay", recording, "-o", tmp_path))
+    out = tmp_path / "again"
+    for name in ("0003.exr", "recorded/0003.exr"):
+        (out / name).parent.mkdir(parents=True, exist_ok=True)
+        (out / name).write_bytes(b"mine")
+        assert f"{out / name}: is there already, and {FOREIGN}" in one_line(
+            run("replay", recording, "-o", out)
+        )
+        assert (out / name).read_bytes() == b"mine"
+        (out / name).unlink()
+    assert run("replay", recording, "-o", out).exit_code == 0
+    assert run("replay", recording, "-o", out, "--overwrite").exit_code == 0
+    assert sorted(content(out)) == [
+        *(f"{i:04d}.exr" for i in range(COUNT)),
+        "recorded/0003.exr",
+        "upscale.json",
+    ]
+
+
+# --- import ---
+
+
+@pytest.mark.parametrize("where", ["shot", "shot/copy", "."])
+def test_an_import_into_its_source_is_refused(shot: Path, where: str) -> None:
+    (shot / "shot.json").rename(shot.parent / "kept.json")
+    (shot / "channels.json").write_text(
+        '{"channels": {"color": ["R", "G", "B"], "depth": "depth.Z", "motion": ["motion.X", "motion.Y"]},'
+        ' "conventions": {}}'
+    )
+    before = content(shot.parent)
+    assert "the input" in one_line(run("import", shot, "-o", shot.parent / where))
+    assert content(shot.parent) == before
+
+
+@pytest.mark.parametrize("name", ["0000.exr", "0001.exr"])
+def test_a_shot_is_not_written_over_files_of_others(shot: Path, tmp_path: Path, name: str) -> None:
+    (tmp_path / "copy").mkdir()
+    (tmp_path / "copy" / name).write_bytes(b"mine")
+    with pytest.raises(ShotError, match=rf"{name}: is there already, and shot\.json does not list it"):
+        copy_shot(Shot.open(shot), tmp_path / "copy", resume=True)
+    assert (tmp_path / "copy" / name).read_bytes() == b"mine"
+    (tmp_path / "copy" / name).unlink()
+    assert len(copy_shot(Shot.open(shot), tmp_path / "copy", resume=True)) == COUNT
+    assert not list((tmp_path / "copy").glob(".*"))
+
+
+def test_a_shot_whose_run_was_killed_between_a_frame_and_its_list_goes_on(
+    shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def killed(*_: object) -> None:
+        raise SystemExit
+
+    with monkeypatch.context() as patch:
+        patch.setattr(ShotWriter, "_publish", killed)
+        with pytest.raises(SystemExit):
+            copy_shot(Shot.open(shot), tmp_path / "copy")
+    assert "0000.exr" in content(tmp_path / "copy")
+    assert len(copy_shot(Shot.open(shot), tmp_path / "copy")) == COUNT
+    assert not list((tmp_path / "copy").glob(".*"))
+
+
+def test_a_shot_is_not_written_through_a_link_out_of_its_folder(shot: Path, tmp_path: Path) -> None:
+    frame = noise(0, gbuffer_display={"depth": np.ones((36, 64), np.float32)})
+    (tmp_path / "elsewhere").mkdir()
+    writer = ShotWriter(tmp_path / "new", name="new", display_size=(64, 36), frame_rate=30)
+    (tmp_path / "new").mkdir()
+    (tmp_path / "new" / "display").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(ShotError, match="leads out of"):
+        writer.write(frame)
+    assert content(tmp_path / "elsewhere") == {}
