@@ -10,6 +10,7 @@ from rich.progress import Progress
 from supersampler.cli.arguments import parse_size, parse_skip
 from supersampler.errors import ArgumentError
 from supersampler.model import Precision
+from supersampler_bench.cli_against import check_not_given, compare_speed
 from supersampler_bench.cli_shared import (
     ERRORS,
     JSON,
@@ -105,12 +106,24 @@ def parts(
 
 
 def speed(
+    context: typer.Context,
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
-    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "960x540,1920x1080",
+    sizes: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the pictures, with commas between.",
+            show_default="960x540,1920x1080; with --against 960x540",
+        ),
+    ] = None,
     executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
-    threads: Annotated[str, typer.Option(help="Of the processor, with commas between.")] = "1,2",
+    threads: Annotated[
+        str | None,
+        typer.Option(
+            help="Of the processor, with commas between.", show_default="1,2; with --against all cores"
+        ),
+    ] = None,
     precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
     skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
@@ -119,6 +132,21 @@ def speed(
         Literal["all", "avx-vnni", "avx2"],
         typer.Option(help="That kernels are compiled for: those of older processors, on this one."),
     ] = "all",
+    against: Annotated[
+        str | None,
+        typer.Option(
+            metavar="PYTHON",
+            help="Compare with another version: interpreter of an environment that has it. "
+            "Methods run as they do by default.",
+        ),
+    ] = None,
+    rounds: Annotated[int, typer.Option(min=10, help="With --against: of --steps steps each.")] = 10,
+    starts: Annotated[
+        int, typer.Option(min=0, help="With --against: programs timed to their first picture; 0 or from 6.")
+    ] = 10,
+    fresh: Annotated[
+        int, typer.Option(min=0, help="With --against: the same with no kernels kept; 0 or from 6.")
+    ] = 0,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -126,9 +154,18 @@ def speed(
 
     Quiet machines measure well: nothing else should run.
 
-    Example:
+    \b
+    Examples:
       supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
-    """
+      supersampler bench speed --against ../before/.venv/bin/python --json against.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    if against is not None:
+        only = ("executors", "precisions", "skip", "instructions")
+        taken = {"rounds": rounds, "steps": steps, "starts": starts, "fresh": fresh}
+        check_not_given(context, only, "with --against methods run as they do by default")
+        compare_speed(against, listed(methods), sizes, threads, ratio, taken, json, update)
+        return
+    check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
     from supersampler_bench.instructions import compile_for
     from supersampler_bench.speed import markdown_table, measure_limits, measure_speed, speed_record
 
@@ -140,8 +177,8 @@ def speed(
     kept = listed(precisions)
     if not set(kept) <= {"auto", "fp32", "fp16", "int8"}:
         raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, fp16, int8")
-    counts = [int(text) for text in listed(threads)]
-    displays = [parse_size(text) for text in listed(sizes)]
+    counts = [int(text) for text in listed(threads or "1,2")]
+    displays = [parse_size(text) for text in listed(sizes or "960x540,1920x1080")]
     with ERRORS.status("timing"):
         results = measure_speed(
             names,

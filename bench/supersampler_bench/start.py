@@ -13,8 +13,7 @@ from typing import Any
 from supersampler.frame import Size
 from supersampler_bench.record import Record, machine_name
 
-# A gray frame of its own: an engine has its frames in memory, so that reading some does not count.
-_FIRST_PICTURE = """
+FIRST_IMAGE = """
 import time
 began = time.perf_counter()
 import sys
@@ -25,6 +24,10 @@ gray, still = np.full((height, width, 3), 0.5, np.float32), np.zeros((height, wi
 frame = Frame(color=gray, depth=gray[..., 0].copy(), motion=still, jitter=(0.0, 0.0))
 Upscaler(method, scale=scale, providers="cpu").step(frame)
 print(time.perf_counter() - began)
+"""
+"""A program that prints the seconds to its first image. Arguments: method, render width and height, scale.
+
+Its gray frame is made, not read: an engine has its frames in memory.
 """
 
 
@@ -66,7 +69,7 @@ def measure_start(
     """
     results = []
     for method in methods:
-        command = [sys.executable, "-c", _FIRST_PICTURE, method, *map(str, render), str(scale)]
+        command = [sys.executable, "-c", FIRST_IMAGE, method, *map(str, render), str(scale)]
         first, others, kept = [], [], 0
         for index in range(fresh):
             with TemporaryDirectory() as cache:

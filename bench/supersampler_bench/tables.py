@@ -9,6 +9,7 @@ from pathlib import Path
 from supersampler.errors import ArgumentError
 from supersampler_bench import (
     ablation,
+    against,
     cost,
     device,
     drawn,
@@ -37,6 +38,7 @@ Blocks = Mapping[str, Callable[[], str]]
 
 _TABLES: Mapping[str, Callable[[Record], str]] = {
     "ablation": ablation.markdown_table,
+    "against": against.markdown_table,
     "cost": cost.markdown_table,
     "device": device.markdown_table,
     "drawn": drawn.markdown_table,
