@@ -88,7 +88,8 @@ def _compile_apart(names: Sequence[str]) -> None:
     """
     if not Path(sys.executable or "").stem.startswith("python"):  # a program that embeds Python
         return
-    command = [sys.executable, "-P", "-m", "supersampler.host.kernel_compiler"]
+    no_bytecode = ["-B"] if sys.dont_write_bytecode else []
+    command = [sys.executable, "-P", *no_bytecode, "-m", "supersampler.host.kernel_compiler"]
     passed_on = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # others would make other code of the same kernels
     environment = {key: v for key, v in os.environ.items() if key in passed_on or key[:6] != "NUMBA_"}
     environment["NUMBA_OPT"] = "1"
