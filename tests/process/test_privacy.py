@@ -25,7 +25,7 @@ from supersampler import Upscaler, shipped_shot
 from supersampler.image_io import write_exr, write_png
 from supersampler.display import display_transform, to_uint8
 
-for name, executor in (("taa", "host"), ("taau", "graph")):
+for name, executor in (("taa", "host"), ("bilinear", "graph")):
     upscaler = Upscaler(name, scale=2, executor=executor)
     for item in itertools.islice(shipped_shot(), 2):
         image = upscaler.step(item.frame)

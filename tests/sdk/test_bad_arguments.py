@@ -105,6 +105,8 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
         with pytest.raises(ArgumentError, match=f"at most {MAX_PIXELS} pixels together"):
             Upscaler(model, display_size=size)
     assert Upscaler(model, display_size=(MAX_SIDE, MAX_PIXELS // MAX_SIDE)).display_size
+    with pytest.raises(ArgumentError, match=r"display_size is \(40000, 2000\)"):
+        Upscaler(model, scale=20, render_size=(2000, 100))
     with pytest.raises(ArgumentError, match=r"display_size is \(64000, 36000\)"):
         Upscaler(model, scale=2000).step(GOOD)  # which has no size before the first frame
 
