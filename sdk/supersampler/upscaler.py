@@ -99,6 +99,7 @@ class Upscaler:
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
+        record = None if record is None else checked_path("record", record)
         model, precision, self.skip = chosen(preset, model, precision, skip)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and self._display_size is None:
@@ -122,7 +123,7 @@ class Upscaler:
                 skip=self.skip,
                 validate=validate,
             )
-            self._recorder = Recorder(checked_path("record", record), setup, inputs)
+            self._recorder = Recorder(record, setup, inputs)
 
     plan = staticmethod(plan)
 

@@ -25,7 +25,7 @@ from supersampler import Upscaler, shipped_shot
 from supersampler.image_io import write_exr, write_png
 from supersampler.display import display_transform, to_uint8
 
-for name, executor in (("taa", "host"), ("taau", "graph")):
+for name, executor in (("taa", "host"), ("bilinear", "graph")):
     upscaler = Upscaler(name, scale=2, executor=executor)
     for item in itertools.islice(shipped_shot(), 2):
         image = upscaler.step(item.frame)
@@ -82,9 +82,14 @@ def run(code: str, home: Path) -> Traced:
     log = home.parent / "strace"
     calls = ",".join(f"?{name}" for name in ("%network", *WRITING))  # ?: some processors lack some
     watch = [] if STRACE is None else [STRACE, "-f", "-qq", "-y", "-s", "4096", "-e", calls, "-o", str(log)]
-    environment = {"PATH": "/usr/bin:/bin", "HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
+    environment = {
+        "PATH": "/usr/bin:/bin",
+        "HOME": str(home),
+        "XDG_CACHE_HOME": str(home / "cache"),
+        "PYTHONDONTWRITEBYTECODE": "1",  # in the folder that this package is developed in
+    }
     program = f"OUTPUT = {str(home / 'output')!r}\n{code}"
-    command = [*watch, sys.executable, "-B", "-c", program]
+    command = [*watch, sys.executable, "-c", program]
     done = subprocess.run(command, env=environment, cwd=home, capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     return Traced(home, log.read_text(errors="replace") if log.exists() else "")

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from decimal import Decimal
 from fractions import Fraction
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
 from typing import Any, get_args
 
@@ -133,10 +133,21 @@ def _converted(name: str) -> Call:
     return lambda value: strange.converter().to_frame(_raw(**{name: value}))
 
 
+@cache
+def _bilinear() -> Model:
+    return Model.load("bilinear")
+
+
 def _upscaler(name: str) -> Call:
-    given = {} if name == "scale" else {"display_size": DISPLAY}
+    sizes: dict[str, Any] = {} if name == "scale" else {"display_size": DISPLAY}
+    return lambda value: Upscaler(**{"model": _bilinear(), **sizes, name: value}).close()
+
+
+def _loading(name: str) -> Call:
+    """Of an argument that goes with a model's name alone."""
+    given: dict[str, Any] = {"display_size": DISPLAY, "executor": "graph"}
     model = {} if name in ("model", "preset") else {"model": "bilinear"}
-    return lambda value: Upscaler(**{**given, **model, "executor": "graph", name: value}).close()
+    return lambda value: Upscaler(**{**given, **model, name: value}).close()
 
 
 def _convention(name: str) -> Call:
@@ -150,22 +161,11 @@ PURE: dict[str, Call] = {
     **{f"Conventions({name})": _convention(name) for name in Conventions.__dataclass_fields__},
     **{
         f"Upscaler({name})": _upscaler(name)
-        for name in (
-            "model",
-            "display_size",
-            "scale",
-            "render_size",
-            "providers",
-            "threads",
-            "executor",
-            "precision",
-            "capture",
-            "skip",
-            "preset",
-            "extrapolation",
-            "validate",
-            "record",
-        )
+        for name in ("display_size", "scale", "render_size", "skip", "extrapolation", "validate", "record")
+    },
+    **{
+        f"Upscaler({name})": _loading(name)
+        for name in ("model", "providers", "threads", "executor", "precision", "capture", "preset")
     },
     "Model.load": Model.load,
     "Upscaler.plan(render_size)": lambda value: Upscaler.plan(value, DISPLAY, "bilinear"),

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, get_args
 
 import numpy as np
@@ -22,6 +23,7 @@ from supersampler import (
     render_size_for,
 )
 from supersampler.checked import MAX_PIXELS, MAX_SIDE, checked_threads
+from supersampler.frame import MAX_CARRIED
 from supersampler.graph_session import planes_of
 from supersampler.machine import MAX_THREADS
 from supersampler.model import ExecutorName
@@ -103,6 +105,8 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
         with pytest.raises(ArgumentError, match=f"at most {MAX_PIXELS} pixels together"):
             Upscaler(model, display_size=size)
     assert Upscaler(model, display_size=(MAX_SIDE, MAX_PIXELS // MAX_SIDE)).display_size
+    with pytest.raises(ArgumentError, match=r"display_size is \(40000, 2000\)"):
+        Upscaler(model, scale=20, render_size=(2000, 100))
     with pytest.raises(ArgumentError, match=r"display_size is \(64000, 36000\)"):
         Upscaler(model, scale=2000).step(GOOD)  # which has no size before the first frame
 
@@ -201,3 +205,13 @@ def test_a_history_of_another_model_or_size_is_refused() -> None:
     history.display_size = (128, 72)
     with pytest.raises(ArgumentError, match="history is changed"):
         taau.run(noise(1, (64, 36)), history)
+
+
+def test_the_page_about_security_has_the_limits_that_hold() -> None:
+    page = (Path(__file__).parents[2] / "docs/security.md").read_text(encoding="utf-8")
+    for limit in (
+        f"render or display | {MAX_SIDE} pixels a side, 2^26 ({MAX_PIXELS:,}) together",
+        f"AOVs of a frame (`carry`) | {MAX_CARRIED} channels",
+        f"threads of a model | {MAX_THREADS} |",
+    ):
+        assert limit in page

@@ -215,7 +215,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
         ((*UPSCALE, "--method", "nope"), "no model 'nope'"),
         (
             ("upscale", SHIPPED, "-o", "x", "--providers", "abacus"),
-            "'abacus' is not in this installation",
+            "no execution provider is called 'abacus'",
         ),
         (("import", "a.safetensors", "-o", "x"), "a.safetensors"),
         (("import", ".", "-o", "x", "--layout=blender", "--channels=none.json"), "--channels is none.json"),
