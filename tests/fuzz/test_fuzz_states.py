@@ -27,7 +27,7 @@ def hostile_array(array: Any, rng: Rng) -> Any:
         case 2:
             return array[tuple(slice(int(rng.integers(0, 2)), None) for _ in array.shape)]
         case 3:
-            return np.zeros([int(rng.choice([0, 1, 2, 3, 40, 300])) for _ in array.shape], array.dtype)
+            return np.zeros([int(rng.choice([0, 1, 2, 3, 40, 80])) for _ in array.shape], array.dtype)
         case 4:
             with np.errstate(all="ignore"):
                 return array.astype(rng.choice(["f2", "f8", "i1", "i8", "u8", ">f4", "O", "?", "c16"]))

@@ -15,6 +15,11 @@ from supersampler.recording import open_recording
 from supersampler.recording.format import MAGIC, Record, RecordWriter, read_records
 from supersampler.recording.replay import Replay
 
+FRAME = {
+    name: np.zeros((2, 2, *channels), np.float32)
+    for name, channels in (("color", [3]), ("depth", []), ("motion", [2]))
+}
+
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
@@ -68,6 +73,9 @@ def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
 @pytest.mark.parametrize(
     "record",
     [
+        Record("step", {"frame": {"jitter": [0, 0], "gbuffer": True}, "want": []}, FRAME),
+        Record("step", {"frame": {"jitter": [0, 10**400]}, "want": []}, FRAME),
+        Record("step", {"frame": {"jitter": [0, 0]}, "want": "carry", "tensors": False}, FRAME),
         Record("outcome", {"digests": {"image": 2**40}, "error": ["", ""]}),
         Record("outcome", {"digests": {}, "error": ["", "", ""]}),
         Record("outcome", {"digests": {}, "error": ["", ""]}, {"image": np.ones((2, 2), np.float32)}),
