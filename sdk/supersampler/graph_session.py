@@ -55,18 +55,18 @@ def open_session(
     Raises:
         ModelError: it is too large, not a plain graph, or not one of these tensors; or ONNX Runtime cannot.
     """
+    inputs, outputs = list(takes), list(gives)
+    named = {tensor.name for tensor in outputs}
     try:
-        content = graph or _content(path)
-        session = ort.InferenceSession(content, options, providers=list(providers))
+        session = ort.InferenceSession(graph or _content(path), options, providers=list(providers))
+        if inputs:
+            _check_tensors(path, "input", inputs, session.get_inputs())
+        there = [node for node in session.get_outputs() if node.name in named]
+        _check_tensors(path, "output", outputs, there)
     except ModelError:
         raise
     except Exception as error:  # ONNX Runtime's own exceptions share no base but this one
         raise ModelError(f"{path}: ONNX Runtime cannot load it: {error}") from error
-    inputs, outputs = list(takes), list(gives)
-    if inputs:
-        _check_tensors(path, "input", inputs, session.get_inputs())
-    named = {tensor.name for tensor in outputs}
-    _check_tensors(path, "output", outputs, [node for node in session.get_outputs() if node.name in named])
     return session
 
 

@@ -202,7 +202,7 @@ def frame_of(record: Record) -> Frame:
     """Undo `step_record`.
 
     Raises:
-        FrameError, KeyError, TypeError, ValueError, OverflowError: it is no frame.
+        FrameError, AttributeError, KeyError, TypeError, ValueError, OverflowError: it is no frame.
     """
     inputs: dict[str, Any] = dict(members(record.values["frame"]))
     for name, array in record.arrays.items():

@@ -23,7 +23,7 @@ from supersampler.recording.format import Record, read_records
 from supersampler.recording.outcome import outcome_of
 from supersampler.recording.values import flag, texts
 
-_WRONG = (SupersamplerError, KeyError, TypeError, ValueError, OverflowError)
+_WRONG = (SupersamplerError, AttributeError, KeyError, TypeError, ValueError, OverflowError)
 
 
 class Recording:

@@ -1,0 +1,354 @@
+"""A model folder is read field by field, file by file; what is not a model's is an error that names it."""
+
+import hashlib
+import io
+import json
+import os
+import shutil
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import onnx
+import pytest
+from onnx import TensorProto, helper
+
+from noise import noise
+from supersampler import Model, ModelError, Upscaler
+from supersampler.extrapolation import Extrapolator
+from supersampler.json_fields import read_fields
+from supersampler.model_info import MAX_DESCRIPTION, find_model, read_model_info
+from supersampler.onnx_file import refusal_of
+from supersampler.providers import CPU
+
+Change = Callable[[dict[str, Any]], object]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(find_model("taau"), tmp_path / "model"))
+
+
+def change(folder: Path, **members: Any) -> None:
+    path = folder / "model.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **members}))
+
+
+def replace_file(folder: Path, name: str, content: bytes) -> None:
+    (folder / name).write_bytes(content)
+    files = json.loads((folder / "model.json").read_text())["files"]
+    change(folder, files={**files, name: hashlib.sha256(content).hexdigest()})
+
+
+TENSOR = {"name": "color", "type": "float32", "shape": [1, 3, "render_height", "render_width"]}
+HISTORY = {**TENSOR, "name": "history.color", "output": "next.color"}
+HISTORY["shape"] = [1, 3, "display_height", "display_width"]
+OK = "0" * 64
+
+
+@pytest.mark.parametrize(
+    ("members", "match"),
+    [
+        ({"ratios": []}, r"ratios is \[\]; want \[least, largest\]"),
+        ({"ratios": [2, 1]}, "ratios"),
+        ({"ratios": [1, True]}, r"ratios\[1\] is True; want a number"),
+        ({"ratios": [1, 10**400]}, r"ratios\[1\] is 1000"),
+        ({"ratios": "1,2"}, "ratios is '1,2'; want a list"),
+        ({"method": 3}, "method is 3; want printable text"),
+        ({"method": "\x1b[2J"}, "method"),
+        ({"source": "\ud800"}, "surrogates not allowed"),
+        ({"inputs": 7}, "inputs is 7"),
+        ({"inputs": [7]}, r"inputs\[0\] is 7; want an object"),
+        ({"inputs": [{}]}, r"inputs\[0\] has no 'shape'"),
+        ({"inputs": [TENSOR] * 101}, "at most 100 items"),
+        ({"inputs": [TENSOR, TENSOR]}, "'color' twice"),
+        ({"inputs": [{**TENSOR, "name": "__class__"}]}, "any of color, depth"),
+        ({"inputs": [{**TENSOR, "shape": [1, 4, "render_height", "render_width"]}]}, "input 'color'"),
+        ({"inputs": [{**TENSOR, "shape": [2**40]}]}, r"inputs\[0\]\.shape\[0\]"),
+        ({"inputs": [{**TENSOR, "type": "object"}]}, "type is 'object'"),
+        ({"inputs": []}, "without 'color'"),
+        ({"history": [{**HISTORY, "shape": [1, 3, "anything", 1]}]}, "history 'history.color'"),
+        ({"history": [{**HISTORY, "shape": [1, 1024, 1024, 1]}]}, "product is at most 1024"),
+        ({"history": [{**HISTORY, "output": "image"}]}, "'image' twice"),
+        ({"image": TENSOR | {"shape": [1, 4, "display_height", "display_width"]}}, "image"),
+        (
+            {"told": [TENSOR | {"name": "weight", "shape": [1, 2, "display_height", "display_width"]}]},
+            "weight",
+        ),
+        ({"told": [TENSOR | {"name": "x"}]}, "told 'x'"),
+        ({"maps": {"weight": {"output": "weight", "first": 0, "channels": 2}}}, "map 'weight'"),
+        ({"maps": {"weight": {"output": "weight", "first": -1, "channels": 1}}}, "maps.weight.first is -1"),
+        ({"maps": {"image": {"output": "weight", "first": 0, "channels": 1}}}, "map 'image'"),
+        ({"files": []}, r"files is \[\]; want an object"),
+        ({"files": {"step.onnx": "x"}}, "files.step.onnx is 'x'; want a SHA-256"),
+        ({"files": {"../step.onnx": OK}}, r"files has '\.\./step\.onnx'; want plain names"),
+        ({"files": {"/etc/passwd": OK}}, "plain names"),
+        ({"files": {"a\\b": OK}}, "plain names"),
+        ({"files": {"drawn/step.onnx": OK}}, "plain names"),
+        ({"files": {"..": OK}}, "plain names"),
+        ({"files": {"\0": OK}}, "printable"),
+        ({"only_drawn": 1}, "only_drawn is 1; want true or false"),
+        ({"network": {"multiply_adds": -1}}, "network.multiply_adds is -1"),
+        ({"attributions": "x"}, "attributions"),
+        ({"versions": {"torch": 2}}, "versions.torch is 2"),
+        ({"config": 1}, "config is 1"),
+        ({"contract": True}, "model contract is True"),
+    ],
+)
+def test_a_field_of_model_json_that_is_not_as_it_must_be_is_named(
+    members: dict[str, Any], match: str, folder: Path
+) -> None:
+    change(folder, **members)
+    with pytest.raises(ModelError, match=rf"model\.json: .*{match}"):
+        read_model_info(folder)
+
+
+@pytest.mark.parametrize(
+    ("content", "match"),
+    [
+        (b"[" * 100_000, "RecursionError"),
+        (b"[]", "want an object"),
+        (b"\xff", "UnicodeDecodeError"),
+        (b'{"contract": NaN}', "not finite"),
+        (b'{"contract": 1e999}', "not finite"),
+        (b"9" * 5000, "digits"),
+        (b" " * (MAX_DESCRIPTION + 1), "larger than"),
+        (b"", "not a model description"),
+    ],
+)
+def test_a_model_json_that_is_none_is_refused(content: bytes, match: str, folder: Path) -> None:
+    (folder / "model.json").write_bytes(content)
+    with pytest.raises(ModelError, match=match):
+        read_model_info(folder)
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
+def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "model.json")
+    with pytest.raises(ModelError, match="no such file"):
+        read_fields(tmp_path / "model.json", 10)
+
+
+def test_a_link_out_of_the_folder_is_refused(folder: Path, tmp_path: Path) -> None:
+    shutil.move(folder / "step.onnx", tmp_path / "step.onnx")
+    (folder / "step.onnx").symlink_to(tmp_path / "step.onnx")
+    with pytest.raises(ModelError, match="a link out of the folder"):
+        read_model_info(folder)
+
+
+def test_a_folder_of_drawn_frames_with_another_history_is_refused(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(find_model("extrapolate"), tmp_path / "model"))
+    inner = json.loads((folder / "drawn" / "model.json").read_text())
+    inner["history"][0]["shape"] = [1, 4, "display_height", "display_width"]
+    content = json.dumps(inner).encode()
+    (folder / "drawn" / "model.json").write_bytes(content)
+    files = json.loads((folder / "model.json").read_text())["files"]
+    change(folder, files={**files, "drawn/model.json": hashlib.sha256(content).hexdigest()})
+    with pytest.raises(ModelError, match="only_drawn"):
+        read_model_info(folder)
+
+
+# --- constants of kernels ---
+
+
+@pytest.mark.parametrize(
+    ("method", "constants", "match"),
+    [
+        ("taau", {"frame_sigma": 0}, r"config\.frame_sigma is 0; want a number from 0\.001 to 1000"),
+        ("taau", {"samples": "many"}, "config.samples"),
+        ("taau", {"settled": None}, "config.settled"),
+        ("taa", {"alpha": 1e30}, "config.alpha"),
+        ("classifier-small", {"rectified": -5}, "config.rectified is -5; want true or false"),
+        ("classifier-small", {"network": None}, "config.network.levels is None"),
+        ("classifier-small", {"network": {"levels": [16, 32, 64, 1 << 40]}}, "config.network.levels"),
+        ("classifier-small", {"network": {"levels": [16, 32, 64, 128], "decoder": 64}}, "network.decoder"),
+    ],
+)
+def test_constants_that_kernels_do_not_compute_with_are_refused(
+    method: str, constants: dict[str, Any], match: str, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(find_model(method), tmp_path / "model"))
+    config = json.loads((folder / "model.json").read_text())["config"]
+    change(folder, config={**config, **constants})
+    with pytest.raises(ModelError, match=match):
+        Model.load(folder)
+
+
+@pytest.mark.parametrize("strides", [[-5], [1, 1 << 40], "1359", [1.5], [1] * 8])
+def test_kernels_extrapolate_with_no_rings_that_they_are_not_made_for(
+    strides: object, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(find_model("guided-warp"), tmp_path / "model"))
+    config = json.loads((folder / "model.json").read_text())["config"]
+    change(folder, config={**config, "strides": strides})
+    assert Extrapolator(folder, [CPU], 1).executor == "graph"
+
+
+def test_kernels_leave_a_history_that_they_do_not_know_to_the_graph(folder: Path) -> None:
+    history = json.loads((folder / "model.json").read_text())["history"]
+    history[1]["shape"][1] = 7
+    change(folder, history=history)
+    with pytest.raises(ModelError, match=r"input 'history\.samples' is .*; model\.json says \(1, 7, "):
+        Model.load(folder)
+
+
+# --- network.npz ---
+
+
+def network_with(folder: Path, changes: dict[str, Any]) -> None:
+    with np.load(folder / "network.npz") as file:
+        arrays = {**dict(file), **changes}
+    stream = io.BytesIO()
+    np.savez(stream, **{name: array for name, array in arrays.items() if array is not None})
+    replace_file(folder, "network.npz", stream.getvalue())
+
+
+@pytest.fixture
+def learned(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(find_model("classifier-small"), tmp_path / "model"))
+
+
+@pytest.mark.parametrize(
+    ("changes", "match"),
+    [
+        (
+            {"decoder.weights": np.zeros((1, 1, 32, 4), np.int8)},
+            r"'decoder\.weights' \(1, 1, 32, 4\) int8; want",
+        ),
+        ({"decoder.weights": np.zeros((1, 8, 32, 4), np.uint8)}, "decoder.weights"),
+        ({"hidden.scale": np.zeros(31, np.float32)}, "hidden.scale"),
+        ({"hidden.scale": np.full(32, np.nan, np.float32)}, "'hidden.scale' from nan"),
+        ({"logits.first": np.array([60])}, "logits.first"),
+        ({"mixing.bias": None}, "without 'mixing.bias'"),
+        ({"more": np.zeros(1)}, "with 'more'"),
+        ({"0.first.weights": np.array([None])}, "network.npz"),
+        ({"0.first.bias": np.zeros(1 << 20, np.float32)}, "bytes"),
+    ],
+)
+def test_an_array_that_kernels_do_not_read_so_is_named(
+    changes: dict[str, Any], match: str, learned: Path
+) -> None:
+    network_with(learned, changes)
+    with pytest.raises(ModelError, match=match):
+        Model.load(learned)
+
+
+def test_nothing_is_made_room_for_that_a_file_merely_claims(learned: Path) -> None:
+    """A bomb of zeros, and a header of an array that is not there."""
+    claims = np.lib.format.magic(1, 0) + (118).to_bytes(2, "little")
+    claims += b"{'descr': '|i1', 'fortran_order': False, 'shape': (1099511627776,), }".ljust(117) + b"\n"
+    bomb = b"\0" * (64 << 20), r"'0\.first\.weights' of 67108864 bytes"
+    header = claims, "ValueError: cannot reshape"
+    for name, (content, match) in (("0.first.weights", bomb), ("decoder.weights", header)):
+        stream = io.BytesIO()
+        with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as file:
+            file.writestr(f"{name}.npy", content)
+        replace_file(learned, "network.npz", stream.getvalue())
+        with pytest.raises(ModelError, match=match):
+            Model.load(learned)
+
+
+# --- graphs ---
+
+
+def model_of(*nodes: onnx.NodeProto, tensors: list[onnx.TensorProto] | None = None) -> onnx.ModelProto:
+    color = helper.make_tensor_value_info("color", TensorProto.FLOAT, [1, 3, "h", "w"])
+    image = helper.make_tensor_value_info("image", TensorProto.FLOAT, [1, 3, "H", "W"])
+    graph = helper.make_graph(list(nodes), "g", [color], [image], tensors or [])
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+def refused(model: onnx.ModelProto) -> str | None:
+    return refusal_of(model.SerializeToString())
+
+
+IDENTITY = helper.make_node("Identity", ["color"], ["image"])
+
+
+def external() -> onnx.TensorProto:
+    tensor = helper.make_tensor("t", TensorProto.FLOAT, [1], [1.0])
+    tensor.ClearField("float_data")
+    tensor.data_location = TensorProto.EXTERNAL
+    tensor.external_data.add(key="location", value="/etc/passwd")
+    return tensor
+
+
+def in_subgraph(node: onnx.NodeProto, depth: int) -> onnx.NodeProto:
+    for _ in range(depth):
+        node = helper.make_node("If", ["c"], ["image"], then_branch=helper.make_graph([node], "b", [], []))
+    return node
+
+
+@pytest.mark.parametrize("name", sorted(p.parent.name for p in find_model("taa").parent.glob("*/model.json")))
+def test_graphs_that_ship_are_plain(name: str) -> None:
+    graphs = list(find_model(name).rglob("*.onnx"))
+    assert graphs
+    assert [refusal_of(path.read_bytes()) for path in graphs] == [None] * len(graphs)
+
+
+def test_data_in_other_files_is_found_wherever_it_is() -> None:
+    constant = helper.make_node("Constant", [], ["k"], value=external())
+    text = "data in other files"
+    assert text in str(refused(model_of(IDENTITY, tensors=[external()])))
+    assert text in str(refused(model_of(constant)))
+    assert text in str(refused(model_of(in_subgraph(constant, 3))))
+    model = model_of(IDENTITY)
+    sparse = model.graph.sparse_initializer.add()
+    sparse.values.CopyFrom(external())
+    assert text in str(refused(model))
+    plain = helper.make_tensor("t", TensorProto.FLOAT, [1], [1.0])
+    plain.data_location = TensorProto.DEFAULT
+    assert refused(model_of(IDENTITY, tensors=[plain])) is None
+
+
+def test_operators_that_are_not_onnx_s_are_found_wherever_they_are() -> None:
+    custom = helper.make_node("Gelu", ["color"], ["image"], domain="com.microsoft")
+    assert "'com.microsoft'" in str(refused(model_of(custom)))
+    assert "'com.microsoft'" in str(refused(model_of(in_subgraph(custom, 2))))
+    model = model_of(IDENTITY)
+    model.opset_import.add(domain="evil", version=1)
+    assert "'evil'" in str(refused(model))
+    model = model_of(IDENTITY)
+    model.functions.append(helper.make_function("", "F", ["color"], ["image"], [custom], []))
+    assert "'com.microsoft'" in str(refused(model))
+    assert refused(model_of(helper.make_node("Identity", ["color"], ["image"], domain="ai.onnx"))) is None
+
+
+def test_other_files_damage_and_depth_are_refused() -> None:
+    model = model_of(IDENTITY)
+    model.training_info.add()
+    assert "training information" in str(refused(model))
+    assert "deep" in str(refused(model_of(in_subgraph(IDENTITY, 33))))
+    assert refused(model_of(in_subgraph(IDENTITY, 30))) is None
+    content = model_of(IDENTITY).SerializeToString()
+    for size in range(1, len(content)):
+        assert refusal_of(content[:size]) is None or "damaged" in str(refusal_of(content[:size])) or size < 8
+    beyond = b"\x3a\x02\x0a\x04" + content  # a graph of two bytes, with a node of four
+    assert refusal_of(beyond) == "is damaged: a field ends beyond its message"
+    assert refusal_of(b"") == "holds no graph"
+    assert "damaged" in str(refusal_of(b"\xff" * 20))
+    assert "own format" in str(refusal_of(b"\x08\0\0\0ORTM" + content))
+
+
+def test_a_graph_of_a_stranger_is_read_before_onnx_runtime_sees_it(folder: Path) -> None:
+    replace_file(folder, "step.onnx", model_of(IDENTITY, tensors=[external()]).SerializeToString())
+    with pytest.raises(ModelError, match=r"step\.onnx: has data in other files"):
+        Model.load(folder, executor="graph")
+    replace_file(folder, "step.onnx", model_of(IDENTITY).SerializeToString())
+    with pytest.raises(ModelError, match=r"step\.onnx: inputs are color; model\.json says color, depth"):
+        Model.load(folder, executor="graph")
+
+
+def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(tmp_path: Path) -> None:
+    folder = Path(shutil.copytree(find_model("bilinear"), tmp_path / "model"))
+    nodes = [helper.make_node("Identity", ["color"], ["image"])]  # of the frame's size, not the display's
+    model = model_of(*nodes)
+    model.graph.input.append(helper.make_tensor_value_info("jitter", TensorProto.FLOAT, [1, 2]))
+    model.graph.input.append(helper.make_tensor_value_info("display_size", TensorProto.INT64, [2]))
+    replace_file(folder, "step.onnx", model.SerializeToString())
+    upscaler = Upscaler(folder, scale=2.0, executor="graph")
+    with pytest.raises(ModelError, match=r"step\.onnx: ONNX Runtime cannot run it: "):
+        upscaler.step(noise(0))
+    assert upscaler.save_state().history is None
