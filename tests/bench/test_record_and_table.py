@@ -217,3 +217,12 @@ def test_the_command_teaches_its_options() -> None:
     options = ("--methods", "--ratio", "--cache", "--cvvdp", "--output", "--json", "--update")
     for word in (*options, "plaza", "test-shots"):
         assert word in answer.stdout
+
+
+@pytest.mark.parametrize("command", [("parity", "--json"), ("report", "-o")])
+def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, str]) -> None:
+    (tmp_path / "notes").write_text('{"mine": 1}')
+    answer = CliRunner().invoke(app, ["bench", command[0], command[1], str(tmp_path / "notes")])
+    assert (answer.exit_code, answer.stderr.count("\n")) == (1, 1)
+    assert "notes: is there already, and is not a" in answer.stderr
+    assert (tmp_path / "notes").read_text() == '{"mine": 1}'

@@ -203,6 +203,23 @@ def test_a_write_that_fails_leaves_no_description(tmp_path: Path, monkeypatch: p
     assert not (tmp_path / "model" / "model.json").exists()
 
 
+@pytest.mark.parametrize("name", ["step.onnx", "MODEL_CARD.md", "model.json"])
+def test_files_of_others_are_kept_and_those_of_an_earlier_export_replaced(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str
+) -> None:
+    described = json.dumps({"contract": 1, "files": {"step.onnx": ""}}).encode()
+    made = {"step.onnx": b"graph", "MODEL_CARD.md": b"card", "model.json": described}
+    monkeypatch.setattr(folder_module, "_made", lambda *_: made)
+    (tmp_path / name).write_text('{"mine": 1}')
+    with pytest.raises(SupersamplerError, match=rf"{name}: is there already, and is not listed by a model"):
+        write_model_folder(Bilinear(), tmp_path)
+    assert [(path.name, path.read_text()) for path in tmp_path.iterdir()] == [(name, '{"mine": 1}')]
+    (tmp_path / name).unlink()
+    for _ in range(2):
+        write_model_folder(Bilinear(), tmp_path)
+    assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == made
+
+
 def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
     write_model_folder(Bilinear(), tmp_path / "mine")
     assert Model.load(tmp_path / "mine").info.method == "bilinear"

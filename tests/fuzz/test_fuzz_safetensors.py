@@ -124,7 +124,18 @@ def test_what_no_sequence_can_say_is_a_shot_error(tmp_path: Path, case: str) -> 
 
 
 @pytest.mark.parametrize(
-    "shape", ["[0, 1e30]", f"[0, {10**30}]", "[-2, -3]", "[[0]]", "0", '"00"', "[2.0, 3]"]
+    "shape",
+    [
+        "[0, 1e30]",
+        f"[0, {10**30}]",
+        "[-2, -3]",
+        "[[0]]",
+        "0",
+        '"00"',
+        "[2.0, 3]",
+        f"[{10**400}, 0.5]",
+        "[" * 100_000,
+    ],
 )
 def test_a_shape_that_is_none_is_a_shot_error(tmp_path: Path, shape: str) -> None:
     size = 0 if shape.startswith("[0,") else 24

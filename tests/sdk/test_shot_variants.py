@@ -69,6 +69,9 @@ def test_a_variant_is_resumed_without_the_others(tmp_path: Path) -> None:
         again.write(frame(1, SIZES["4x"]), reference=SCENE.truth(1, DISPLAY_SIZE, 1))
     assert len(Shot.open(tmp_path / "4x.json")) == 2
     assert len(Shot.open(tmp_path / "2x.json")) == 1
+    with writer(tmp_path, "2x", resume=True) as first:  # the reference that is there is the other variant's
+        first.write(frame(1, SIZES["2x"]), reference=SCENE.truth(1, DISPLAY_SIZE, 1))
+    assert len(Shot.open(tmp_path / "2x.json")) == 2
     with pytest.raises(ShotError, match=r"4x\.json: a shot of 2 frames is there already"):
         writer(tmp_path, "4x")
 

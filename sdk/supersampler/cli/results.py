@@ -1,6 +1,7 @@
 """The folder that `supersampler upscale` writes: numbered images, a page, and upscale.json."""
 
 import json
+import os
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -74,7 +75,7 @@ class Results:
             remove_files(own)
         below = {str(Path(pattern).parent) for pattern in self._record.files}
         kept = {} if overwrite else self._record.files
-        recorded = self._record.recording if recording is None else str(recording.resolve())
+        recorded = self._record.recording if recording is None else os.path.realpath(recording)
         self._save(RunRecord(settings, kept, recorded))
         remove_partial_files(self.folder, _NAMES, below - {"."})
         return 0 if frame_count is None else self.count_complete(frame_count)
@@ -175,7 +176,7 @@ class Results:
             return
         from supersampler.recording.format import is_recording
 
-        own = self._record.recording == str(recording.resolve())
+        own = self._record.recording == os.path.realpath(recording)
         if not (own and is_regular(recording) and is_recording(recording)):
             problem = f"is there already, and is no recording of an earlier run into {self.folder}"
             raise ShotError(recording, problem, "Choose another name, or move the file away.")

@@ -185,6 +185,15 @@ def test_a_full_disk_leaves_whole_frames_only(
     assert not list((tmp_path / entry.folder).glob("*partial*"))
 
 
+def test_folders_of_others_are_not_taken_for_frames_that_are_drawn(tmp_path: Path) -> None:
+    [entry] = description().sequences
+    (tmp_path / entry.folder).mkdir(parents=True)
+    (tmp_path / entry.folder / "0000.safetensors").write_bytes(b"mine")
+    with pytest.raises(DatasetError, match=r"yard-1: is there already, and no dataset\.json lists it"):
+        create_dataset(tmp_path, description())
+    assert not (tmp_path / "dataset.json").exists()
+
+
 def test_another_description_in_the_same_folder_is_refused(tmp_path: Path) -> None:
     create_dataset(tmp_path, description())
     with pytest.raises(DatasetError, match="has other gbuffers"):

@@ -4,7 +4,10 @@ import csv
 from pathlib import Path
 
 import numpy as np
+import pytest
+from typer.testing import CliRunner
 
+from supersampler.cli import app
 from supersampler_model.train.run_log import RunLog
 
 
@@ -31,6 +34,17 @@ def test_curves_have_a_panel_of_classes_only_where_there_are_classes(tmp_path: P
         without = width(tmp_path / "curves.png")
         log.write(20, {"picture": 0.4, "rough": 0.1, "psnr": 31.0, "visibility": 0.2})
     assert 3 * without == 2 * width(tmp_path / "curves.png")
+
+
+@pytest.mark.parametrize("name", ["weights.safetensors", "log.csv", "curves.png", "picture.png"])
+def test_a_run_does_not_begin_over_files_of_others(tmp_path: Path, name: str) -> None:
+    (tmp_path / name).write_bytes(b"mine")
+    done = CliRunner().invoke(
+        app, ["train", "classifier", "--data", str(tmp_path / "none"), "-o", str(tmp_path)]
+    )
+    assert done.exit_code == 1
+    assert f"{name}: is there already, and is not of a run in this folder" in done.stderr
+    assert [path.name for path in tmp_path.iterdir()] == [name]
 
 
 def width(picture: Path) -> int:
