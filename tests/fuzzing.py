@@ -143,8 +143,8 @@ def _child(
 def _end_of(ended: subprocess.CompletedProcess[str]) -> str:
     if ended.returncode < 0:
         return f"killed by {signal.Signals(-ended.returncode).name}: {ended.stderr[-300:]}"
-    hung = "Timeout (" in ended.stderr  # by faulthandler
-    return f"{'hung' if hung else f'exit {ended.returncode}'}: {ended.stderr[-600:]}"
+    _, hung, stack = ended.stderr.partition("Timeout (")  # by faulthandler, the most recent call first
+    return f"hung: {stack[:600]}" if hung else f"exit {ended.returncode}: {ended.stderr[-600:]}"
 
 
 def _run(file: str, name: str, report: str, first: int, count: int, memory: int, seconds: float) -> None:

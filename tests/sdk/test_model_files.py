@@ -18,6 +18,9 @@ from onnx import TensorProto, helper
 from noise import noise
 from supersampler import Model, ModelError, Upscaler
 from supersampler.extrapolation import Extrapolator
+from supersampler.host.layout import SEEN
+from supersampler.host.network_file import read_network
+from supersampler.host.variant import Variant
 from supersampler.json_fields import read_fields
 from supersampler.model_info import MAX_DESCRIPTION, find_model, read_model_info
 from supersampler.onnx_file import refusal_of
@@ -233,6 +236,15 @@ def test_an_array_that_kernels_do_not_read_so_is_named(
     network_with(learned, changes)
     with pytest.raises(ModelError, match=match):
         Model.load(learned)
+
+
+def test_kernels_read_no_weights_beyond_a_narrow_decoder_s() -> None:
+    """They read 8 words of its features; `classifier-small` has 4."""
+    info = read_model_info(find_model("classifier-small"))
+    assert info.config["network"]["decoder"] == 16
+    weights = read_network(info, Variant.of(info.config).outputs)["hidden.weights"]
+    assert weights.shape == (1, SEEN + 8, 32, 4)
+    assert not weights[:, SEEN + 4 :].any()
 
 
 def test_nothing_is_made_room_for_that_a_file_merely_claims(learned: Path) -> None:
