@@ -5,7 +5,6 @@ from typing import Any, ClassVar, NamedTuple
 from unittest.mock import patch
 
 import numpy as np
-import onnx
 import pytest
 from torch import Tensor
 from torch.nn import functional as F
@@ -16,11 +15,9 @@ from supersampler.frame import Size
 from supersampler.gbuffers import GBUFFERS, grouped
 from supersampler.model_info import find_model
 from supersampler_export.folder import write_model_folder
-from supersampler_export.graph import export_graph
 from supersampler_model.color import bounded, quarantine
 from supersampler_model.method import DISPLAY, Method, render_size_of
 from supersampler_model.method import Size as Extent
-from supersampler_model.methods.carry import Carry
 from supersampler_model.sampling import grid_of, linear, resample, taps
 
 RATIO = 2
@@ -67,12 +64,8 @@ def exported(folders: pytest.TempPathFactory) -> Path:
     folder = folders.getbasetemp() / Demodulated.name
     if (folder / "model.json").exists():
         return folder
-    carry = onnx.load(find_model("bilinear") / "carry.onnx")
-
-    def export(method: Method) -> onnx.ModelProto:
-        return carry if isinstance(method, Carry) else export_graph(method)
-
-    with patch("supersampler_export.folder.export_graph", export):
+    carry = find_model("bilinear") / "carry.onnx"
+    with patch("supersampler_export.folder.carry_graph", carry.read_bytes):
         write_model_folder(Demodulated(), folder)
     return folder
 

@@ -1,14 +1,18 @@
-"""Multiply-adds of a graph, counted from its shapes: no clock, so the same on every machine."""
+"""Multiply-adds of a network, counted from its shapes: no clock, so the same on every machine."""
 
+import copy
 import math
 from collections.abc import Sequence
 
 import numpy as np
 import onnx
+import torch
+from torch.utils.flop_counter import FlopCounterMode
 
 from supersampler.frame import Size
 from supersampler.model_info import extents
 from supersampler.onnx_runtime import ort
+from supersampler_model.method import DISPLAY, HALF, RENDER, Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)
@@ -34,6 +38,31 @@ def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, rat
         inner = math.prod(weight[1:]) if node.op_type == "Conv" else weight[0]
         total += math.prod(shapes[node.output[0]]) * inner
     return total / (display_size[0] * display_size[1])
+
+
+def multiply_adds_in_torch(fused: Fused, display_size: Size = COUNTED_AT) -> float:
+    """Count what `multiply_adds` counts of the graph, before there is one; nothing is computed.
+
+    Args:
+        fused: the learned part of a method.
+        display_size: (width, height).
+    """
+    render = (display_size[0] // fused.ratio, display_size[1] // fused.ratio)
+    half = (display_size[0] // 2, display_size[1] // 2)
+    sizes = {
+        name: extent
+        for names, size in ((DISPLAY, display_size), (RENDER, render), (HALF, half))
+        for name, extent in zip(names, size[::-1], strict=True)
+    }
+    inputs = [
+        torch.empty([sizes[n] if isinstance(n, str) else n for n in shape], device="meta")
+        for shape in fused.inputs.values()
+    ]
+    network = copy.deepcopy(fused.module).eval().to("meta")
+    with torch.no_grad(), FlopCounterMode(display=False) as counter:
+        network(*inputs)
+    operations: int = counter.get_total_flops()  # two for each: a product and a sum
+    return operations / 2 / (display_size[0] * display_size[1])
 
 
 def _shapes(

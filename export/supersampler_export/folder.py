@@ -5,6 +5,7 @@ import hashlib
 import json
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,7 @@ from supersampler.errors import ShotError
 from supersampler.files import check_ours
 from supersampler.model_info import CONTRACT, DRAWN
 from supersampler.shot.json_keys import read_json
-from supersampler_export.count import multiply_adds
+from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
 from supersampler_export.host import host_network
@@ -83,8 +84,7 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
     files = {"step.onnx": _serialized(graph)}
     parity = check_parity(method, files["step.onnx"])
     if not method.extrapolates():  # what is carried along comes with every frame
-        files["carry.onnx"] = _serialized(export_graph(Carry()))
-        check_parity(Carry(), files["carry.onnx"])
+        files["carry.onnx"] = carry_graph()
     fused = method.fused()
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
@@ -102,6 +102,18 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
     files["MODEL_CARD.md"] = model_card(described, graph, parity).encode()
     files["model.json"] = (json.dumps(described, indent=1) + "\n").encode()
     return files
+
+
+@cache
+def carry_graph() -> bytes:
+    """Export what blends the channels that frames carry along, once: it is the same in every folder.
+
+    Raises:
+        ExportError: see `write_model_folder`.
+    """
+    graph = _serialized(export_graph(Carry()))
+    check_parity(Carry(), graph)
+    return graph
 
 
 def _labelled(graph: onnx.ModelProto, described: Mapping[str, Any]) -> onnx.ModelProto:
@@ -227,7 +239,7 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
 def _network(fused: Fused) -> dict[str, Any]:
     tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
     described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
-    return {**described, "multiply_adds": multiply_adds(export_fused(fused), ratio=fused.ratio)}
+    return {**described, "multiply_adds": multiply_adds_in_torch(fused)}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

@@ -1,0 +1,38 @@
+"""The shipped graphs are what the exporter writes today: their operators and constants, traced afresh."""
+
+from collections import Counter
+from typing import Any
+
+import onnx
+import pytest
+
+from supersampler import model_names
+from supersampler.model_info import find_model
+from supersampler_export.cli import made_method, shipped_methods
+from supersampler_export.folder import carry_graph
+from supersampler_export.graph import export_graph
+from supersampler_model.methods import LEARNED
+
+TRACED = [name for name in shipped_methods() if name not in LEARNED or name == "classifier"]
+"""Tracing a learned method takes a minute; of the others, what they draw tells if they are up to date."""
+
+
+def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
+    """Return operators and constants, without names; of weights their shapes, as folding them rounds."""
+    arrays = [onnx.numpy_helper.to_array(t) for t in model.graph.initializer]
+    constants = [array.tolist() if array.size <= 16 else array.shape for array in arrays]
+    return Counter(node.op_type for node in model.graph.node), sorted(constants, key=str)
+
+
+@pytest.mark.parametrize("name", TRACED)
+def test_the_shipped_graph_is_what_the_exporter_writes_today(name: str) -> None:
+    folder = find_model(name)
+    fresh = export_graph(made_method(name))
+    hint = f"run: supersampler export {name} -o {folder}"
+    assert structure(onnx.load(folder / "step.onnx")) == structure(fresh), hint
+
+
+def test_what_carries_channels_along_is_what_the_exporter_writes_today() -> None:
+    fresh = structure(onnx.load_from_string(carry_graph()))
+    files = [find_model(name) / "carry.onnx" for name in model_names()]
+    assert all(structure(onnx.load(file)) == fresh for file in files)
