@@ -101,9 +101,8 @@ class Model:
                 and the model has them.
             precision: of the learned part: "int8", in bytes, as the host executor always runs it; "fp32" or
                 "fp16" in a graph. What is not learned is fp32 everywhere.
-            capture: have CUDA or TensorRT capture the step with tensors as a CUDA graph, and launch it as one
-                from then on, without the time that it takes to launch each kernel. Where a size changes, it
-                is captured anew. The CPU runs the same on buffers that stay where they are, without capture.
+            capture: have CUDA or TensorRT capture the step with tensors as a CUDA graph, launched as one from
+                then on; anew where a size changes. The CPU runs the same on fixed buffers, without capture.
 
         Raises:
             ModelError: no such model, a damaged folder, another contract, or a model that upscales nothing.
@@ -357,9 +356,7 @@ class Model:
             FrameError, ArgumentError: see `run_wanted`.
         """
         if checked_frame(frame).color is None:
-            hint = (
-                "`extrapolate`, and `supersampler upscale --extrapolate`, take frames that were not shaded."
-            )
+            hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
             want = f"(h, w, 3); {self.info.method!r} needs shaded frames"
             raise FrameError("color", got=None, want=want, hint=hint)
         check_ratio(self.info.ratios, frame.size, display_size)

@@ -339,25 +339,16 @@ class Upscaler:
         # first: no frame is remembered and then refused
         model.check(frame, history.display_size, want, history.carry, out)
         self._checker.check(given, history.display_size, self.gbuffers)
-        return uninterrupted(partial(self._completed, model, frame, history, shaded, out, want, started))
 
-    def _completed(
-        self,
-        model: Model,
-        frame: Frame,
-        history: History,
-        shaded: ShadedPast | None,
-        out: Float32 | None,
-        want: Collection[str],
-        started: float,
-    ) -> Float32 | Result:
-        """Run a step and remember it: all of it, or nothing where it raises."""
-        result, left = model.run_wanted(
-            frame, history, want, out=out, history_out=self._spare, skip=self.skip
-        )
-        self._extrapolation.past = shaded
-        self._go_on(history, left, float(model.work(left).mean()), started)
-        return result if want else result.image
+        def run() -> Float32 | Result:
+            result, left = model.run_wanted(
+                frame, history, want, out=out, history_out=self._spare, skip=self.skip
+            )
+            self._extrapolation.past = shaded
+            self._go_on(history, left, float(model.work(left).mean()), started)
+            return result if want else result.image
+
+        return uninterrupted(run)
 
     def _step_tensors(
         self,
