@@ -1,12 +1,17 @@
 """What a step takes from the one before, and what it gives beside an image."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from numpy.typing import NDArray
+
+from supersampler.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.errors import ArgumentError, shown
 from supersampler.executor import Buffers
 from supersampler.frame import Float32, Size
+from supersampler.host.trail import trail_specs
+from supersampler.model_info import ModelInfo
 
 CARRY = "history.carry"
 WORK = "work"
@@ -74,3 +79,25 @@ class Result:
     weight: Float32 | None = None
     count: Float32 | None = None
     work: Float32 | None = None
+
+
+def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a saved history after a check of each: see `Model.save_history`.
+
+    Args:
+        info: the model.
+        arrays: by name.
+        display: (width, height) of the images.
+        render: (width, height) of the frame that left it.
+
+    Raises:
+        ArgumentError: an array is missing, unknown, or not of the type, shape and range that the model names.
+    """
+    specs = {
+        h.input.name: h.input.spec_for(render=render, display=display, previous=render) for h in info.history
+    }
+    names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
+    if CARRY in names:
+        specs[CARRY] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(CARRY))
+    specs |= trail_specs(names, display, render)
+    return checked_arrays(arrays, specs, lambda got, want: ArgumentError("state", got=got, want=want))

@@ -7,7 +7,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.array_spec import ArraySpec, checked_arrays, checked_extents, values_of
+from supersampler.array_spec import checked_extents
 from supersampler.carry import Carrier, check_carry
 from supersampler.checked import (
     check_out,
@@ -32,10 +32,9 @@ from supersampler.frame import (
 from supersampler.gbuffers import check_gbuffers
 from supersampler.graph_executor import GraphExecutor
 from supersampler.graph_session import pixels_of, session_options, vector_inputs
-from supersampler.history import CARRY, WORK, History, Result, check_histories
+from supersampler.history import CARRY, WORK, History, Result, check_histories, checked_history
 from supersampler.host.executors import host_executor
 from supersampler.host.memory import aligned
-from supersampler.host.trail import trail_specs
 from supersampler.model_info import ModelInfo, read_model_info, read_upscaling_info
 from supersampler.onnx_runtime import ort
 from supersampler.plan import Plan
@@ -320,19 +319,13 @@ class Model:
         """
         display_size = checked_extents("state.display_size", display_size)
         render_size = checked_extents("state.render_size", render_size)
-        sizes = {"render": render_size, "display": display_size, "previous": render_size}
-        specs = {h.input.name: h.input.spec_for(**sizes) for h in self.info.history}
-        names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
-        if CARRY in names:
-            specs[CARRY] = ArraySpec("float32", (1, "k", *display_size[::-1]), values_of(CARRY))
-        specs |= trail_specs(names, display_size, render_size)
-        checked = checked_arrays(arrays, specs, _refused_state)
+        checked = checked_history(self.info, arrays, display_size, render_size)
         try:
             history = self.first_history(display_size, render_size)
             self._executor.load(history.buffers, checked)
             history.carry = checked[CARRY].copy() if CARRY in checked else None
         except MemoryError:
-            raise _refused_state(f"at {display_size}", "a size that fits into memory") from None
+            raise ArgumentError("state", got=f"at {display_size}", want="what fits into memory") from None
         return history
 
     def check(
@@ -389,10 +382,6 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)
-
-
-def _refused_state(got: str, want: str) -> ArgumentError:
-    return ArgumentError("state", got=got, want=want)
 
 
 def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) -> Model:

@@ -101,4 +101,4 @@ def prepare() -> Callable[[int], object]:
 
 
 def test_no_state_harms_who_loads_it_and_a_refused_one_changes_nothing() -> None:
-    assert run_apart(prepare, examples(120)) == []
+    assert run_apart(prepare, examples(60)) == []
