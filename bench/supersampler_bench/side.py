@@ -63,8 +63,8 @@ def step(method, settling, count):
     return {"wall": wall, "cores": cores}
 
 try:
-    import numpy as np
     import supersampler
+    import numpy as np
     from supersampler import Frame, Upscaler
     ready = {}
     folder = os.path.dirname(os.path.abspath(supersampler.__file__))
