@@ -9,11 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import ArgumentError
-from supersampler.frame import Size
+from supersampler.checked import MAX_PIXELS, MAX_SIDE
 
-MAX_SIDE, MAX_PIXELS = 1 << 15, 1 << 26
-"""Largest extent of an array, and product of two: kernels count in 32 bits."""
 LARGEST = float(np.finfo(np.float32).max)
 
 
@@ -65,20 +62,6 @@ def checked_arrays(
             raise refusal(f"without {name!r}", f"{spec}")
         checked[name] = _checked(name, arrays[name], spec, sizes, refusal)
     return checked
-
-
-def checked_extents(name: str, size: object) -> Size:
-    """Return (width, height) of a state or recording.
-
-    Raises:
-        ArgumentError: they are no whole numbers from 1 to MAX_SIDE, or more than MAX_PIXELS.
-    """
-    if isinstance(size, (tuple, list)) and len(size) == 2 and all(type(n) is int for n in size):
-        width, height = size
-        if min(size) >= 1 and max(size) <= MAX_SIDE and width * height <= MAX_PIXELS:
-            return width, height
-    want = f"(width, height), each from 1 to {MAX_SIDE} and {MAX_PIXELS} pixels at most"
-    raise ArgumentError(name, got=reprlib.repr(size), want=want)
 
 
 def _checked(

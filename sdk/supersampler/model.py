@@ -7,7 +7,6 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.array_spec import checked_extents
 from supersampler.carry import Carrier, check_carry
 from supersampler.checked import (
     check_out,
@@ -317,8 +316,8 @@ class Model:
             ArgumentError: they are of another method or of other sizes, or one has another type, values that
                 are not finite or out of range, or is too large for the memory that there is.
         """
-        display_size = checked_extents("state.display_size", display_size)
-        render_size = checked_extents("state.render_size", render_size)
+        display_size = checked_size("state.display_size", display_size)
+        render_size = checked_size("state.render_size", render_size)
         checked = checked_history(self.info, arrays, display_size, render_size)
         try:
             history = self.first_history(display_size, render_size)

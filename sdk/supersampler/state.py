@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from supersampler.array_spec import checked_extents
+from supersampler.checked import checked_size
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.history import History
@@ -58,7 +58,7 @@ class State:
             raise ArgumentError("state", got=f"of version {version!r}", want=f"{STATE_VERSION}", hint=hint)
         if self.method != model.info.method:
             raise ArgumentError("state", got=f"of {self.method!r}", want=f"of {model.info.method!r}")
-        own = None if self.display_size is None else checked_extents("state.display_size", self.display_size)
+        own = None if self.display_size is None else checked_size("state.display_size", self.display_size)
         if display_size not in (None, own):
             raise ArgumentError("state", got=f"at {self.display_size}", want=f"at {display_size}")
         if self.history is None:

@@ -335,10 +335,12 @@ class Upscaler:
     ) -> Float32 | Result:
         """Step on a frame that has colour, as it was `given` or drawn; both pasts change at its end alone."""
         started = time.perf_counter()
+        kept = None if frame.reset else self._history
+        display = self._display_size or display_size_of(frame.size, self._scale)
+        # first: no frame is remembered, and no memory taken for one, that is then refused
+        model.check(frame, display, want, None if kept is None else kept.carry, out)
+        self._checker.check(given, display, self.gbuffers)
         history = self._history_for(frame.size, reset=frame.reset)
-        # first: no frame is remembered and then refused
-        model.check(frame, history.display_size, want, history.carry, out)
-        self._checker.check(given, history.display_size, self.gbuffers)
 
         def run() -> Float32 | Result:
             result, left = model.run_wanted(

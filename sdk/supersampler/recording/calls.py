@@ -7,7 +7,7 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.array_spec import MAX_SIDE, checked_extents
+from supersampler.checked import MAX_SIDE, checked_size
 from supersampler.frame import Float32, Frame, Size
 from supersampler.machine import MAX_THREADS
 from supersampler.model_info import ModelInfo
@@ -153,7 +153,7 @@ def setup_of(record: Record) -> Setup:
         precision=text(values["precision"], ("fp32", "fp16", "int8")),
         providers=texts(values["providers"], 16),
         threads=whole(values["threads"], 0, MAX_THREADS),
-        display_size=None if size is None else checked_extents("display_size", size),
+        display_size=None if size is None else checked_size("display_size", size),
         scale=number(values["scale"], 1.0, MAX_SIDE),
         skip=_skip(skip),
         validate=cast(
@@ -236,7 +236,7 @@ def state_of(record: Record) -> State:
     """
     values = {"shaded": False, "version": 1, **record.values}  # which recordings that are older lack
     sizes = [(name, values[name]) for name in ("display_size", "render_size")]
-    display, render = (None if size is None else checked_extents(name, size) for name, size in sizes)
+    display, render = (None if size is None else checked_size(name, size) for name, size in sizes)
     history = {name: a for name, a in record.arrays.items() if not name.startswith(_SHADED)}
     shaded = {name.removeprefix(_SHADED): a for name, a in record.arrays.items() if name not in history}
     return State(
