@@ -1,7 +1,7 @@
 # make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
 # make test   all tests
 # make check  style and types
-# make fuzz   fuzz tests at length: SUPERSAMPLER_FUZZ cases each
+# make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -19,7 +19,8 @@ test: $(DEVELOPMENT)
 	OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
 fuzz: $(DEVELOPMENT)
-	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} .venv-dev/bin/pytest -q tests/fuzz
+	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_MODELS=3000 \
+	    .venv-dev/bin/pytest -q tests/fuzz tests/process tests/sdk/test_arguments.py
 
 check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .
