@@ -129,7 +129,7 @@ class GBuffer(LearnedMethod):
         "motion": (1, 2, *PREVIOUS),
         "jitter": (1, 2),
         "jitter_before": (1, 2),
-        "exposure": (1,),
+        "exposure": (1,),  # see `exposure_for`
     }
     told: ClassVar = ("weight",)
 
@@ -240,9 +240,9 @@ class GBuffer(LearnedMethod):
     ) -> Gathered:
         """Bring this frame and the past to where they are needed."""
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, usable, exposure, history.exposure)
+        followed = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
-        present = self.gather_present(color, usable, motion, render, display, view, exposure)
+        present = self.gather_present(color, usable, motion, render, display, view, followed)
         past = self.gather_past(present, history)
         frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
         seen = seen_of(present, past, history, masked=self.config.masked)
@@ -256,10 +256,10 @@ class GBuffer(LearnedMethod):
         render: Surfaces,
         display: Surfaces,
         view: View,
-        exposure: Tensor,
+        followed: Tensor,
     ) -> Present:
         """Bring the samples of this frame to the surfaces of the display."""
-        c, grid = self.config, view.grid(render_size_of(color))
+        c, grid, exposure = self.config, view.grid(render_size_of(color)), followed.abs()
         toned, reflected = tone(color * exposure) * usable, reflectance(display)
         light = tone(color * exposure / reflectance(render))
         samples = samples_of(light, usable, render, display, grid)
@@ -280,6 +280,7 @@ class GBuffer(LearnedMethod):
             confidence=near[:, 3:].clamp(max=1.0),
             view=view,
             exposure=exposure,
+            followed=followed,
         )
 
     def gather_past(self, present: Present, history: History) -> Remembered:
@@ -345,7 +346,7 @@ class GBuffer(LearnedMethod):
             present.motion,
             present.view.jitter * 1.0,
             history.jitter * 1.0,
-            present.exposure,
+            present.followed,
         )
         return Finished(image, left, old / total)
 
