@@ -19,7 +19,7 @@ ALIKE = (4.0, 8.0, 8.0)  # falloff with squared differences of normal, base colo
 FARTHER, COLOR_APART = 0.1, 0.5  # alpha and eta_B (Wang et al. 2025, section IV.B)
 AROUND_BASE, AROUND_COLOR = 3, 5  # k_b and k_i
 NEIGHBOURHOOD = 9  # pixels within which depth is relative
-CHANGED, AROUND_LIGHT = 5.0, 5  # stops that light must change by, on average over so many pixels a side
+CHANGED, AROUND_LIGHT = 6.0, 5  # stops that light must change by, on average over so many pixels a side
 LOG2_E = 1.0 / math.log(2.0)
 FAINTEST = 1.0 / 64.0  # exposed luminance below which light does not count as changing
 
