@@ -28,14 +28,15 @@ HOSTILE: Mapping[str, Sequence[float]] = {
 class _OneFrame:
     """One frame is hostile, 30 clean ones follow: apart from a session that never saw it, in the worst case.
 
-    A quarter more than a cut at that frame leaves is allowed, too.
+    Exposure is measured. A quarter more than a cut at that frame leaves is allowed, too.
     """
 
     def __init__(self, hostile: Callable[[Frame], Iterable[Frame]]) -> None:
         self._hostile = hostile
 
     def __call__(self, trial: Trial) -> Measured:
-        session, frames = trial.begin(), cycle(still(trial.render))
+        session = trial.begin()
+        frames = cycle([replace(frame, exposure=None) for frame in still(trial.render)])
         for frame in islice(frames, PERIOD):
             session.step(frame)
         state, frame, clean = session.save_state(), next(frames), list(islice(frames, CLEAN))
