@@ -16,8 +16,8 @@ from supersampler_model.methods.gbuffer_buffers import Surfaces
 from supersampler_model.methods.gbuffer_depth import DepthGBuffer
 from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer_surfaces import (
-    changed_light,
     LEAST,
+    changed_light,
     gradients,
     matte,
     nearest_past,
