@@ -44,13 +44,13 @@ class Oracle:
         with torch.no_grad():
             gathered = self._method.gather(color, depth, motion, given, history, now, view)
             present, past = gathered.present.frame, gathered.past.color
-            known = gathered.there.on_screen * (history.exposure > 0.0)
+            known = gathered.there.on_screen * (history.exposure.abs() > 0.0)
             toned = past
             if item.reference is not None:
                 toned = tone(torch.from_numpy(planes_of(item.reference)) * gathered.exposure)
             blend = present + known * best_weight(present, past, toned) * (past - present)
             image = bounded(inverse_tone(blend) / gathered.exposure)
-        self._before = history._replace(color=image, depth=gathered.surfaces, exposure=gathered.exposure), now
+        self._before = history._replace(color=image, depth=gathered.surfaces, exposure=gathered.followed), now
         return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy())
 
 

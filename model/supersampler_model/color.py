@@ -12,6 +12,8 @@ from supersampler_model.sampling import sum_of
 MAX_HALF = 65504.0
 EXPOSURE_KEY = 0.18
 EXPOSURE_ADAPTATION = 0.1
+LEAST_EXPOSURE, MOST_EXPOSURE = 2.0**-24, 2.0**24
+OUTLIER = 64.0
 DARKEST = 1e-4
 DARKNESS = 1e-12
 
@@ -48,18 +50,43 @@ def luminance(color: Tensor) -> Tensor:
     return 0.2126 * color[:, :1] + 0.7152 * color[:, 1:2] + 0.0722 * color[:, 2:3]
 
 
-def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -> Tensor:
-    """(1,) exposure to use: `given` where > 0, else measured, adapting from `before` where that is > 0.
+def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
+    """(1,) 0.18 over the log-average luminance of the usable pixels, and how many they are.
 
-    Measured is 0.18 over the log-average luminance of the `usable` pixels (1, 1, h, w) of `color`; where
-    there are none, the one before holds.
+    Args:
+        color: (1, 3, h, w) linear RGB, >= 0.
+        usable: (1, 1, h, w) 0 or 1.
     """
     logs = luminance(color).clamp(min=DARKEST).log() * usable
     count = usable.sum().reshape(1)  # sums: ReduceMean changed after opset 17
-    target = EXPOSURE_KEY * (-logs.sum().reshape(1) / count.clamp(min=1.0)).exp()
-    smooth = before.clamp(min=1e-8) ** (1.0 - EXPOSURE_ADAPTATION) * target**EXPOSURE_ADAPTATION
-    measured = torch.where(before > 0.0, torch.where(count > 0.0, smooth, before), target)
-    return torch.where(given > 0.0, given, measured)
+    return EXPOSURE_KEY * (-logs.sum().reshape(1) / count.clamp(min=1.0)).exp(), count
+
+
+def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -> Tensor:
+    """(1,) what the next frame wants back as `before`; its absolute value is the exposure to use.
+
+    That is `given` where it is in [LEAST_EXPOSURE, MOST_EXPOSURE], else measured, and adapts by a tenth of
+    the way, in stops, from the frame before; where no pixel is usable, the one before holds. An exposure that
+    differs from the one before by more than a factor of OUTLIER is an outlier: the one before holds for that
+    frame. What a second frame wants in a row is used at once.
+
+    Args:
+        color: (1, 3, h, w) linear RGB, >= 0.
+        usable: (1, 1, h, w) 0 or 1.
+        given: (1,) by the engine; 0 where it gives none.
+        before: (1,) what this function returned for the frame before: negative where no second frame has
+            confirmed it, 0 where there was none.
+    """
+    target, count = measured_exposure(color, usable)
+    known = before.abs()
+    has_past, is_given = known > 0.0, (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
+    smooth = known.clamp(min=1e-8) ** (1.0 - EXPOSURE_ADAPTATION) * target**EXPOSURE_ADAPTATION
+    measured = torch.where(has_past, torch.where(count > 0.0, smooth, known), target)
+    followed = torch.where(is_given, given, measured)
+    wanted = torch.where(is_given, given, torch.where(has_past & (count <= 0.0), known, target))
+    is_outlier = has_past & ((wanted > known * OUTLIER) | (wanted * OUTLIER < known))
+    confirmed = torch.where(is_outlier, torch.where(before < 0.0, wanted, -known), followed)
+    return torch.where(has_past, confirmed, -followed)
 
 
 def largest(color: Tensor) -> Tensor:

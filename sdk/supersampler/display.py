@@ -20,6 +20,10 @@ from supersampler.frame import Array, Float32, as_array
 EXPOSURE_KEY = 0.18
 """The log-average luminance that `auto_exposure` brings a picture to: middle grey."""
 
+EXPOSURES = (2.0**-24, 2.0**24)
+"""The least and the largest exposure that a frame can give: they bring any half float to middle grey and go
+two stops farther at least. In place of one outside, exposure is measured, as where none is given."""
+
 CEILING_DB = 100.0
 """The PSNR of equal pictures: a finite number, which means can take in and JSON can hold."""
 
@@ -27,6 +31,7 @@ _DARKEST = 1e-4  # luminance below which black stays black instead of pulling th
 _MAX_HALF = 65504.0
 _LARGEST = 1e30  # exposure, of which single precision can hold the product with an image
 _ADAPTATION = 0.1
+_OUTLIER = 64.0  # factor between two frames' exposures from which on one frame alone is not followed
 _BT709 = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
@@ -105,38 +110,59 @@ def auto_exposure(color: NDArray[Any]) -> float:
     return float(EXPOSURE_KEY * np.exp(-logs.mean(dtype=np.float64)))
 
 
-def adapted_exposure(target: float, before: float) -> float:
-    """Return an exposure a tenth of the way, in stops, from that of the frame before to a measured one."""
-    return float(before ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
+def usable_exposure(given: float | None) -> float | None:
+    """Return the exposure that a frame gives; None, which is to measure it, where it is not in EXPOSURES."""
+    return given if given is not None and EXPOSURES[0] <= given <= EXPOSURES[1] else None
+
+
+def followed_exposure(given: float | None, target: float | None, before: float) -> float:
+    """Return what the next frame wants back as `before`; its absolute value is the exposure to use.
+
+    That is the given one, else one a tenth of the way, in stops, from that of the frame before to the
+    measured one. An exposure that differs from the one before by more than six stops is an outlier: the one
+    before holds for that frame. What a second frame wants in a row is used at once. The models' graphs do
+    the same.
+
+    Args:
+        given: by the frame, in EXPOSURES; None: it is measured.
+        target: what was measured, > 0; None where no pixel is usable, which keeps the one before.
+        before: what this function returned for the frame before: negative where no second frame has confirmed
+            it, 0 where there was none.
+    """
+    known = abs(before)
+    wanted = given or target or known or EXPOSURE_KEY
+    if not known > 0.0:
+        return -wanted
+    if not known / _OUTLIER <= wanted <= known * _OUTLIER:
+        return wanted if before < 0.0 else -known
+    if given is not None or target is None:
+        return wanted
+    return float(known ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
 
 
 class ExposureMeter:
     """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
 
     A measured exposure follows the pictures by a tenth of the way a frame, in stops, so that a light that
-    flickers does not make the whole picture pump; a cut starts anew.
+    flickers does not make the whole picture pump; a cut starts anew. See `followed_exposure` for outliers.
     """
 
     def __init__(self) -> None:
-        self._before: float | None = None
+        self._before = 0.0
 
     def read(self, color: Array | None, *, given: float | None = None, reset: bool = False) -> float:
         """Return this frame's exposure and remember it.
 
         Args:
             color: (h, w, 3) linear RGB; None on a frame that was not shaded, which keeps the one before.
-            given: the engine's exposure, which is taken as it is.
+            given: the engine's exposure.
             reset: True on the first frame after a cut.
         """
         if reset:
-            self._before = None
-        self._before = given if given is not None else self._measure(color)
-        return self._before
-
-    def _measure(self, color: Array | None) -> float:
-        if color is None:
-            return 1.0 if self._before is None else self._before
-        target = auto_exposure(color)
-        if self._before is None:
-            return target
-        return adapted_exposure(target, self._before)
+            self._before = 0.0
+        given = usable_exposure(given)
+        if given is None and color is None:
+            return abs(self._before) or 1.0
+        target = auto_exposure(color) if given is None and color is not None else None
+        self._before = followed_exposure(given, target, self._before)
+        return abs(self._before)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from supersampler.display import usable_exposure
 from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.gbuffers import GBUFFERS
@@ -128,7 +129,7 @@ def vector_inputs(
     """What a graph takes of a frame beside images, by name."""
     return {
         "jitter": np.array([jitter], np.float32),
-        "exposure": np.array([exposure or 0.0], np.float32),
+        "exposure": np.array([usable_exposure(exposure) or 0.0], np.float32),
         "display_size": np.array(display_size, np.int64),
     }
 

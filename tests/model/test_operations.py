@@ -10,7 +10,6 @@ from torch import Tensor
 from supersampler_model.color import (
     TONES,
     ToneSpace,
-    exposure_for,
     from_ycocg,
     inverse_tone,
     quarantine,
@@ -210,23 +209,6 @@ def test_quarantine_and_valid_know_a_number_when_they_see_one() -> None:
     bad = torch.tensor([float("nan"), float("inf"), -1e-3, 65505.0, 0.0, 65504.0]).reshape(1, 1, 1, 6)
     torch.testing.assert_close(quarantine(bad, 7.0).ravel(), torch.tensor([7.0, 7, 7, 7, 0, 65504]))
     assert valid(bad.expand(1, 3, 1, 6)).ravel().tolist() == [0, 0, 0, 0, 1, 1]
-
-
-def test_exposure_is_given_or_measured_and_adapts() -> None:
-    color, all_of_it, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
-    assert exposure_for(color, all_of_it, torch.tensor([3.0]), none).item() == 3.0
-    measured = exposure_for(color, all_of_it, none, none).item()
-    assert measured == pytest.approx(0.18 / 0.5)
-    before = torch.tensor([measured * 8])
-    adapting = exposure_for(color, all_of_it, none, before).item()
-    assert adapting == pytest.approx(measured * 8**0.9, rel=1e-4)
-
-
-def test_exposure_looks_at_usable_pixels_only() -> None:
-    color, usable, none = torch.full((1, 3, 4, 4), 0.5), torch.ones(1, 1, 4, 4), torch.zeros(1)
-    color[..., 0, :], usable[..., 0, :] = 0.0, 0.0
-    assert exposure_for(color, usable, none, none).item() == pytest.approx(0.18 / 0.5)
-    assert exposure_for(color * 0, usable * 0, none, torch.tensor([0.7])).item() == pytest.approx(0.7)
 
 
 @pytest.mark.parametrize("space", TONES)

@@ -12,12 +12,13 @@ import supersampler_bench.stress
 from supersampler.errors import ArgumentError
 from supersampler.files import replacing
 from supersampler.frame import Size
-from supersampler_bench.stress import hostile, light, sampling, sessions, steady, travel
+from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel
 from supersampler_bench.stress.scenario import Figure, Scenario, Subject
 
 FAMILIES: Mapping[str, Sequence[Scenario]] = {
     "steady": steady.SCENARIOS,
     "hostile": hostile.SCENARIOS,
+    "recovery": recovery.SCENARIOS,
     "light": light.SCENARIOS,
     "travel": travel.SCENARIOS,
     "sampling": sampling.SCENARIOS,

@@ -117,8 +117,10 @@ class Trial:
 
     @property
     def render(self) -> Size:
-        """Render size at ratio 2."""
-        return self.display[0] // 2, self.display[1] // 2
+        """Render size at ratio 2, or the ratio nearest to it that the subject draws at."""
+        low, high = self.subject.ratios
+        ratio = min(max(2.0, low), high)
+        return round(self.display[0] / ratio), round(self.display[1] / ratio)
 
     @property
     def watched(self) -> int:
@@ -167,7 +169,7 @@ class Scenario:
         pairs: only of subjects that are held against single precision.
         same_size: graphs draw as large pictures as the host does.
         logarithmic: whether its curve is drawn so.
-        ratios: of display to render size, the least and the largest that it asks for.
+        ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
     """
 
     name: str
@@ -180,7 +182,7 @@ class Scenario:
     pairs: bool = False
     same_size: bool = False
     logarithmic: bool = True
-    ratios: tuple[float, float] = (2.0, 2.0)
+    ratios: tuple[float, float] | None = (2.0, 2.0)
 
     @property
     def done(self) -> str:
@@ -197,6 +199,8 @@ class Scenario:
 
     def is_drawn_by(self, subject: Subject) -> bool:
         """Whether the subject draws at all ratios that it asks for."""
+        if self.ratios is None:
+            return True
         return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:

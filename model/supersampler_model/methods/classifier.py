@@ -161,7 +161,7 @@ class Classifier(LearnedMethod):
         "classes": (1, 6, *HALF),  # shares
         "depth": (1, 2, *PREVIOUS),  # as it is, and without thin things
         "jitter": (1, 2),
-        "exposure": (1,),
+        "exposure": (1,),  # see `exposure_for`
     }
     told: ClassVar = ("weight",)
     maps: ClassVar = {
@@ -222,8 +222,7 @@ class Classifier(LearnedMethod):
     def left(self, gathered: Gathered, logits: Tensor, mixing: Tensor, jitter: Tensor) -> tuple[Tensor, ...]:
         """Return what `forward` does, of what the network has said."""
         done = self.finish(gathered, logits, mixing)
-        surfaces, exposure = gathered.surfaces, gathered.exposure
-        left = (done.image, done.state, done.classes, surfaces, jitter * 1.0, exposure)
+        left = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
         return (done.image, *left, done.weight)
 
     def gather(
@@ -238,7 +237,8 @@ class Classifier(LearnedMethod):
     ) -> Gathered:
         """Bring this frame and the past to display size."""
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, usable, exposure, history.exposure)
+        followed = exposure_for(color, usable, exposure, history.exposure)
+        exposure = followed.abs()
         depth = usable_depth(depth)
         surfaces = torch.cat([depth, without_thin(depth)], dim=1)
         motion, grid = usable_motion(motion), now.grid(render_size_of(color))
@@ -247,7 +247,7 @@ class Classifier(LearnedMethod):
         own = past_of(pick(motion, grid), now.display, now.extent)
         present = self.gather_present(self.toned(color * exposure) * usable, usable, depth, now, grid)
         past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
-        return Gathered(present, past, there, closest[:, :1], surfaces, exposure)
+        return Gathered(present, past, there, closest[:, :1], surfaces, exposure, followed)
 
     def toned(self, color: Tensor) -> Tensor:
         """Exposed linear RGB to the space that it is weighed in."""

@@ -40,7 +40,8 @@ class Gathered(NamedTuple):
     there: Past
     depth: Tensor  # (1, 1, H, W) of the closest sample around
     surfaces: Tensor  # (1, 2, h, w) depth, and that without thin things
-    exposure: Tensor  # (1,)
+    exposure: Tensor  # (1,) > 0
+    followed: Tensor  # (1,) the same for the history, see `exposure_for`
 
 
 class History(NamedTuple):

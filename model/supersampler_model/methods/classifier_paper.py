@@ -75,7 +75,7 @@ class PaperClassifier(Classifier):
         "classes": (1, 6, *DISPLAY),  # shares
         "depth": (1, 2, *PREVIOUS),
         "jitter": (1, 2),
-        "exposure": (1,),
+        "exposure": (1,),  # see `exposure_for`
     }
 
     def make_network(self) -> nn.Module:

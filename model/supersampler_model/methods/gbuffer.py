@@ -37,7 +37,9 @@ from supersampler_model.methods.gbuffer_buffers import (
 from supersampler_model.methods.gbuffer_seen import seen_of
 from supersampler_model.methods.gbuffer_surfaces import (
     LEAST,
+    changed_light,
     motion_of_surface,
+    nearest_past,
     reflectance,
     samples_of,
     usable_surfaces,
@@ -71,6 +73,7 @@ from supersampler_model.sampling import (
     gaussian,
     neighbours,
     normalised,
+    pick,
     pick_first,
     sum_of,
     upsample,
@@ -129,7 +132,7 @@ class GBuffer(LearnedMethod):
         "motion": (1, 2, *PREVIOUS),
         "jitter": (1, 2),
         "jitter_before": (1, 2),
-        "exposure": (1,),
+        "exposure": (1,),  # see `exposure_for`
     }
     told: ClassVar = ("weight",)
 
@@ -240,10 +243,10 @@ class GBuffer(LearnedMethod):
     ) -> Gathered:
         """Bring this frame and the past to where they are needed."""
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, usable, exposure, history.exposure)
+        followed = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
-        present = self.gather_present(color, usable, motion, render, display, view, exposure)
-        past = self.gather_past(present, history)
+        present = self.gather_present(color, usable, motion, render, display, view, followed)
+        past = self.gather_past(present, history, self.gather_change(present, color, history))
         frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
         seen = seen_of(present, past, history, masked=self.config.masked)
         return Gathered(seen, present, past, frame)
@@ -256,10 +259,10 @@ class GBuffer(LearnedMethod):
         render: Surfaces,
         display: Surfaces,
         view: View,
-        exposure: Tensor,
+        followed: Tensor,
     ) -> Present:
         """Bring the samples of this frame to the surfaces of the display."""
-        c, grid = self.config, view.grid(render_size_of(color))
+        c, grid, exposure = self.config, view.grid(render_size_of(color)), followed.abs()
         toned, reflected = tone(color * exposure) * usable, reflectance(display)
         light = tone(color * exposure / reflectance(render))
         samples = samples_of(light, usable, render, display, grid)
@@ -280,10 +283,20 @@ class GBuffer(LearnedMethod):
             confidence=near[:, 3:].clamp(max=1.0),
             view=view,
             exposure=exposure,
+            followed=followed,
         )
 
-    def gather_past(self, present: Present, history: History) -> Remembered:
-        """Warp the picture of the frame before."""
+    def gather_change(self, present: Present, color: Tensor, history: History) -> Tensor:
+        """(1, 1, H, W) 1 where this frame's light says that the past is of no use, else 0."""
+        view = present.view
+        found, _, on_screen = nearest_past(history.frame, present.motion, view.jitter - history.jitter)
+        known = present.usable * found[:, FRAME - 1 :] * on_screen
+        past = quarantine(found[:, :3], 0.0)
+        changed = changed_light(color * present.exposure, past * present.exposure, known)
+        return pick(changed, view.grid(render_size_of(color)))
+
+    def gather_past(self, present: Present, history: History, changed: Tensor) -> Remembered:
+        """Warp the picture of the frame before; where light has `changed` there is none."""
         c, view, depth, motion = self.config, present.view, present.render.depth, present.motion
         render = render_size_of(depth)
         grid = view.grid(render)
@@ -300,7 +313,7 @@ class GBuffer(LearnedMethod):
             color=_shown(self._warped(history.color, there) * present.exposure, there),
             own=_shown(plain * present.exposure, own),
             relit=_shown(relit * present.exposure, own),
-            counted=read(history.counted, there.x, there.y) * there.on_screen,
+            counted=read(history.counted, there.x, there.y) * there.on_screen * (1.0 - changed),
             surface=own.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
         )
         return past if c.blended else Remembered(*map(torch.zeros_like, past))
@@ -345,7 +358,7 @@ class GBuffer(LearnedMethod):
             present.motion,
             present.view.jitter * 1.0,
             history.jitter * 1.0,
-            present.exposure,
+            present.followed,
         )
         return Finished(image, left, old / total)
 

@@ -45,7 +45,8 @@ class Present(NamedTuple):
     near: Tensor  # (1, 3, H, W) those nearest, toned: what edges are made of, frame after frame
     confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
     view: View
-    exposure: Tensor  # (1,)
+    exposure: Tensor  # (1,) > 0
+    followed: Tensor  # (1,) the same for the history, see `exposure_for`
 
 
 class Remembered(NamedTuple):

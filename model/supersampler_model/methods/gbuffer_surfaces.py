@@ -1,11 +1,13 @@
 """G-buffers in `gbuffer`: what surfaces reflect, which samples are of the same one, what has changed."""
 
+import math
 from collections.abc import Iterator, Sequence
 
 import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from supersampler_model.color import luminance
 from supersampler_model.methods.gbuffer_buffers import Samples, Surfaces
 from supersampler_model.motion import read, usable_depth
 from supersampler_model.sampling import Grid, channels_of, gaussian, sum_of
@@ -17,6 +19,9 @@ ALIKE = (4.0, 8.0, 8.0)  # falloff with squared differences of normal, base colo
 FARTHER, COLOR_APART = 0.1, 0.5  # alpha and eta_B (Wang et al. 2025, section IV.B)
 AROUND_BASE, AROUND_COLOR = 3, 5  # k_b and k_i
 NEIGHBOURHOOD = 9  # pixels within which depth is relative
+CHANGED, AROUND_LIGHT = 6.0, 5  # stops that light must change by, on average over so many pixels a side
+LOG2_E = 1.0 / math.log(2.0)
+FAINTEST = 1.0 / 64.0  # exposed luminance below which light does not count as changing
 
 
 def usable_surfaces(surfaces: Surfaces) -> Surfaces:
@@ -138,15 +143,41 @@ def occluded(now: Sequence[Tensor], past: Sequence[Tensor]) -> Tensor:
     return torch.maximum(behind, torch.maximum(other, _unlike(past_color, color, AROUND_COLOR)))
 
 
-def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
-    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
+def changed_light(now: Tensor, past: Tensor, known: Tensor) -> Tensor:
+    """(1, 1, h, w) 1 where a frame's light has nothing in common with that of the frame before, else 0.
+
+    That is where it differs by more than CHANGED stops on average over the known pixels around: lamps and
+    shadows rarely do so much from one frame to the next, and single sparks never.
+
+    Args:
+        now: (1, 3, h, w) exposed colour.
+        past: (1, 3, h, w) of the frame before, warped, at the same exposure.
+        known: (1, 1, h, w) 1 where both are usable, else 0.
+    """
+    apart = (_stops(now) - _stops(past)) * known
+    total, count = (
+        torch.cat(_windows(part, AROUND_LIGHT)).sum(dim=0, keepdim=True) for part in (apart, known)
+    )
+    return (total.abs() > CHANGED * count).float()
+
+
+def _stops(exposed: Tensor) -> Tensor:
+    return luminance(exposed).clamp(min=FAINTEST).log() * LOG2_E
+
+
+def _windows(image: Tensor, size: int) -> list[Tensor]:
+    """The image as each of the size x size pixels around sees it; pixels of the border are repeated."""
     reach = size // 2
     h, w = image.shape[2], image.shape[3]
     rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
     columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
     wide = image.index_select(2, rows).index_select(3, columns)
-    parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
-    red, green, blue = channels_of((torch.cat(parts) - warped).abs())
+    return [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
+
+
+def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
+    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
+    red, green, blue = channels_of((torch.cat(_windows(image, size)) - warped).abs())
     far = torch.maximum(torch.maximum(red, green), blue) > COLOR_APART
     return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple, Self
 import torch
 from torch import Tensor
 
-from supersampler_model.color import bounded, exposure_for, finite, tone
+from supersampler_model.color import bounded, finite, measured_exposure, tone
 from supersampler_model.method import (
     BETWEEN,
     EARLIER,
@@ -220,8 +220,7 @@ class GuidedFlow(LearnedMethod):
         x, y = samples_at(long_ago, jitter, render_size_of(past.earlier.color), past.earlier.jitter)
         few = Surface(*map(halved, now))
         lights = [halved(light), guided_light(few, past.earlier, halved(x), halved(y), c)]
-        nothing = torch.zeros_like(light[0, 0, 0, :1])
-        exposure = exposure_for(lights[0], torch.ones_like(few.depth), nothing, nothing)
+        exposure, _ = measured_exposure(lights[0], torch.ones_like(few.depth))
         rough = halved(finite(roughness).clamp(0.0, 1.0))
         later, earlier = (torch.cat([tone(one * exposure).clamp(max=TONED), rough], dim=1) for one in lights)
         return Gathered(now, light, Pictures(later, earlier), total)

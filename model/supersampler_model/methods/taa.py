@@ -90,7 +90,7 @@ class Taa(Method):
     """Variance-clipping temporal anti-aliasing."""
 
     name, source = "taa", "Salvi, An Excursion in Temporal Supersampling, GDC 2016"
-    history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}
+    history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}  # see `exposure_for`
     told: ClassVar = ("weight",)
     maps: ClassVar = {"weight": MapOf("weight", 0, 1)}
 
@@ -110,11 +110,12 @@ class Taa(Method):
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, usable, exposure, history_exposure)
+        followed = exposure_for(color, usable, exposure, history_exposure)
+        exposure = followed.abs()
         seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
         weight = self.network(seen, history_exposure)
         image = self.finish(seen, weight, exposure)
-        return Step(image, image, exposure, 1.0 - weight)
+        return Step(image, image, followed, 1.0 - weight)
 
     def gather(
         self,
@@ -139,7 +140,7 @@ class Taa(Method):
 
     def network(self, seen: Gathered, history_exposure: Tensor) -> Tensor:
         """Weight of the new sample (1, 1, H, W): alpha, and one where there is no past."""
-        has_past = seen.has_past * (history_exposure > 0.0)
+        has_past = seen.has_past * (history_exposure.abs() > 0.0)
         return 1.0 - has_past * (1.0 - self.config.alpha)
 
     def finish(self, seen: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:

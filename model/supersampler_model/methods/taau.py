@@ -174,7 +174,7 @@ class Taau(Method):
         "samples": (1, 2, *DISPLAY),  # count, and mean square of sample - past in toned luma
         "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
-        "exposure": (1,),
+        "exposure": (1,),  # see `exposure_for`
     }
     told: ClassVar = ("weight",)
     maps: ClassVar = {"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)}
@@ -201,7 +201,8 @@ class Taau(Method):
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         usable, color = valid(color), quarantine(color, 0.0)
-        exposure = exposure_for(color, usable, exposure, history_exposure)
+        followed = exposure_for(color, usable, exposure, history_exposure)
+        exposure = followed.abs()
         toned = ycocg(tone(color * exposure)) * usable
         depth, motion = usable_depth(depth), usable_motion(motion)
         surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
@@ -209,13 +210,14 @@ class Taau(Method):
         present = self.gather_present(toned, usable, surface, grid, display, render)
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
         past = past_of(closest[:, 1:], display, render)
-        change = exposure / torch.where(history_exposure > 0.0, history_exposure, exposure)
+        exposure_before = history_exposure.abs()
+        change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
         before = self.gather_surface(history_surface, history_jitter, past, closest[:, :1], display, change)
         remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
         image, samples = self.finish(present, remembered, blend, exposure)
         weight = (1.0 - blend.weight) * (blend.samples > UNKNOWN)
-        return Step(image, image, samples, surface, jitter * 1.0, exposure, weight)
+        return Step(image, image, samples, surface, jitter * 1.0, followed, weight)
 
     def gather_present(
         self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size

@@ -73,7 +73,7 @@ class ClassifierTask(Task[Sample]):
             done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
-            after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.exposure])
+            after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
         ghost, alias = _ghost(samples, gathered), torch.cat([s.alias for s in samples])
         useless = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
         return Stepped(

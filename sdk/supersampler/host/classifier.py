@@ -40,7 +40,7 @@ class ClassifierHistory:
         surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
         jitter: of that frame.
         trail: what tells which tiles may stay as they are.
-        exposure: of that frame; 0 where there is none.
+        exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
     """
 
     render: Size
@@ -155,7 +155,7 @@ class ClassifierHost(Host):
         kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
         self._skipping.end(
             tiles, past.trail, left.trail, kept, image,
-            exposure=left.exposure, tolerance=tolerance or 0.0,
+            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
 
@@ -208,7 +208,7 @@ class ClassifierHost(Host):
         left.jitter, left.exposure = frame.jitter, exposure
         with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
             view.look(frame.jitter)
-            self._reader.read(planes, exposure, view.samples)
+            self._reader.read(planes, abs(exposure), view.samples)
             self._gather_all(space, view, past, left, tiles)
             space.encoder.run(tiles)
             self._compose(space, view, left, image, weight, tiles)
@@ -221,7 +221,7 @@ class ClassifierHost(Host):
         (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
         numbers = np.array(
             [
-                left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
+                abs(left.exposure), w, h, big_w, big_h, old_w, old_h, *past.jitter,
                 c["history_sharpness"], c["gamma"], c["depth_margin"], c["depth_ramp"],
             ],
             np.float32,
@@ -275,8 +275,8 @@ class ClassifierHost(Host):
             read.wide, h, *(address(a) for a in (v.x.near, v.y.near, v.x.windows, v.y.windows)),
         )  # fmt: skip
         outputs = (
-            big_w, big_h, left.exposure, c["samples"], c["contraction"], address(left.pixels), address(image),
-            *weight.arguments,
+            big_w, big_h, abs(left.exposure), c["samples"], c["contraction"],
+            address(left.pixels), address(image), *weight.arguments,
             (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip
 

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from supersampler.display import EXPOSURE_KEY, adapted_exposure
+from supersampler.display import EXPOSURE_KEY, followed_exposure, usable_exposure
 from supersampler.frame import Float32, Frame, Size
 from supersampler.host.bands import Bands
 from supersampler.host.kernel_loader import Call
@@ -116,17 +116,18 @@ class Reader:
         self._measure, self._prepare, self._closest = (kernels[name] for name in READING)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
-        """What the frame says, else 0.18 over its log-average luminance, adapting from `before` where > 0."""
-        if frame.exposure:
-            return float(np.float32(frame.exposure))
+        """What the frame gives, else 0.18 over its log-average luminance; see `followed_exposure`."""
+        given = usable_exposure(frame.exposure)
+        target = self._measured(color) if given is None else None
+        return float(np.float32(followed_exposure(given, target, before)))
+
+    def _measured(self, color: Float32) -> float | None:
+        """None where no pixel is usable."""
         h, w = color.shape[:2]
         rows = np.zeros((h, 2), np.float32)
         self._bands.run("read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
-        target = EXPOSURE_KEY * math.exp(-logs / max(count, 1.0))
-        if before > 0.0:
-            target = adapted_exposure(target, before) if count else before
-        return float(np.float32(target))
+        return EXPOSURE_KEY * math.exp(-logs / count) if count else None
 
     def read(self, planes: Planes, exposure: float, to: Samples) -> None:
         """Tone the samples; find what is in front."""

@@ -27,7 +27,14 @@ SHARPNESS = 0.5  # Catmull-Rom
 
 @dataclass(eq=False)
 class TaaHistory:
-    """What one frame leaves for the next: `pixels`, linear RGB, as values and one of room; 0: no exposure."""
+    """What one frame leaves for the next.
+
+    Attributes:
+        display: (width, height).
+        pixels: linear RGB as values, and one of room.
+        trail: see there.
+        exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
+    """
 
     display: Size
     pixels: Float32
@@ -107,11 +114,11 @@ class TaaHost(Host):
         if tiles.any:
             left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
             with self._spaces.borrow(frame.size, display) as space:
-                self._read(space, planes, left.exposure)
+                self._read(space, planes, abs(left.exposure))
                 self._draw(space, frame, past, left, image, weight, tiles)
         self._skipping.end(
             tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image,
-            exposure=left.exposure, tolerance=tolerance or 0.0,
+            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
 
@@ -157,8 +164,8 @@ class TaaHost(Host):
         tiles: Tiles,
     ) -> None:
         s, display = space, left.display
-        alpha = self._alpha if past.exposure > 0.0 else 1.0
-        numbers = [left.exposure, *frame.size, *display, alpha, self._gamma, SHARPNESS]
+        alpha = self._alpha if abs(past.exposure) > 0.0 else 1.0
+        numbers = [abs(left.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
         given = np.array(numbers, np.float32)
         places = [
             (*axis.samples[1:3], *axis.weights[1:3], axis.near) for axis in s.looks.at(frame.jitter)

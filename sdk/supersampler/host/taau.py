@@ -39,7 +39,7 @@ class TaauHistory:
         surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
         trail: what tells which tiles may stay as they are.
         jitter: of that frame.
-        exposure: of that frame; 0 where there is none.
+        exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
     """
 
     render: Size
@@ -124,7 +124,7 @@ class TaauHost(Host):
             left.jitter, left.exposure = frame.jitter, exposure
             with self._spaces.borrow(frame.size, display) as space:
                 space.look(frame.jitter)
-                self._reader.read(planes, exposure, space.samples)
+                self._reader.read(planes, abs(exposure), space.samples)
                 self._leave(space, left)
                 self._draw(space, past, left, image, weight, tiles)
         else:
@@ -133,7 +133,7 @@ class TaauHost(Host):
         kept = [(TILE, past.pixels, left.pixels)]
         self._skipping.end(
             tiles, past.trail, left.trail, kept, image,
-            exposure=left.exposure, tolerance=tolerance or 0.0,
+            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
 
@@ -190,10 +190,11 @@ class TaauHost(Host):
     ) -> None:
         s, read, c = space, space.samples, self._config
         (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
-        change = left.exposure / past.exposure if past.exposure > 0.0 else 1.0
+        exposure, before = abs(left.exposure), abs(past.exposure)
+        change = exposure / before if before > 0.0 else 1.0
         numbers = np.array(
             [
-                left.exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
+                exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
                 *(c[name] for name in CONSTANTS),
             ],
             np.float32,

@@ -1,0 +1,98 @@
+"""One hostile frame is forgotten: thirty frames later the image is the one that would be drawn without it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from gbuffer_method import gbuffers
+from supersampler import Frame, halton_jitter
+from supersampler.frame import Float32
+from supersampler.gbuffers import grouped
+from supersampler_bench.stress.compare import Off, off
+from supersampler_bench.stress.scenario import Session, Subject
+from supersampler_bench.stress.scenes import STILL
+from supersampler_bench.stress.subjects import subjects
+from supersampler_model.data.analytic import DiscOverPlane, Scene
+
+DISPLAY, WARM, CLEAN = (32, 24), 10, 30
+WITH_KERNELS = ["taa", "taau", "classifier", "classifier-small", "classifier+guided-warp"]
+WITH_GRAPHS = [*WITH_KERNELS[:4], "gbuffer-small", "gbuffer-small-4x", "extrapolate+guided-warp"]
+SUBJECTS = [*((name, "host") for name in WITH_KERNELS), *((name, "graph") for name in WITH_GRAPHS)]
+
+
+@dataclass(frozen=True)
+class Run:
+    """A session that has drawn some frames, and what it draws when no frame is hostile."""
+
+    session: Session
+    state: Any
+    ratio: int
+    dressed: bool
+    calm: Sequence[Float32]
+
+    def after(self, **changes: Any) -> list[Float32]:
+        """Images of the clean frames that follow a frame with these changes."""
+        self.session.load_state(self.state)
+        self.session.step(replace(self.frame(WARM), **changes))
+        return [self.session.step(self.frame(i)) for i in range(WARM + 1, WARM + 1 + CLEAN)]
+
+    def frame(self, index: int) -> Frame:
+        return frame_of(index, self.ratio, dressed=self.dressed)
+
+
+def frame_of(index: int, ratio: int, *, dressed: bool) -> Frame:
+    """A disc before a panning plane; or wires at rest, with G-buffers of other surfaces."""
+    scene: Scene = STILL if dressed else DiscOverPlane()
+    render = DISPLAY[0] // ratio, DISPLAY[1] // ratio
+    frame = scene.frame(index, render, halton_jitter(index, float(ratio)))
+    frame = replace(frame, reset=False, exposure=None)
+    if not dressed:
+        return frame
+    of_render, of_display = grouped(gbuffers(0, render, DISPLAY))
+    return replace(frame, gbuffer=of_render, gbuffer_display=of_display)
+
+
+@cache
+def begun(method: str, executor: Any, *, dressed: bool = False) -> Run:
+    subject: Subject = subjects([method], [executor])[0]
+    session, ratio = subject.begin(DISPLAY, 1), round(max(2.0, subject.ratios[0]))
+    for index in range(WARM):
+        session.step(frame_of(index, ratio, dressed=dressed))
+    run = Run(session, session.save_state(), ratio, dressed, [])
+    return replace(run, calm=run.after())
+
+
+def left(run: Run, **changes: Any) -> Off:
+    """What the last image differs by."""
+    return off(run.after(**changes)[-1], run.calm[-1])
+
+
+@pytest.mark.parametrize("exposure", [1e30, 1e-40, 1e-3, 1e4])
+@pytest.mark.parametrize(("method", "executor"), SUBJECTS)
+def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: str, exposure: float) -> None:
+    run = begun(method, executor)
+    images = run.after(exposure=exposure)
+    soon, late = off(images[0], run.calm[0]), off(images[-1], run.calm[-1])
+    assert soon.mean < 4.0 / 255.0, "the next image is already sound"
+    assert late.mean < (0.1 if executor == "graph" else 1.0) / 255.0, "of a network in bytes chance is more"
+    assert late.most < (4.0 if executor == "graph" else 10.0) / 255.0
+
+
+@pytest.mark.parametrize(("method", "executor"), SUBJECTS)
+def test_a_first_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: str) -> None:
+    run = begun(method, executor)
+    for exposure in (1e30, 1e4):
+        assert left(run, reset=True, exposure=exposure).mean < 1.0 / 255.0
+
+
+@pytest.mark.parametrize("method", ["gbuffer-small", "gbuffer-small-4x"])
+def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
+    run = begun(method, "graph", dressed=True)
+    color = np.full_like(np.asarray(run.frame(WARM).color), 65504.0)
+    late, cut = left(run, color=color), left(run, reset=True)
+    assert late.mean < max(1.25 * cut.mean, 0.1 / 255.0)
+    assert late.most < max(1.25 * cut.most, 4.0 / 255.0)
