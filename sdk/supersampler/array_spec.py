@@ -94,7 +94,5 @@ def _checked(
 
 
 def values_of(name: str) -> tuple[float, float]:
-    """Return the range of a history tensor of this name: finite, jitter and exposure as frames have them."""
-    if "jitter" in name:
-        return -0.5, 0.5
-    return (0.0 if name.endswith("exposure") else -LARGEST), LARGEST
+    """Return the range of a history tensor of this name: finite, and jitter as frames have it."""
+    return (-0.5, 0.5) if "jitter" in name else (-LARGEST, LARGEST)

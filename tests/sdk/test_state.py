@@ -89,7 +89,6 @@ def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -
         ("history.surface", -np.inf),
         ("history.carry", np.nan),
         ("history.jitter", 0.51),
-        ("history.exposure", -1.0),
         ("still.looks", np.nan),
         ("still.frames", 0),
         ("still.frames", 2**62),
