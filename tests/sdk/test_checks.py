@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from noise import noise
 from supersampler.checks import FrameChecker
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
@@ -197,3 +198,11 @@ def test_the_checker_keeps_no_buffer_of_the_caller(frames: list[Frame]) -> None:
 def test_a_wrong_mode_is_named() -> None:
     with pytest.raises(ArgumentError, match="validate is 'loud'; want 'off', 'warn' or 'strict'"):
         FrameChecker("loud")  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("exposure", [1e30, 1e-20])
+def test_an_exposure_that_is_not_used_is_said(exposure: float) -> None:
+    strict = FrameChecker("strict")
+    strict.check(noise(0, exposure=1e6), (64, 36), ())
+    with pytest.raises(FrameError, match="exposure is 1e.*want 6e-08 to 1.7e"):
+        strict.check(noise(0, exposure=exposure), (64, 36), ())

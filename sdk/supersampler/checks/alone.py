@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from supersampler.checks.mistake import Mistake, where
 from supersampler.depth_order import bend, sky_share
+from supersampler.display import EXPOSURES, usable_exposure
 from supersampler.frame import Array, Float32, Frame
 from supersampler.reprojection import grid
 
@@ -20,6 +21,7 @@ def mistakes_alone(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
         yield from _color(frame.color, light)
     yield from _depth(frame.depth)
     yield from _motion(frame)
+    yield from _exposure(frame.exposure)
     if light is not None:
         yield from _upside_down(frame.depth, light)
 
@@ -104,6 +106,17 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
         got = "the same everywhere, though things move at different speeds"
         want = "near / distance of each pixel"
         yield Mistake(kind="depth constant", field="depth", got=got, want=want, hint=hint)
+
+
+def _exposure(exposure: float | None) -> Iterator[Mistake]:
+    if usable_exposure(exposure) is None and exposure is not None:
+        yield Mistake(
+            kind="exposure out of range",
+            field="exposure",
+            got=f"{exposure:.3g}",
+            want=f"{EXPOSURES[0]:.2g} to {EXPOSURES[1]:.2g}, what brings middle grey to 0.18",
+            hint="A measured one is used in its place, as for exposure=None.",
+        )
 
 
 def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
