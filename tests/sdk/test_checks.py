@@ -204,5 +204,5 @@ def test_a_wrong_mode_is_named() -> None:
 def test_an_exposure_that_is_not_used_is_said(exposure: float) -> None:
     strict = FrameChecker("strict")
     strict.check(noise(0, exposure=1e6), (64, 36), ())
-    with pytest.raises(FrameError, match="exposure is 1e.*want 6e-08 to 1.7e"):
+    with pytest.raises(FrameError, match=r"exposure is 1e.*want 6e-08 to 1.7e"):
         strict.check(noise(0, exposure=exposure), (64, 36), ())
