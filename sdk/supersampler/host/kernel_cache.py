@@ -42,6 +42,14 @@ def cache_folder() -> Path:
     return root / "supersampler" / "kernels" / _key()
 
 
+def keeps_kernels() -> bool:
+    """Make the folder where it is missing, and say whether it can be written."""
+    folder = cache_folder()
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder.is_dir() and os.access(folder, os.W_OK)
+
+
 def read_kernel(name: str) -> Kernel | None:
     """Return the cached kernel; None where there is no entry, or a damaged one, or another kernel's."""
     try:

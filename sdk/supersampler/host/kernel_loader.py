@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from supersampler.errors import KernelError
-from supersampler.host.kernel_cache import Kernel, cache_folder, read_kernel, write_kernel
+from supersampler.host.kernel_cache import Kernel, cache_folder, keeps_kernels, read_kernel, write_kernel
 from supersampler.host.locks import ForkSafeLock
 
 if TYPE_CHECKING:
@@ -73,7 +73,7 @@ def load_kernels(*names: str) -> dict[str, Call]:
         missing = [name for name in names if (folder, name) not in _LINKED.calls]
         cached = {name: read_kernel(name) for name in missing}
         wanted = [name for name in missing if cached[name] is None]
-        if wanted:
+        if wanted and keeps_kernels():
             _compile_apart(wanted)
         for name in missing:
             _LINKED.calls[folder, name] = _linked(name, cached[name] or read_kernel(name))
