@@ -37,6 +37,7 @@ from supersampler_model.methods.gbuffer_buffers import (
 from supersampler_model.methods.gbuffer_seen import seen_of
 from supersampler_model.methods.gbuffer_surfaces import (
     LEAST,
+    Nearest,
     changed_light,
     motion_of_surface,
     nearest_past,
@@ -246,9 +247,10 @@ class GBuffer(LearnedMethod):
         followed = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
         present = self.gather_present(color, usable, motion, render, display, view, followed)
-        past = self.gather_past(present, history, self.gather_change(present, color, history))
+        before = nearest_past(history.frame, motion, view.jitter - history.jitter)
+        past = self.gather_past(present, history, self.gather_change(present, color, before))
         frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
-        seen = seen_of(present, past, history, masked=self.config.masked)
+        seen = seen_of(present, past, before, history, masked=self.config.masked)
         return Gathered(seen, present, past, frame)
 
     def gather_present(
@@ -286,14 +288,12 @@ class GBuffer(LearnedMethod):
             followed=followed,
         )
 
-    def gather_change(self, present: Present, color: Tensor, history: History) -> Tensor:
+    def gather_change(self, present: Present, color: Tensor, before: Nearest) -> Tensor:
         """(1, 1, H, W) 1 where this frame's light says that the past is of no use, else 0."""
-        view = present.view
-        found, _, on_screen = nearest_past(history.frame, present.motion, view.jitter - history.jitter)
-        known = present.usable * found[:, FRAME - 1 :] * on_screen
-        past = quarantine(found[:, :3], 0.0)
+        known = present.usable * before.found[:, FRAME - 1 :] * before.on_screen
+        past = quarantine(before.found[:, :3], 0.0)
         changed = changed_light(color * present.exposure, past * present.exposure, known)
-        return pick(changed, view.grid(render_size_of(color)))
+        return pick(changed, present.view.grid(render_size_of(color)))
 
     def gather_past(self, present: Present, history: History, changed: Tensor) -> Remembered:
         """Warp the picture of the frame before; where light has `changed` there is none."""

@@ -6,6 +6,7 @@ from torch import Tensor
 from supersampler_model.color import quarantine, tone
 from supersampler_model.methods.gbuffer_buffers import History, Present, Remembered
 from supersampler_model.methods.gbuffer_surfaces import (
+    Nearest,
     bilinear_past,
     closest_around,
     gradients,
@@ -18,15 +19,24 @@ from supersampler_model.networks.gbuffer import Seen
 LONG = 8.0  # render pixels: motion is seen in these
 
 
-def seen_of(present: Present, past: Remembered, history: History, *, masked: bool) -> Seen:
-    """Put together what is seen; of the past what may be of use alone, if `masked`."""
+def seen_of(present: Present, past: Remembered, before: Nearest, history: History, *, masked: bool) -> Seen:
+    """Put together what is seen; of the past what may be of use alone, if `masked`.
+
+    Args:
+        present: this frame.
+        past: the warped image of the frame before.
+        before: that frame's own samples, read where the motion leads.
+        history: what it left.
+        masked: see GBufferConfig.
+    """
     motion, view, display = present.motion, present.view, present.display
     depth = relative_depth(present.render.depth, closest_around(present.render.depth))
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
     twice = motion + bilinear_past(history.motion, motion, view.jitter - history.jitter)
-    last = _warped(present, history.frame, motion, history.jitter, masked=masked)
-    earlier = _warped(present, history.frame_before, twice, history.jitter_before, masked=masked)
+    last = _warped(present, before, masked=masked)
+    long_ago = nearest_past(history.frame_before, twice, view.jitter - history.jitter_before)
+    earlier = _warped(present, long_ago, masked=masked)
     return Seen(
         surfaces=torch.cat([*display[:5], display_depth], dim=1),
         gradients=gradients(display),
@@ -51,12 +61,10 @@ def seen_of(present: Present, past: Remembered, history: History, *, masked: boo
     )
 
 
-def _warped(
-    present: Present, frame: Tensor, motion: Tensor, jitter_before: Tensor, *, masked: bool
-) -> tuple[Tensor, Tensor]:
+def _warped(present: Present, nearest: Nearest, *, masked: bool) -> tuple[Tensor, Tensor]:
     """A frame of the past, warped and masked (equations 3 and 4), and what the refiner sees beside it."""
     render, jitter = present.render, present.view.jitter
-    found, off, on_screen = nearest_past(frame, motion, jitter - jitter_before)
+    found, off, on_screen = nearest
     color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
     toned = tone(quarantine(color, 0.0) * present.exposure)
     kept = on_screen * usable
@@ -66,7 +74,7 @@ def _warped(
     closest = closest_around(render.depth)
     depth, past_depth = relative_depth(render.depth, closest), relative_depth(past_depth, closest) * kept
     place = off + jitter[:, :, None, None]  # of the sample, in the pixel that it is read for
-    beside = [_short(motion), render.base_color, render.normal, depth, render.roughness]
+    beside = [_short(present.motion), render.base_color, render.normal, depth, render.roughness]
     beside += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, past_depth]
     return torch.cat([toned * kept, past_depth, place * kept], dim=1), torch.cat(beside, dim=1)
 

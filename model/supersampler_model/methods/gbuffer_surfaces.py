@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator, Sequence
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
@@ -155,29 +156,24 @@ def changed_light(now: Tensor, past: Tensor, known: Tensor) -> Tensor:
         known: (1, 1, h, w) 1 where both are usable, else 0.
     """
     apart = (_stops(now) - _stops(past)) * known
-    total, count = (
-        torch.cat(_windows(part, AROUND_LIGHT)).sum(dim=0, keepdim=True) for part in (apart, known)
-    )
-    return (total.abs() > CHANGED * count).float()
+    window = torch.ones(1, 1, AROUND_LIGHT, AROUND_LIGHT, device=now.device)
+    sums = F.conv2d(torch.cat([apart, known]), window, padding=AROUND_LIGHT // 2)
+    return (sums[:1].abs() > CHANGED * sums[1:]).float()
 
 
 def _stops(exposed: Tensor) -> Tensor:
     return luminance(exposed).clamp(min=FAINTEST).log() * LOG2_E
 
 
-def _windows(image: Tensor, size: int) -> list[Tensor]:
-    """The image as each of the size x size pixels around sees it; pixels of the border are repeated."""
+def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
+    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
     reach = size // 2
     h, w = image.shape[2], image.shape[3]
     rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
     columns = torch.arange(-reach, w + reach, device=image.device).clamp(0, w - 1)
     wide = image.index_select(2, rows).index_select(3, columns)
-    return [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
-
-
-def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
-    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
-    red, green, blue = channels_of((torch.cat(_windows(image, size)) - warped).abs())
+    parts = [wide[:, :, y : y + h, x : x + w] for y in range(size) for x in range(size)]
+    red, green, blue = channels_of((torch.cat(parts) - warped).abs())
     far = torch.maximum(torch.maximum(red, green), blue) > COLOR_APART
     return (far.float().sum(dim=0, keepdim=True) > 0.5 * size * size).float()
 
@@ -203,16 +199,21 @@ def _squared_length(vectors: Tensor) -> Tensor:
     return (vectors * vectors).sum(dim=1, keepdim=True)
 
 
-def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+class Nearest(NamedTuple):
+    """Samples of a past frame, the nearest to where motion leads."""
+
+    found: Tensor  # (1, c, h, w) as they are
+    off: Tensor  # (1, 2, h, w) how far off they lie, render pixels
+    on_screen: Tensor  # (1, 1, h, w) whether motion leads to a place on the screen
+
+
+def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> Nearest:
     """Read a frame of the past, of render size, where `motion` leads: its nearest samples as they are.
 
     Args:
         image: (1, c, h, w).
         motion: (1, 2, h, w) render pixels.
         offset: (1, 2) this frame's jitter less that of the past one.
-
-    Returns:
-        What was read, how far off the samples lie (1, 2, h, w), and whether it is on screen (1, 1, h, w).
     """
     h, w = image.shape[2], image.shape[3]
     x, y = _led(motion, offset)
@@ -220,7 +221,7 @@ def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> tuple[Tensor,
     x, y = x.clamp(-2.0, w + 1.0), y.clamp(-2.0, h + 1.0)
     column, row = (x + 0.5).floor(), (y + 0.5).floor()
     found = read(image, column, row, mode="nearest")
-    return found, torch.cat([column - x, row - y], dim=1), on_screen.float()
+    return Nearest(found, torch.cat([column - x, row - y], dim=1), on_screen.float())
 
 
 def bilinear_past(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
