@@ -34,9 +34,9 @@ def seen_of(present: Present, past: Remembered, before: Nearest, history: Histor
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
     twice = motion + bilinear_past(history.motion, motion, view.jitter - history.jitter)
-    last = _warped(present, before, masked=masked)
+    last = _warped(present, before, motion, masked=masked)
     long_ago = nearest_past(history.frame_before, twice, view.jitter - history.jitter_before)
-    earlier = _warped(present, long_ago, masked=masked)
+    earlier = _warped(present, long_ago, twice, masked=masked)
     return Seen(
         surfaces=torch.cat([*display[:5], display_depth], dim=1),
         gradients=gradients(display),
@@ -61,8 +61,15 @@ def seen_of(present: Present, past: Remembered, before: Nearest, history: Histor
     )
 
 
-def _warped(present: Present, nearest: Nearest, *, masked: bool) -> tuple[Tensor, Tensor]:
-    """A frame of the past, warped and masked (equations 3 and 4), and what the refiner sees beside it."""
+def _warped(present: Present, nearest: Nearest, motion: Tensor, *, masked: bool) -> tuple[Tensor, Tensor]:
+    """A frame of the past, warped and masked (equations 3 and 4), and what the refiner sees beside it.
+
+    Args:
+        present: this frame.
+        nearest: samples of the past frame.
+        motion: (1, 2, h, w) that led to them.
+        masked: whether what is of no use is taken out.
+    """
     render, jitter = present.render, present.view.jitter
     found, off, on_screen = nearest
     color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
@@ -74,7 +81,7 @@ def _warped(present: Present, nearest: Nearest, *, masked: bool) -> tuple[Tensor
     closest = closest_around(render.depth)
     depth, past_depth = relative_depth(render.depth, closest), relative_depth(past_depth, closest) * kept
     place = off + jitter[:, :, None, None]  # of the sample, in the pixel that it is read for
-    beside = [_short(present.motion), render.base_color, render.normal, depth, render.roughness]
+    beside = [_short(motion), render.base_color, render.normal, depth, render.roughness]
     beside += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, past_depth]
     return torch.cat([toned * kept, past_depth, place * kept], dim=1), torch.cat(beside, dim=1)
 
