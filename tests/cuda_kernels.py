@@ -15,7 +15,8 @@ CUDA_KERNELS = {
     **dict.fromkeys(("Greater", "GreaterOrEqual", "Less", "LessOrEqual"), _NUMBERS),
     **dict.fromkeys(("Conv", "DepthToSpace", "Exp", "Floor", "Log", "MaxPool"), _FLOATS),
     **dict.fromkeys(("Reciprocal", "Relu", "Sigmoid", "Sqrt"), _FLOATS),
-    **dict.fromkeys(("And", "Or"), {"bool"}),
+    "And": {"bool"},
+    "Or": {"bool"},
     "Clip": {*_FLOATS, "int64"},
     "GridSample": {"float"},
     "Where": _ANY,  # bool is its condition
