@@ -1,9 +1,9 @@
 """Times of the installed version over those of another one: both take turns in one run.
 
-A machine's speed changes from minute to minute by more than versions differ. So each version has a process
-that stays, and in each round both step every method on the same frames, one right after the other, in turns
-as to which is first. What counts is the ratio of their times in a round; the median over all rounds has an
-interval.
+A machine's speed changes from minute to minute by more than versions differ, and that of a process with where
+its memory lies. So in each round each version has a new process, and both step every method on the same
+frames, one right after the other, in turns as to which is first. What counts is the ratio of their times in a
+round; the median over all rounds has an interval.
 """
 
 import sys
@@ -32,7 +32,7 @@ COVERAGE = 0.95
 """Least probability with which the interval of a median holds it."""
 FEWEST, FEWEST_FOR_INTERVAL = 10, 6
 """Rounds of steps; rounds of anything, without which there is no interval of `COVERAGE`."""
-_SETTLING = 2  # steps of a block that do not count: the other process had the caches
+_SETTLING = 8  # steps of a block that do not count: the other process had the caches
 
 STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
 FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
@@ -186,15 +186,16 @@ def _steps(
 ) -> list[Compared]:
     wall: dict[str, list[Pair]] = {method: [] for method in methods}
     cores: dict[str, list[Pair]] = {method: [] for method in methods}
-    with sides[0].process() as this, sides[1].process() as other:
-        for process, method in product((this, other), methods):
-            process.load(method, frames, display, threads)
-        for index, method in product(range(rounds.rounds), methods):
-            timed = partial(Process.step, method=method, settling=_SETTLING, count=rounds.steps)
-            now, then = _in_turns(index, (this, other), timed)
-            wall[method].append((now.wall, then.wall))
-            cores[method].append((now.cores, then.cores))
-            on_round()
+    for index in range(rounds.rounds):  # each in new processes: where memory lies changes times by percents
+        with sides[0].process() as this, sides[1].process() as other:
+            for process, method in product((this, other), methods):
+                process.load(method, frames, display, threads)
+            for method in methods:
+                timed = partial(Process.step, method=method, settling=_SETTLING, count=rounds.steps)
+                now, then = _in_turns(index, (this, other), timed)
+                wall[method].append((now.wall, then.wall))
+                cores[method].append((now.cores, then.cores))
+                on_round()
     return [
         compared(method, display, threads, what, pairs[method])
         for method in methods

@@ -87,7 +87,7 @@ class Times:
 
 
 class Process:
-    """A process that stays and steps when it is asked to.
+    """A process that steps when it is asked to.
 
     Attributes:
         about: what runs there: version, folder and python.
