@@ -72,7 +72,7 @@ class Compared:
     Attributes:
         method: the model's name.
         display: (width, height) of the images.
-        threads: on the CPU; 0 for first images, which are drawn with as many as the version takes.
+        threads: on the CPU; 0 for first images, which take the version's default.
         what: `STEP_WALL`, `STEP_CORES`, `FIRST` or `FIRST_FRESH`.
         this: of the installed version.
         other: of the other one.
@@ -243,7 +243,7 @@ def compared(method: str, display: Size, threads: int, what: str, rounds: list[P
 
 
 def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
-    """Return an interval that holds the median of what values are drawn from.
+    """Return an interval that holds the median of the distribution behind some samples.
 
     Its ends are values: the k-th from either end, with the largest k for which the median lies between them
     with that probability, whatever the distribution. For 0.95 that takes `FEWEST_FOR_INTERVAL` values.

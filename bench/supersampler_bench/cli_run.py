@@ -80,7 +80,7 @@ def parts(
         str, typer.Argument(help="Methods of the family of `gbuffer`, with commas between.")
     ] = "gbuffer-small,gbuffer-small-4x,gbuffer-4x",
     sizes: Annotated[
-        str, typer.Option(help="Of the pictures, with commas between.")
+        str, typer.Option(help="Display sizes, with commas between.")
     ] = "1280x720,1920x1080,2560x1440,3840x2160",
     threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each size.")] = 3,
@@ -113,7 +113,7 @@ def speed(
     sizes: Annotated[
         str | None,
         typer.Option(
-            help="Of the pictures, with commas between.",
+            help="Display sizes, with commas between.",
             show_default="960x540,1920x1080; with --against 960x540",
         ),
     ] = None,
@@ -142,7 +142,8 @@ def speed(
     ] = None,
     rounds: Annotated[int, typer.Option(min=10, help="With --against: of --steps steps each.")] = 10,
     starts: Annotated[
-        int, typer.Option(min=0, help="With --against: programs timed to their first picture; 0 or from 6.")
+        int,
+        typer.Option(min=0, help="With --against: programs timed to their first image; 0, or 6 and more."),
     ] = 10,
     fresh: Annotated[
         int, typer.Option(min=0, help="With --against: the same with no kernels kept; 0 or from 6.")
@@ -199,7 +200,7 @@ def device(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models or model folders, with commas between.")
     ] = "taau,classifier-small,classifier",
-    sizes: Annotated[str, typer.Option(help="Of the pictures, with commas between.")] = "1920x1080,3840x2160",
+    sizes: Annotated[str, typer.Option(help="Display sizes, with commas between.")] = "1920x1080,3840x2160",
     precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
     provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,

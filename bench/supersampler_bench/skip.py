@@ -117,14 +117,14 @@ def _frames(renderer: Renderer, family: str, ratio: float, *, time_stands: bool)
     sequence = HeldSequence(spec, AT, time_stands=time_stands)
     size = render_size(renderer.display_size, ratio)
     truth: Float32 | None = None
-    drawn: dict[tuple[float, float], Frame] = {}  # by jitter: where nothing moves frames repeat
+    rendered: dict[tuple[float, float], Frame] = {}  # by jitter: where nothing moves, frames repeat
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
         if index >= count - SCORED and (truth is None or not time_stands):
             truth = renderer.reference(scene).color
-        if not time_stands or jitter not in drawn:
-            drawn[jitter] = rendered_frame(renderer, scene, size, jitter)
-        yield drawn[jitter], truth
+        if not time_stands or jitter not in rendered:
+            rendered[jitter] = rendered_frame(renderer, scene, size, jitter)
+        yield rendered[jitter], truth
 
 
 def _skipped(scene: str, time_stands: bool, method: str, runners: Sequence[_Runner]) -> Skipped:

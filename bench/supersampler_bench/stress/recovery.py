@@ -58,8 +58,8 @@ def _after(session: Watched, state: State, frame: Frame, clean: Sequence[Frame])
     return [session.step(later) for later in clean]
 
 
-def _apart(drawn: Sequence[Float32], calm: Sequence[Float32]) -> list[Off]:
-    return [off(one, other) for one, other in zip(drawn, calm, strict=True)]
+def _apart(images: Sequence[Float32], calm: Sequence[Float32]) -> list[Off]:
+    return [off(one, other) for one, other in zip(images, calm, strict=True)]
 
 
 def _worst(tried: Sequence[tuple[Sequence[Off], Off]], name: str) -> Figure:
