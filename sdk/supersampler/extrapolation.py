@@ -139,7 +139,7 @@ class Extrapolator:
 
 
 class Extrapolation:
-    """What one view needs for frames that are not shaded: an `Extrapolator`, if any, and its past.
+    """What one view needs for frames that are not shaded: an `Extrapolator`, if any. Remembers nothing.
 
     Args:
         name_or_path: see `Extrapolator`; None keeps nothing, and draws nothing.
@@ -149,7 +149,6 @@ class Extrapolation:
 
     Attributes:
         infos: of the model; empty where there is none.
-        past: what the next frame is drawn from; whoever steps sets it. None where no frame was shaded yet.
 
     Raises:
         ModelError, ProviderError: see `Extrapolator`.
@@ -166,13 +165,12 @@ class Extrapolation:
             None if name_or_path is None else Extrapolator(name_or_path, providers, threads, executor)
         )
         self.infos = [] if self._model is None else [self._model.info]
-        self.past: ShadedPast | None = None
 
-    def after_shaded(self, frame: Frame) -> ShadedPast | None:
+    def after_shaded(self, frame: Frame, past: ShadedPast | None) -> ShadedPast | None:
         """Return what a shaded frame leaves; see `Extrapolator`."""
-        return None if self._model is None else self._model.after_shaded(frame, self.past)
+        return None if self._model is None else self._model.after_shaded(frame, past)
 
-    def draw(self, frame: Frame) -> tuple[Frame, ShadedPast]:
+    def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Frame, ShadedPast]:
         """Return a frame with its colour drawn, and what it leaves; see `Extrapolator`.
 
         Raises:
@@ -182,17 +180,17 @@ class Extrapolation:
         if self._model is None:
             hint = "Upscaler(extrapolation='guided-warp') draws frames that were not shaded."
             raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
-        color, left = self._model.draw(frame, self.past)
+        color, left = self._model.draw(frame, past)
         return replace(frame, color=color), left
 
     def warm_up(self, frame: Frame) -> None:
-        """Run once, on a shaded frame; the past is untouched."""
+        """Run once, on a shaded frame."""
         if self._model is not None:
             self._model.draw(replace(frame, color=None), self._model.after_shaded(frame))
 
-    def save(self) -> dict[str, NDArray[Any]] | None:
+    def save(self, past: ShadedPast | None) -> dict[str, NDArray[Any]] | None:
         """Copies of the past; None where there is none."""
-        return None if self._model is None or self.past is None else self._model.save(self.past)
+        return None if self._model is None or past is None else self._model.save(past)
 
     def load(self, arrays: Mapping[str, NDArray[Any]] | None) -> ShadedPast | None:
         """Return what `save` copied as a past, which is None without a model.

@@ -210,11 +210,23 @@ class Model:
                 "carry" is wanted.
             ArgumentError: as `run`; or the model does not know what `want` names.
         """
-        check_histories(history, history_out, self._kind, self._executor.fits)
         want = checked_names("want", want)
-        tolerance = tolerance_of(checked_skip(skip), want)
+        check_histories(history, history_out, self._kind, self._executor.fits)
         self.check(frame, history.display_size, want, history.carry, out)
-        display_size = history.display_size
+        return self.run_checked(frame, history, want, out=out, history_out=history_out, skip=skip)
+
+    def run_checked(
+        self,
+        frame: Frame,
+        history: History,
+        want: Collection[str],
+        *,
+        out: Float32 | None,
+        history_out: History | None,
+        skip: Skip,
+    ) -> tuple[Result, History]:
+        """Do as `run_wanted`, for arguments that `check` has passed and histories of this model."""
+        tolerance, display_size = tolerance_of(checked_skip(skip), want), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         left = self._prepared(history_out, display_size, frame.size)
         needed = {self.info.maps[name].output for name in want if name in self.info.maps}

@@ -28,29 +28,29 @@ class Stats:
     full_frames: int = 0
     full_seconds: float = 0.0
 
-    def after_step(self, *, fresh: bool, work: float, seconds: float) -> "Stats":
+    def after_step(
+        self, *, fresh: bool, work: float, seconds: float, extrapolation_seconds: float | None = None
+    ) -> "Stats":
         """Return these with one more step.
 
         Args:
             fresh: whether it had no past.
             work: share of a whole step's that was done.
             seconds: that it took.
+            extrapolation_seconds: that the frame's colour took before; None where it was shaded.
         """
-        full = work == 1.0
+        full, extrapolated = work == 1.0, extrapolation_seconds is not None
         return replace(
             self,
             frames=self.frames + 1,
+            extrapolated=self.extrapolated + extrapolated,
+            extrapolation_seconds=self.extrapolation_seconds + (extrapolation_seconds or 0.0),
             resets=self.resets + fresh,
             seconds=self.seconds + seconds,
             work=self.work + work,
             full_frames=self.full_frames + full,
             full_seconds=self.full_seconds + (seconds if full else 0.0),
         )
-
-    def after_drawing(self, seconds: float) -> "Stats":
-        """Return these with the colour of one more frame drawn, whose step they have."""
-        drawn, taken = self.extrapolated + 1, self.extrapolation_seconds + seconds
-        return replace(self, extrapolated=drawn, extrapolation_seconds=taken)
 
     @property
     def saved_seconds(self) -> float:

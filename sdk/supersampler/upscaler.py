@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import overload
+from typing import NamedTuple, overload
 
 from supersampler.checked import checked_names, checked_path, checked_scale, checked_size
 from supersampler.checks import FrameChecker, Validate
@@ -14,7 +14,6 @@ from supersampler.extrapolation import Extrapolation, ShadedPast
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
 from supersampler.gbuffers import GBUFFERS, black
 from supersampler.history import History, Result
-from supersampler.host.uninterrupted import uninterrupted
 from supersampler.loading import loaded_model
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
@@ -25,6 +24,24 @@ from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.stats import Stats
 from supersampler.tensors import Tensor, checked_tensors, size_of_tensors
+
+
+class _Memory(NamedTuple):
+    """What an Upscaler remembers. Replaced as one: who interrupts a step finds all of it done, or nothing.
+
+    Attributes:
+        display_size: (width, height) of the images; with `scale` None until the first frame.
+        history: for the next frame; None where there is none.
+        spare: the history before, whose buffers the next step writes to.
+        shaded: what unshaded frames are extrapolated from.
+        stats: see `Upscaler`.
+    """
+
+    display_size: Size | None
+    history: History | None = None
+    spare: History | None = None
+    shaded: ShadedPast | None = None
+    stats: Stats = Stats()
 
 
 class Upscaler:
@@ -65,7 +82,6 @@ class Upscaler:
         model: in use.
         skip: how far tiles are left as they are.
         gbuffers: names of the G-buffers that are read of frames, as `ModelInfo.gbuffers` has them.
-        stats: what has been done.
 
     Raises:
         ArgumentError: sizes are missing, or arguments contradict each other.
@@ -95,30 +111,29 @@ class Upscaler:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
             raise ArgumentError("display_size or scale", got=got, want="one of the two")
-        self._display_size = None if display_size is None else checked_size("display_size", display_size)
+        if display_size is not None:
+            display_size = checked_size("display_size", display_size)
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
         record = None if record is None else checked_path("record", record)
         model, precision, self.skip = chosen(preset, model, precision, skip)
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
-        if self._render_size is not None and self._display_size is None:
-            self._display_size = display_size_of(self._render_size, self._scale)
+        if self._render_size is not None and display_size is None:
+            display_size = display_size_of(self._render_size, self._scale)
+        self._memory = _Memory(display_size)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
         self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
         infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
-        self._history: History | None = None
-        self._spare: History | None = None
         self._closed = False
-        self.stats = Stats()
         self._recorder = None
         if record is not None:
             setup = setup_here(
                 self.model,
                 self._extrapolation.infos,
-                display_size=self._display_size,
+                display_size=display_size,
                 scale=self._scale,
                 skip=self.skip,
                 validate=validate,
@@ -130,7 +145,12 @@ class Upscaler:
     @property
     def display_size(self) -> Size | None:
         """(width, height) of the images; with `scale` None until the first frame."""
-        return self._display_size
+        return self._memory.display_size
+
+    @property
+    def stats(self) -> Stats:
+        """What has been done."""
+        return self._memory.stats
 
     @overload
     def step(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
@@ -245,7 +265,7 @@ class Upscaler:
         self._check_open()
         if self._recorder is not None:
             self._recorder.reset()
-        self._history = self._extrapolation.past = None
+        self._memory = self._memory._replace(history=None, shaded=None)
         self._checker.reset()
 
     def warm_up(self, render_size: Size | None = None) -> None:
@@ -259,7 +279,7 @@ class Upscaler:
         """
         self._check_open()
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
-        display_size = self._display_size or display_size_of(size, self._scale)
+        display_size = self.display_size or display_size_of(size, self._scale)
         frame = black(self.gbuffers, size, display_size)
         self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
@@ -273,10 +293,10 @@ class Upscaler:
     def save_state(self) -> State:
         """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""
         self._check_open()
-        if self._history is None:
-            return State(self.model.info.method, self._display_size, None, None)
-        history = self._history
-        saved = self.model.save_history(history), self._extrapolation.save()
+        history = self._memory.history
+        if history is None:
+            return State(self.model.info.method, self.display_size, None, None)
+        saved = self.model.save_history(history), self._extrapolation.save(self._memory.shaded)
         return State(self.model.info.method, history.display_size, history.render_size, *saved)
 
     def load_state(self, state: State) -> None:
@@ -288,17 +308,16 @@ class Upscaler:
         self._check_open()
         if not isinstance(state, State):
             raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
-        history = state.history_for(self.model, self._display_size)
+        history = state.history_for(self.model, self.display_size)
         shaded = self._extrapolation.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
-        self._history, self._spare, self._extrapolation.past = history, None, shaded
-        self._display_size = state.display_size
+        self._memory = _Memory(state.display_size, history, None, shaded, self.stats)
         self._checker.reset()
 
     def close(self) -> None:
         """Free the history, and end the recording; all but `close` raise ArgumentError afterwards."""
-        self._history = self._spare = self._extrapolation.past = None
+        self._memory = _Memory(self.display_size, stats=self.stats)
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -313,16 +332,16 @@ class Upscaler:
         self.close()
 
     def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
-        left = None if frame.color is None else self._extrapolation.after_shaded(frame)
-        return self._upscaled(self.model, frame, frame, left, out, want)
+        shaded = None
+        if frame.color is not None:
+            shaded = self._extrapolation.after_shaded(frame, self._memory.shaded)
+        return self._upscaled(self.model, frame, frame, shaded, out, want)
 
     def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
         started = time.perf_counter()
-        drawn, left = self._extrapolation.draw(frame)
+        drawn, shaded = self._extrapolation.draw(frame, self._memory.shaded)
         seconds = time.perf_counter() - started
-        image = self._upscaled(self._on_drawn, frame, drawn, left, out, want)
-        self.stats = self.stats.after_drawing(seconds)
-        return image
+        return self._upscaled(self._on_drawn, frame, drawn, shaded, out, want, seconds)
 
     def _upscaled(
         self,
@@ -332,25 +351,27 @@ class Upscaler:
         shaded: ShadedPast | None,
         out: Float32 | None,
         want: Collection[str],
+        extrapolation_seconds: float | None = None,
     ) -> Float32 | Result:
-        """Step on a frame that has colour, as it was `given` or drawn; both pasts change at its end alone."""
-        started = time.perf_counter()
-        kept = None if frame.reset else self._history
-        display = self._display_size or display_size_of(frame.size, self._scale)
+        """Step on a frame that has colour, as it was `given` or extrapolated."""
+        started, memory = time.perf_counter(), self._memory
+        kept = None if frame.reset else memory.history
+        display = memory.display_size or display_size_of(frame.size, self._scale)
         # first: no frame is remembered, and no memory taken for one, that is then refused
         model.check(frame, display, want, None if kept is None else kept.carry, out)
         self._checker.check(given, display, self.gbuffers)
-        history = self._history_for(frame.size, reset=frame.reset)
-
-        def run() -> Float32 | Result:
-            result, left = model.run_wanted(
-                frame, history, want, out=out, history_out=self._spare, skip=self.skip
-            )
-            self._extrapolation.past = shaded
-            self._go_on(history, left, float(model.work(left).mean()), started)
-            return result if want else result.image
-
-        return uninterrupted(run)
+        history = model.first_history(display, frame.size) if kept is None else kept
+        result, next_history = model.run_checked(
+            frame, history, want, out=out, history_out=memory.spare, skip=self.skip
+        )
+        stats = memory.stats.after_step(
+            fresh=kept is None,
+            work=float(model.work(next_history).mean()),
+            seconds=time.perf_counter() - started,
+            extrapolation_seconds=extrapolation_seconds,
+        )
+        self._memory = _Memory(display, next_history, history, shaded, stats)
+        return result if want else result.image
 
     def _step_tensors(
         self,
@@ -360,29 +381,20 @@ class Upscaler:
         reset: bool,
         out: Tensor | None,
     ) -> Tensor:
-        started = time.perf_counter()
+        started, memory = time.perf_counter(), self._memory
         if self._extrapolation.infos:
             hint = "What frames are drawn from is kept of arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
-        history = self._history_for(size_of_tensors(tensors), reset=reset)
-        image, left = self.model.run_tensors(
-            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=self._spare
+        size, kept = size_of_tensors(tensors), None if reset else memory.history
+        display = memory.display_size or display_size_of(size, self._scale)
+        history = self.model.first_history(display, size) if kept is None else kept
+        image, next_history = self.model.run_tensors(
+            tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
         )
-        uninterrupted(partial(self._go_on, history, left, 1.0, started))
+        seconds = time.perf_counter() - started
+        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=seconds)
+        self._memory = _Memory(display, next_history, history, None, stats)
         return image
-
-    def _history_for(self, size: Size, *, reset: bool) -> History:
-        """Return what a frame of this render size is stepped on."""
-        if self._history is not None and not reset:
-            return self._history
-        return self.model.first_history(self._display_size or display_size_of(size, self._scale), size)
-
-    def _go_on(self, past: History, left: History, work: float, started: float) -> None:
-        """Remember what a step has left, and count it."""
-        fresh, seconds = past is not self._history, time.perf_counter() - started
-        self._display_size = past.display_size
-        self._history, self._spare = left, past
-        self.stats = self.stats.after_step(fresh=fresh, work=work, seconds=seconds)
 
     def _check_open(self) -> None:
         if self._closed:

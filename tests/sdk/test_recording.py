@@ -181,7 +181,7 @@ def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
         with pytest.raises(ArgumentError, match="want"):
             upscaler.step(noise(1), want=(3,))  # type: ignore[arg-type]
         with monkeypatch.context() as patch:
-            patch.setattr(Model, "run_wanted", interrupt)
+            patch.setattr(Model, "run_checked", interrupt)
             with pytest.raises(KeyboardInterrupt):
                 upscaler.step(noise(1))
         upscaler.step(noise(2))
@@ -197,14 +197,14 @@ def test_a_bug_that_raised_there_and_not_here_is_told(
     with recorded(models["taau"], file) as upscaler:
         upscaler.step(noise(0))
         with monkeypatch.context() as patch:
-            patch.setattr(Model, "run_wanted", fail)
+            patch.setattr(Model, "run_checked", fail)
             with pytest.raises(ZeroDivisionError):
                 upscaler.step(noise(1))
     told = replayed(file)[1]
     assert (told.exact, told.within) == (False, False)
     assert told.note == "raises nothing; there: ZeroDivisionError (by zero)"
     with monkeypatch.context() as patch:
-        patch.setattr(Model, "run_wanted", fail)
+        patch.setattr(Model, "run_checked", fail)
         other, same = replayed(file)
     assert (other.within, same.within) == (False, True)
     assert other.note == "raises ZeroDivisionError (by zero); there: nothing"
@@ -214,7 +214,7 @@ def test_a_frame_in_which_the_process_ends_is_in_the_recording(
     models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     left = file.with_name("left.recording")
-    run = Model.run_wanted
+    run = Model.run_checked
 
     def crash(*arguments: Any, **options: Any) -> Any:
         shutil.copy(file, left)  # what lies on the disk at this moment
@@ -223,7 +223,7 @@ def test_a_frame_in_which_the_process_ends_is_in_the_recording(
     with recorded(models["taau"], file) as upscaler:
         upscaler.step(noise(0))
         with monkeypatch.context() as patch:
-            patch.setattr(Model, "run_wanted", crash)
+            patch.setattr(Model, "run_checked", crash)
             upscaler.step(noise(1))
     first, last = replayed(left)
     assert (first.exact, last.exact, last.within) == (True, None, True)

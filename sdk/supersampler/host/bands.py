@@ -5,8 +5,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from supersampler.host.uninterrupted import uninterrupted
-from supersampler.host.workers import Workers, finish
+from supersampler.host.workers import Workers
 
 Work = Callable[[int, int, int], None]
 """Does rows from the first to before the second, as the worker of the third number."""
@@ -68,13 +67,12 @@ class Bands:
     def together(self, stage: str, *jobs: Job) -> None:
         """Do jobs of which none needs what another does. When this returns or raises, nothing is under way.
 
+        So no thread writes to what the caller then frees or reads; see `Workers.run`.
+
         Args:
             stage: what the time counts as.
             jobs: which.
         """
-        uninterrupted(partial(self._together, stage, jobs))
-
-    def _together(self, stage: str, jobs: Sequence[Job]) -> None:
         began = time.perf_counter()
         shares = [shared(job.boxes, self.threads, job.multiple) for job in jobs]
 
@@ -83,11 +81,7 @@ class Bands:
                 for box in parts[worker] if worker < len(parts) else ():
                     job.work(box, worker)
 
-        others = [self._workers.submit(partial(do, worker)) for worker in range(1, max(map(len, shares)))]
-        try:
-            do(0)
-        finally:  # no thread may write to what the caller then frees
-            finish(others)
+        self._workers.run([partial(do, worker) for worker in range(max(map(len, shares)))])
         if self.seconds is not None:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 

@@ -15,7 +15,7 @@ from supersampler.host.memory import address
 from supersampler.host.reading import Planes
 from supersampler.host.stillness import Jitter, Sums
 from supersampler.host.tiles import Tiles, runs_of, scaled, seen_from
-from supersampler.host.trail import Looks, Trail, new_stamp
+from supersampler.host.trail import Looks, Pending, Trail, new_stamp
 from supersampler.jitter import jitter_phase_count
 
 SKIPPING = ("stillness.fingerprints", "stillness.show", "stillness.look")
@@ -55,6 +55,7 @@ class Skipping:
         drawn = np.ones(past.stamps.shape, bool)
         left.forget()
         if skips:
+            self._keep_looks(past)
             stillness = past.stillness.after(jitter, self._sums(planes))
             same = np.zeros(drawn.shape, bool)
             if stillness.same is not None and stillness.same.any():
@@ -126,7 +127,23 @@ class Skipping:
         known = (left.looked == left.looks.stamps) & (left.matched > interval)
         allowed = allowed_change(tolerance, (left.matched - 1) // interval)
         left.still |= due & known & (changes <= allowed * allowed)
-        left.looked[due] = left.looks.stamps[due] = new_stamp()
+        left.looked[due] = new_stamp()
+        left.pending = Pending(due, pixels)
+
+    def _keep_looks(self, past: Trail) -> None:
+        """Copy tiles that have been looked at to where all histories find them.
+
+        Done again, it changes nothing more: a step that is interrupted may repeat it.
+        """
+        if past.pending is None or past.looks is None:
+            return
+        tiles, image = past.pending
+        height, width = image.shape[:2]
+        arguments, to = (address(image), image.shape[2], width), address(past.looks.pixels)
+        past.looks.stamps[tiles] = 0  # for other histories: these are no longer what they knew
+        boxes = scaled(runs_of(tiles), TILE, (width, height))
+        self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, to))
+        past.looks.stamps[tiles] = past.looked[tiles]
 
     def _sums(self, planes: Planes) -> Sums:
         h, w = planes.depth.shape

@@ -3,7 +3,7 @@
 import itertools
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +12,7 @@ from supersampler.array_spec import ArraySpec, values_of
 from supersampler.frame import Float32, Size
 from supersampler.host.layout import TILE
 from supersampler.host.stillness import Stillness, stillness_specs
-from supersampler.host.tiles import Bool
+from supersampler.host.tiles import Bool, runs_of, scaled
 
 _STAMPS = itertools.count(1)
 
@@ -35,6 +35,8 @@ class Trail:
         still: tiles whose picture is as it was one period before, too.
         looks: what the picture was; shared with the histories before.
         looked: of each tile, the stamp that it has there.
+        pending: tiles of this history's own image that the next step copies into `looks`, so that a step
+            which is interrupted changes nothing of the histories before; None where there are none.
         work: of each tile, the share that the step did.
     """
 
@@ -46,6 +48,7 @@ class Trail:
         self.still = np.zeros(shape, bool)
         self.looks: Looks | None = None
         self.looked = np.zeros(shape, np.int64)
+        self.pending: Pending | None = None
         self.work = np.ones(shape, np.float32)
 
     def follow(self, past: "Trail", stillness: Stillness, same: Bool) -> None:
@@ -57,7 +60,7 @@ class Trail:
 
     def forget(self) -> None:
         """Know nothing."""
-        self.stillness, self.looks = Stillness(), None
+        self.stillness, self.looks, self.pending = Stillness(), None, None
         self.matched[:], self.still[:] = 0, False
 
     def arrays(self) -> Mapping[str, NDArray[Any]]:
@@ -66,8 +69,12 @@ class Trail:
         if arrays:
             arrays |= {"still.matched": self.matched.copy(), "still.tiles": self.still.copy()}
         if self.looks is not None:
-            arrays["still.looks"] = self.looks.pixels.copy()
-            arrays["still.looked"] = self.looked == self.looks.stamps
+            arrays["still.looks"] = pixels = self.looks.pixels.copy()
+            arrays["still.looked"] = looked = self.looked == self.looks.stamps
+            if self.pending is not None:
+                looked |= self.pending.tiles
+                for y0, y1, x0, x1 in scaled(runs_of(self.pending.tiles), TILE, pixels.shape[1::-1]):
+                    pixels[y0:y1, x0:x1] = self.pending.image[y0:y1, x0:x1, :3]
         return arrays
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
@@ -104,6 +111,18 @@ def trail_specs(names: Collection[str], display: Size, render: Size) -> dict[str
         specs["still.looks"] = ArraySpec("float32", (*display[::-1], 3), values_of("still.looks"))
         specs["still.looked"] = ArraySpec("bool", tiles)
     return specs
+
+
+class Pending(NamedTuple):
+    """Tiles of a history's image.
+
+    Attributes:
+        tiles: which.
+        image: (H, W, 3 or more) linear RGB in the first channels.
+    """
+
+    tiles: Bool
+    image: NDArray[Any]
 
 
 @dataclass(eq=False)

@@ -12,40 +12,60 @@ from collections.abc import Callable, Sequence
 from contextlib import suppress
 from queue import SimpleQueue
 
+_WORKER, _WAITER = "worker", "waiter"
+
 
 class WorkItem:
-    """Work that exactly one thread does.
+    """Work that exactly one thread does: a worker, or the thread that waits for it.
 
     Args:
         work: what to do.
 
     Attributes:
-        error: what it raised; None where nothing.
+        ended: whether a worker has done it.
+        error: what it raised there; None where nothing.
     """
 
-    __slots__ = ("_claim", "_end", "_work", "error")
+    __slots__ = ("_end", "_owner", "_work", "ended", "error")
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._work = work
-        self._claim = allocate_lock()  # taken by the thread that does the work, and never released
-        self._end = allocate_lock()  # held until the work has ended
+        self._owner: dict[None, str] = {}  # `setdefault` is atomic, and tells the same when asked again
+        self._end = allocate_lock()  # held until a worker has ended
         self._end.acquire()
+        self.ended = False
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Do the work, unless another thread has begun; what it raises is kept in `error`."""
-        if not self._claim.acquire(blocking=False):
+        """Do the work as a worker, unless the waiting thread has begun; what it raises is kept in `error`."""
+        if self._owner.setdefault(None, _WORKER) is not _WORKER:
             return
         try:
             self._work()
         except BaseException as error:  # raised again by who waits
             self.error = error
         del self._work  # what it holds may be freed before who waits goes on
+        self.ended = True
         self._end.release()
 
-    def wait(self) -> None:
-        """Wait for the end."""
-        self._end.acquire()
+    def finish(self) -> None:
+        """Do the work where no worker has begun, else wait for the end; raises what it raised."""
+        if self._owner.setdefault(None, _WAITER) is _WAITER:
+            self._work()
+            return
+        self._wait()
+        if self.error is not None:
+            raise self.error
+
+    def settle(self) -> None:
+        """Return once no worker does the work, nor ever will; raises nothing that a signal handler raises."""
+        while not (self._owner.setdefault(None, _WAITER) is _WAITER or self.ended):
+            with suppress(BaseException):
+                self._wait()
+
+    def _wait(self) -> None:
+        if not self.ended:  # else a wait that was interrupted may have taken the lock already
+            self._end.acquire()
 
 
 class Workers:
@@ -61,27 +81,37 @@ class Workers:
         self.close = weakref.finalize(self, self._crew.stop)
         _CREWS.add(self._crew)
 
-    def submit(self, work: Callable[[], None]) -> WorkItem:
-        """Have a thread do it, or who waits for it."""
-        item = WorkItem(work)
-        if self.close.alive:
+    def run(self, works: Sequence[Callable[[], None]]) -> None:
+        """Do all works, the first in this thread; when this returns or raises, none is under way.
+
+        Also where a signal handler raises, Ctrl-C say: Python runs those between any two operations of the
+        main thread. What the threads have not begun is then not done at all.
+
+        Raises:
+            BaseException: what one of the works or a signal handler raises.
+        """
+        items = [WorkItem(work) for work in works[1:]]
+        try:
+            try:
+                self._submit(items)
+                works[0]()
+                for item in items:
+                    item.finish()
+            finally:
+                _settle(items)
+        finally:  # of several signals in a row, one may have struck between the two
+            _settle(items)
+
+    def _submit(self, items: Sequence[WorkItem]) -> None:
+        if items and self.close.alive:
             self._crew.start(self._count)
-            self._crew.queue.put(item)
-        return item
+            for item in items:
+                self._crew.queue.put(item)
 
 
-def finish(items: Sequence[WorkItem]) -> None:
-    """Do what no thread has begun, wait for the rest, and then raise what one of them raised.
-
-    For threads that signal handlers do not interrupt (see `uninterrupted`).
-    """
+def _settle(items: Sequence[WorkItem]) -> None:
     for item in items:
-        item.run()
-    for item in items:
-        item.wait()
-    for item in items:
-        if item.error is not None:
-            raise item.error
+        item.settle()
 
 
 class _Crew:
@@ -108,8 +138,7 @@ class _Crew:
 
     def stop(self) -> None:
         """End the threads, each after what it does."""
-        for _ in range(self._started):
-            self.queue.put(None)
+        self.queue.put(None)
 
 
 _CREWS: "weakref.WeakSet[_Crew]" = weakref.WeakSet()
@@ -128,3 +157,4 @@ def _take(queue: "SimpleQueue[WorkItem | None]") -> None:
     while (item := queue.get()) is not None:
         item.run()
         del item  # what it holds may be freed before the next
+    queue.put(None)  # for the next thread: a start that was interrupted may not have been counted

@@ -87,7 +87,7 @@ def look(
     """Mean square of how far tiles are from what they were when last looked at, as a screen shows it.
 
     Rows y0 to y1 and columns x0 to x1 of tiles, `columns` in a row; looks (big_h, big_w, 3) is what they
-    were, and then what they are. A pixel is as far as its farthest channel.
+    were. A pixel is as far as its farthest channel.
     """
     for ty in range(y0, y1):
         for tx in range(x0, x1):
@@ -101,7 +101,6 @@ def look(
                         now, then = pixels[at + c], looks[to + c]
                         off = max(off, abs(now - then))
                         bright = max(bright, max(now, then))
-                        looks[to + c] = now
                     off = off * exposure / (np.float32(1.0) + bright * exposure)
                     total += off * off
             changes[ty * columns + tx] = total / np.float32((bottom - ty * TILE) * (right - tx * TILE))
