@@ -22,8 +22,8 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, SupersamplerError, Upscaler, display_transform, halton_jitter
 from supersampler.cli.arguments import parse_size
-from supersampler.display import ExposureMeter, to_uint8
-from supersampler.image_io import write_png
+from supersampler.io.display import ExposureMeter, to_uint8
+from supersampler.io.images import write_png
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
 

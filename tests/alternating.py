@@ -6,8 +6,8 @@ from dataclasses import replace
 import torch
 
 from supersampler import Frame, Upscaler
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs
 from supersampler_model.method import Method
 
 Shaded = Callable[[int], Frame]

@@ -12,8 +12,8 @@ from torch.nn import functional as F
 from noise import noise
 from supersampler import Frame
 from supersampler.frame import Size
-from supersampler.gbuffers import GBUFFERS, grouped
-from supersampler.model_info import find_model
+from supersampler.methods.gbuffers import GBUFFERS, grouped
+from supersampler.methods.model_file import find_model
 from supersampler_export.folder import write_model_folder
 from supersampler_model.color import bounded, quarantine
 from supersampler_model.method import DISPLAY, Method, render_size_of

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
 from supersampler import Model, Upscaler, display_transform, halton_jitter
-from supersampler.display import to_uint8
-from supersampler.image_io import write_png
+from supersampler.io.display import to_uint8
+from supersampler.io.images import write_png
 from supersampler_bench.fitting import dressed
 from supersampler_model.data.analytic import DiscOverPlane
 

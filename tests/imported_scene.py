@@ -14,8 +14,8 @@ import pytest
 
 from supersampler import Frame
 from supersampler.conventions import Conventions
-from supersampler.image_io import write_exr
-from supersampler.shot import (
+from supersampler.io.images import write_exr
+from supersampler.io.shot import (
     Shot,
 )
 from supersampler_model.data.analytic import Plane, checker

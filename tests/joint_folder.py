@@ -9,7 +9,7 @@ from typing import Any
 import onnx
 from onnx import TensorProto, helper
 
-from supersampler.model_info import DRAWN, find_model
+from supersampler.methods.model_file import DRAWN, find_model
 
 SURFACE = "gbuffer_base_color"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from golden import METHODS, drawn, stored
-from supersampler.image_io import write_png
+from supersampler.io.images import write_png
 
 
 @pytest.mark.parametrize("method", METHODS)

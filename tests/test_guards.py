@@ -7,8 +7,8 @@ import onnx
 import pytest
 
 from supersampler import Upscaler, display_transform, model_names, shipped_shot
-from supersampler.display import decibels
-from supersampler.model_info import extrapolation_names, find_model, read_model_info
+from supersampler.io.display import decibels
+from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
 from supersampler_bench.stress.runner import chosen, measure
 from supersampler_bench.stress.subjects import subjects
 

@@ -21,8 +21,8 @@ import numpy as np
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.gbuffers import GBUFFERS
-from supersampler.model_info import find_model, read_model_info
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.fitting import dressed, gbuffers_of, why_not
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.side import Process, Side

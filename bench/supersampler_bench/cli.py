@@ -13,7 +13,7 @@ from rich.table import Table
 
 from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
-from supersampler.shot import Shot
+from supersampler.io.shot import Shot
 from supersampler_bench import (
     cli_extrapolation,
     cli_hashes,

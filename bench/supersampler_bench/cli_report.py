@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 from rich.console import Console
 
-from supersampler.files import check_ours
+from supersampler.io.atomic import check_ours
 from supersampler_bench.cli_shared import ERRORS
 from supersampler_bench.record import read_record
 
@@ -68,7 +68,7 @@ def report(
       supersampler bench report -o report.html
       supersampler bench report --quick -o here.html
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.shot import shipped_shot
+    from supersampler.io.shot import shipped_shot
     from supersampler_bench.page import is_page, write_page
     from supersampler_bench.pictures import split_view
     from supersampler_bench.tables import RESULTS, SHIPPED_PARETO, read_records

@@ -8,7 +8,7 @@ import typer
 from rich.console import Console
 
 from supersampler.errors import ArgumentError
-from supersampler.files import check_ours
+from supersampler.io.atomic import check_ours
 from supersampler.model import ExecutorName
 from supersampler_bench.record import Record, is_record, setting, write_json
 from supersampler_bench.table import find_block, update_blocks

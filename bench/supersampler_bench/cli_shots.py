@@ -8,7 +8,7 @@ import typer
 
 from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
-from supersampler.shot import Shot
+from supersampler.io.shot import Shot
 from supersampler_bench import public_shots
 from supersampler_bench.cli_shared import listed, warn
 from supersampler_bench.public_shots import PublicShot

@@ -9,10 +9,10 @@ from importlib.util import find_spec
 
 import numpy as np
 
-from supersampler.display import to_uint8
 from supersampler.errors import SupersamplerError
 from supersampler.frame import Float32
-from supersampler.image_io import Bytes
+from supersampler.io.display import to_uint8
+from supersampler.io.images import Bytes
 from supersampler_bench.metrics import crop
 
 

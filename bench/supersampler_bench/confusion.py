@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32
-from supersampler.shot import ClassMaps
+from supersampler.io.shot import ClassMaps
 from supersampler_bench.metrics import crop
 
 Counts = NDArray[np.int64]

@@ -8,10 +8,10 @@ from typing import Any
 
 import onnx
 
+from supersampler.conventions.ratios import only_ratio
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.model_info import find_model, read_model_info
-from supersampler.ratios import only_ratio
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.record import Record
 from supersampler_export.count import multiply_adds
 

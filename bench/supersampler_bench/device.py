@@ -10,11 +10,11 @@ from typing import Any
 import numpy as np
 
 from supersampler import Frame, Model, Upscaler
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.graph_session import frame_inputs
 from supersampler.model import Precision
-from supersampler.onnx_runtime import ort
 from supersampler_bench.fitting import dressed, why_not
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.speed import COPIED, WARM_UP, frames_of, measure_limits

@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.display import auto_exposure, decibels, display_transform
+from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator, ShadedPast
 from supersampler.frame import Float32, Frame
-from supersampler.model_info import find_model, read_model_info
-from supersampler.providers import CPU
-from supersampler.shot import Shot, ShotFrame
+from supersampler.io.display import auto_exposure, decibels, display_transform
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.extrapolation import EVERY_SECOND, Alternation, check_gbuffers
 from supersampler_bench.record import Record, shot_record
 from supersampler_bench.scores import BORDER, WARM_UP_FRAMES

@@ -16,9 +16,9 @@ from typing import Any
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Array, Float32, Frame, Size
-from supersampler.gbuffers import listed, names_of
-from supersampler.model_info import find_model, read_model_info
-from supersampler.shot import Shot, ShotFrame
+from supersampler.io.shot import Shot, ShotFrame
+from supersampler.methods.gbuffers import listed, names_of
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.upscaler import Upscaler
 from supersampler_bench.confusion import Counts
 from supersampler_bench.quality import Stepped, Stepper, measure_steppers, reference_size, runnable

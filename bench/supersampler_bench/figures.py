@@ -9,8 +9,8 @@ from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
-from supersampler.compare import false_color
 from supersampler.frame import Array, Float32
+from supersampler.io.compare import false_color
 from supersampler_bench.confusion import GROUPS, Counts, overlap, shares
 from supersampler_bench.error_maps import ErrorMaps
 from supersampler_bench.png import save_png

@@ -6,11 +6,11 @@ from functools import lru_cache
 
 import numpy as np
 
+from supersampler.conventions.ratios import check_ratio
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.gbuffers import GBUFFERS, Place, grouped, listed
-from supersampler.model_info import find_model, read_model_info
-from supersampler.ratios import check_ratio
+from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, listed
+from supersampler.methods.model_file import find_model, read_model_info
 
 MATTE = {
     "base_color": (0.5, 0.5, 0.5),

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32, Frame, Size
-from supersampler.shot import ClassMaps
+from supersampler.io.shot import ClassMaps
 
 Bool = NDArray[np.bool_]
 

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.display import decibels
 from supersampler.errors import ArgumentError, SupersamplerError
 from supersampler.frame import Array, Float32
+from supersampler.io.display import decibels
 
 Bool = NDArray[np.bool_]
 

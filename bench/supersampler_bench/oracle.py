@@ -8,9 +8,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from supersampler.backends.onnx.session import frame_inputs, planes_of
 from supersampler.frame import Float32, Size
-from supersampler.graph_session import frame_inputs, planes_of
-from supersampler.shot import ShotFrame
+from supersampler.io.shot import ShotFrame
 from supersampler_model import method
 from supersampler_model.color import bounded, inverse_tone, tone
 from supersampler_model.methods.classifier import Classifier

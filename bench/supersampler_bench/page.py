@@ -11,9 +11,9 @@ from pathlib import Path
 
 from markdown_it import MarkdownIt
 
-from supersampler.compare import versions
 from supersampler.errors import ArgumentError
-from supersampler.files import replacing
+from supersampler.io.atomic import replacing
+from supersampler.io.compare import versions
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.record_figures import draw_record
 from supersampler_bench.tables import blocks_of, made

@@ -8,13 +8,13 @@ import numpy as np
 import torch
 
 from supersampler import Frame, Model, Upscaler, halton_jitter
-from supersampler.display import display_transform
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.graph_session import frame_inputs
+from supersampler.io.display import display_transform
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName, Precision
-from supersampler.model_info import find_model, read_model_info
-from supersampler.ratios import only_ratio, scaled
 from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record

@@ -11,9 +11,9 @@ from typing import Any
 import torch
 from torch import Tensor, nn
 
+from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.ratios import only_ratio, scaled
 from supersampler_bench.record import Record, machine_name
 from supersampler_export.graph import example_arguments
 from supersampler_model.method import Size as Extent

@@ -1,14 +1,14 @@
-"""Pictures of several methods side by side, as one page that needs nothing else: `supersampler.compare`."""
+"""Images of several methods side by side, as one self-contained page: `supersampler.io.compare`."""
 
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
 from supersampler import Upscaler
-from supersampler.compare import About, compare_page
-from supersampler.display import auto_exposure, display_transform, to_uint8
 from supersampler.errors import ArgumentError
-from supersampler.shot import Shot
+from supersampler.io.compare import About, compare_page
+from supersampler.io.display import auto_exposure, display_transform, to_uint8
+from supersampler.io.shot import Shot
 from supersampler_bench.quality import reference_size
 
 METHODS = ("bilinear", "taa", "taau", "classifier-small", "classifier")

@@ -5,7 +5,7 @@ from pathlib import Path
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
-from supersampler.files import replacing
+from supersampler.io.atomic import replacing
 
 
 def save_png(figure: Figure, path: Path) -> None:

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter
-from supersampler.display import display_transform
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import display_transform
 from supersampler.model import Precision
 from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.metrics import psnr, tpsnr

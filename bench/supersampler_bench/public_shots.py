@@ -11,10 +11,10 @@ from typing import Any
 
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
-from supersampler.files import replacing
 from supersampler.frame import Size
-from supersampler.shot import Shot
-from supersampler.shot.json_keys import read_json
+from supersampler.io.atomic import replacing
+from supersampler.io.shot import Shot
+from supersampler.io.shot.json_keys import read_json
 from supersampler_model.data.shots import variant_name
 
 NAME = "test-shots"

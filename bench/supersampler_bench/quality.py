@@ -14,12 +14,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.display import auto_exposure, display_transform
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.gbuffers import names_of
 from supersampler.history import Result
-from supersampler.shot import ClassMaps, Shot, ShotFrame
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.shot import ClassMaps, Shot, ShotFrame
+from supersampler.methods.gbuffers import names_of
 from supersampler.upscaler import Upscaler
 from supersampler_bench import confusion, masks, metrics, strred
 from supersampler_bench.color_video_vdp import Clips

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError
-from supersampler.shot import shipped_shot
+from supersampler.io.shot import shipped_shot
 from supersampler_bench.pareto import measure_pareto, pareto_record, shots_of
 from supersampler_bench.parity import measure_parity, parity_record
 from supersampler_bench.pictures import METHODS

@@ -14,9 +14,9 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from supersampler.errors import ArgumentError
-from supersampler.files import replacing
-from supersampler.machine import machine
-from supersampler.shot import Shot
+from supersampler.io.atomic import replacing
+from supersampler.io.machine import machine
+from supersampler.io.shot import Shot
 from supersampler_bench.class_table import class_record, counts_of
 from supersampler_bench.confusion import Counts
 from supersampler_bench.scores import (

@@ -7,7 +7,7 @@ from itertools import count
 from pathlib import Path
 
 from supersampler.errors import ShotError
-from supersampler.files import replacing
+from supersampler.io.atomic import replacing
 from supersampler_bench.public_shots import DRAWN, TestShots, read_drawn, shot_folder
 from supersampler_model.data.gl.context import Graphics, open_graphics
 from supersampler_model.data.gl.renderer import Renderer

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from supersampler.display import decibels
+from supersampler.io.display import decibels
 from supersampler_bench.confusion import Counts
 
 Scores = dict[str, float]

@@ -9,8 +9,8 @@ from typing import Any, Literal
 import numpy as np
 
 from supersampler import Model, Upscaler, halton_jitter, jitter_phase_count
-from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import decibels, display_transform
 from supersampler.model import Skip
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record, machine_name

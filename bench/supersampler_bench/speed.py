@@ -15,7 +15,7 @@ import numpy as np
 from supersampler import Frame, Model, Upscaler, shipped_shot
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision, Skip
 from supersampler_bench.fitting import dressed, why_not
 from supersampler_bench.record import Record, machine_name

@@ -18,8 +18,8 @@ import numpy as np
 from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import NDArray
 
-from supersampler.display import to_uint8
 from supersampler.frame import Array
+from supersampler.io.display import to_uint8
 
 Plane = NDArray[np.float64]
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.gbuffers import names_of
-from supersampler.model_info import model_names
-from supersampler.shot import Shot
+from supersampler.io.shot import Shot
+from supersampler.methods.gbuffers import names_of
+from supersampler.methods.model_file import model_names
 from supersampler_bench.fitting import gbuffers_of, why_not
 from supersampler_bench.pareto import Point, at_ratio
 from supersampler_bench.specs import Spec

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 from rich.table import Table
 
 from supersampler.errors import ArgumentError
-from supersampler.files import replacing
+from supersampler.io.atomic import replacing
 from supersampler_bench.quality import ORACLE
 from supersampler_bench.scores import BORDER, WARM_UP_FRAMES, Summarised
 

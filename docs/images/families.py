@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import display_transform
-from supersampler.display import to_uint8
-from supersampler.files import replacing
-from supersampler.image_io import encode_jpeg
+from supersampler.io.atomic import replacing
+from supersampler.io.display import to_uint8
+from supersampler.io.images import encode_jpeg
 from supersampler_model.data.class_map import overlay
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label

@@ -7,8 +7,8 @@ import numpy as np
 import torch
 from torch import Tensor, nn
 
-from supersampler.graph_session import frame_inputs
-from supersampler.shot import shipped_shot
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.io.shot import shipped_shot
 from supersampler_model.method import Size
 from supersampler_model.methods.classifier import Classifier
 

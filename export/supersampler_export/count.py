@@ -9,9 +9,9 @@ import onnx
 import torch
 from torch.utils.flop_counter import FlopCounterMode
 
+from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
-from supersampler.model_info import extents
-from supersampler.onnx_runtime import ort
+from supersampler.methods.model_file import extents
 from supersampler_model.method import DISPLAY, HALF, RENDER, Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")

@@ -14,9 +14,9 @@ import torch
 
 from supersampler import __version__
 from supersampler.errors import ShotError
-from supersampler.files import check_ours
-from supersampler.model_info import CONTRACT, DRAWN
-from supersampler.shot.json_keys import read_json
+from supersampler.io.atomic import check_ours
+from supersampler.io.shot.json_keys import read_json
+from supersampler.methods.model_file import CONTRACT, DRAWN
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half

@@ -11,8 +11,8 @@ import onnx
 import torch
 from torch import Tensor, nn
 
+from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
-from supersampler.ratios import only_ratio, scaled
 from supersampler_model.method import (
     BETWEEN,
     CHANNELS,

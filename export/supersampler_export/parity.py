@@ -7,9 +7,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from supersampler.gbuffers import GBUFFERS
-from supersampler.onnx_runtime import ort
-from supersampler.ratios import only_ratio, scaled
+from supersampler.backends.onnx.runtime import ort
+from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
 from supersampler_model.color import tone
 from supersampler_model.method import Fused, Method, Size

@@ -14,7 +14,7 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
 
 Shape = tuple[int | str, ...]
 

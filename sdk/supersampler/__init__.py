@@ -10,7 +10,13 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 from supersampler.conventions import Conventions, Converter, RawFrame
-from supersampler.display import auto_exposure, display_transform
+from supersampler.conventions.jitter import (
+    halton_jitter,
+    jitter_phase_count,
+    jittered_projection,
+    mip_bias,
+    render_size_for,
+)
 from supersampler.errors import (
     ArgumentError,
     BackendWarning,
@@ -24,23 +30,16 @@ from supersampler.errors import (
     SupersamplerError,
 )
 from supersampler.frame import Frame
-from supersampler.jitter import (
-    halton_jitter,
-    jitter_phase_count,
-    jittered_projection,
-    mip_bias,
-    render_size_for,
-)
-from supersampler.model_info import ModelInfo, model_names
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.methods.model_file import ModelInfo, model_names
 
 if TYPE_CHECKING:
-    from supersampler.detect import Detection, detect_conventions
-    from supersampler.history import History, Result
+    from supersampler.history import History, Result, Stats
+    from supersampler.io.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.model import Model
-    from supersampler.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.state import State
-    from supersampler.stats import Stats
     from supersampler.upscaler import Upscaler
+    from supersampler.validation import Detection, detect_conventions
 
 __version__ = "0.1.0"
 
@@ -86,12 +85,13 @@ __all__ = [
 
 # These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
 _LAZY = {
-    **dict.fromkeys(("Detection", "detect_conventions"), "detect"),
-    **dict.fromkeys(("History", "Result"), "history"),
+    **dict.fromkeys(("Detection", "detect_conventions"), "validation"),
+    **dict.fromkeys(("History", "Result", "Stats"), "history"),
     "Model": "model",
-    **dict.fromkeys(("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "shot"),
+    **dict.fromkeys(
+        ("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "io.shot"
+    ),
     "State": "state",
-    "Stats": "stats",
     "Upscaler": "upscaler",
 }
 

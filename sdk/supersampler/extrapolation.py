@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.array_spec import checked_arrays
-from supersampler.checked import checked_path
-from supersampler.drawing import Drawing, GraphDrawing
+from supersampler.arguments import checked_path
+from supersampler.backends.onnx.extrapolation import Drawing, GraphDrawing
+from supersampler.backends.onnx.providers import CPU
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
-from supersampler.gbuffers import check_gbuffers
-from supersampler.graph_session import frame_inputs
-from supersampler.host.executors import host_drawing
+from supersampler.methods.array_spec import checked_arrays
+from supersampler.methods.cpu_backends import host_drawing
+from supersampler.methods.gbuffers import check_gbuffers
+from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
 from supersampler.model import ExecutorName
-from supersampler.model_info import extrapolation_names, find_model, read_model_info
-from supersampler.providers import CPU
 
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
 """Of the history: from the frame last handed in back to the last shaded one, and that one's own motion."""

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.checked import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
+from supersampler.arguments import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
 from supersampler.errors import ArgumentError, FrameError, shown
 
 Array: TypeAlias = NDArray[np.floating[Any]]

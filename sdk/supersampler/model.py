@@ -7,18 +7,30 @@ from typing import Any, Literal, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.carry import Carrier, check_carry
-from supersampler.checked import (
+from supersampler.arguments import (
+    TOLERANCE,
+    Skip,
     check_out,
     checked_choice,
     checked_flag,
     checked_names,
     checked_path,
     checked_size,
+    checked_skip,
     checked_threads,
+    tolerance_of,
 )
+from supersampler.backends.base import Executor
+from supersampler.backends.cpu.memory import aligned
+from supersampler.backends.onnx.aovs import Carrier, check_carry
+from supersampler.backends.onnx.executor import GraphExecutor
+from supersampler.backends.onnx.providers import CPU, resolve_providers
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, render_size_of, taken
+from supersampler.backends.plan import Plan
+from supersampler.conventions.ratios import check_ratio
 from supersampler.errors import ArgumentError, FrameError
-from supersampler.executor import Executor
 from supersampler.frame import (
     Float32,
     Frame,
@@ -28,19 +40,10 @@ from supersampler.frame import (
     checked_frame,
     checked_jitter,
 )
-from supersampler.gbuffers import check_gbuffers
-from supersampler.graph_executor import GraphExecutor
-from supersampler.graph_session import pixels_of, session_options, vector_inputs
 from supersampler.history import CARRY, WORK, History, Result, check_histories, checked_history
-from supersampler.host.executors import host_executor
-from supersampler.host.memory import aligned
-from supersampler.model_info import ModelInfo, read_model_info, read_upscaling_info
-from supersampler.onnx_runtime import ort
-from supersampler.plan import Plan
-from supersampler.providers import CPU, resolve_providers
-from supersampler.ratios import check_ratio
-from supersampler.skip import TOLERANCE, Skip, checked_skip, tolerance_of
-from supersampler.tensors import Tensor, checked_tensors, render_size_of, taken
+from supersampler.methods.cpu_backends import host_executor
+from supersampler.methods.gbuffers import check_gbuffers
+from supersampler.methods.model_file import ModelInfo, read_model_info, read_upscaling_info
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 

@@ -3,10 +3,10 @@
 from collections.abc import Sequence
 from pathlib import Path
 
-from supersampler.checked import checked_size
+from supersampler.arguments import checked_size
+from supersampler.backends.plan import Plan
 from supersampler.frame import Size
 from supersampler.model import ExecutorName, Model, Precision
-from supersampler.plan import Plan
 
 
 def plan(

@@ -1,13 +1,12 @@
 """Presets: settings that lead in run time against error, by the rule of docs/pareto.md."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Literal, NamedTuple, get_args
 
-from supersampler.checked import checked_choice
+from supersampler.arguments import Skip, as_flag, as_index, checked_choice, checked_skip
 from supersampler.errors import ArgumentError
-from supersampler.model import Model, Precision, Skip
-from supersampler.skip import checked_skip
+from supersampler.model import ExecutorName, Model, Precision
 
 PresetName = Literal["fast", "balanced", "high"]
 
@@ -46,3 +45,35 @@ def chosen(
         got = f"{preset!r} beside a model, a precision or skip"
         raise ArgumentError("preset", got=got, want="it alone, which sets them, or these alone")
     return PRESETS[preset]
+
+
+def loaded_model(
+    model: Model | str | Path,
+    providers: str | Sequence[str],
+    threads: int,
+    executor: ExecutorName,
+    precision: Precision,
+    *,
+    capture: bool,
+) -> Model:
+    """Return a model that is loaded, or load it; arguments as of `Model.load`.
+
+    Raises:
+        ArgumentError: it is loaded, and how it runs is given again.
+        ModelError, ProviderError, ArgumentError: see `Model.load`.
+    """
+    if not isinstance(model, Model):
+        return Model.load(
+            model,
+            providers=providers,
+            threads=threads,
+            executor=executor,
+            precision=precision,
+            capture=capture,
+        )
+    words = {"providers": providers, "executor": executor, "precision": precision}
+    set_again = [name for name, word in words.items() if not (isinstance(word, str) and word == "auto")]
+    set_again += ["threads"] * (as_index(threads) != 0) + ["capture"] * (as_flag(capture) is not False)
+    if set_again:
+        raise ArgumentError(" and ".join(set_again), got="set beside a Model", want="set in Model.load")
+    return model

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 from numpy.typing import NDArray
 
-from supersampler.checked import checked_size
+from supersampler.arguments import checked_size
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.history import History

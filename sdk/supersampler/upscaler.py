@@ -7,23 +7,21 @@ from pathlib import Path
 from types import TracebackType
 from typing import NamedTuple, overload
 
-from supersampler.checked import checked_names, checked_path, checked_scale, checked_size
-from supersampler.checks import FrameChecker, Validate
+from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
+from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolation, ShadedPast
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
-from supersampler.gbuffers import GBUFFERS, black
-from supersampler.history import History, Result
-from supersampler.loading import loaded_model
+from supersampler.history import History, Result, Stats
+from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
-from supersampler.presets import PresetName, chosen
-from supersampler.ratios import display_size_of
+from supersampler.presets import PresetName, chosen, loaded_model
 from supersampler.recording.recorder import Recorder, setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
-from supersampler.stats import Stats
-from supersampler.tensors import Tensor, checked_tensors, size_of_tensors
+from supersampler.validation import FrameChecker, Validate
 
 
 class _Memory(NamedTuple):

@@ -13,7 +13,7 @@ from typer.testing import CliRunner
 from supersampler import SupersamplerError
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.color_video_vdp import Clips
 from supersampler_bench.quality import measure_quality
 from supersampler_model.data.analytic import Plane, checker

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from supersampler.frame import Float32
-from supersampler.shot import ClassMaps
+from supersampler.io.shot import ClassMaps
 from supersampler_bench import confusion
 from supersampler_bench.class_table import class_record, class_tables, rich_class_table
 from supersampler_bench.scores import FrameScores, MeanScores, MethodScores

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from supersampler import ArgumentError
-from supersampler.model_info import find_model
+from supersampler.methods.model_file import find_model
 from supersampler_bench.cost import cost_record, markdown_table, measure_cost
 from supersampler_model.methods.classifier_small import SmallClassifier
 

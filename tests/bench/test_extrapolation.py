@@ -13,7 +13,7 @@ from lit_scene import LitScene, even
 from supersampler import ArgumentError, Frame, Shot, ShotError, ShotWriter, halton_jitter
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.shot import ShotFrame
+from supersampler.io.shot import ShotFrame
 from supersampler_bench.extrapolation import (
     ACROSS,
     BETWEEN,

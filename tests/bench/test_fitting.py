@@ -9,9 +9,9 @@ import pytest
 from gbuffer_method import WANTED, exported, lit
 from noise import noise
 from supersampler import ArgumentError, Shot, ShotWriter, Upscaler, shipped_shot
-from supersampler.checks import FrameChecker
-from supersampler.display import auto_exposure, display_transform
-from supersampler.gbuffers import GBUFFERS, names_of
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.methods.gbuffers import GBUFFERS, names_of
+from supersampler.validation import FrameChecker
 from supersampler_bench.device import measure_device
 from supersampler_bench.fitting import dressed, gbuffers_of, why_not
 from supersampler_bench.pareto import Point

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from supersampler import ArgumentError, SupersamplerError
-from supersampler.display import CEILING_DB
+from supersampler.io.display import CEILING_DB
 from supersampler_bench import metrics
 
 Picture = NDArray[np.float64]

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from supersampler import ArgumentError
-from supersampler.model_info import find_model
+from supersampler.methods.model_file import find_model
 from supersampler_bench.parts import PARTS, markdown_table, measure_parts, parts_record
 from supersampler_export.count import multiply_adds
 

@@ -10,8 +10,8 @@ from typer.testing import CliRunner
 
 from supersampler import ShotError
 from supersampler.cli import app
-from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import Shot, copy_shot, shipped_shot
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, copy_shot, shipped_shot
 from supersampler_bench import public_shots
 from supersampler_bench.public_shots import (
     PublicShot,

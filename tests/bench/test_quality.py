@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from supersampler import Frame, Result, ShotError
-from supersampler.display import CEILING_DB
 from supersampler.frame import Float32
-from supersampler.shot import ClassMaps, Shot, ShotWriter
+from supersampler.io.display import CEILING_DB
+from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench import metrics, quality
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.scores import BORDER, MASKED, METRICS, FrameScores, MeanScores, MethodScores

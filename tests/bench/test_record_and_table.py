@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
-from supersampler.shot import ClassMaps, ShotWriter, shipped_shot
+from supersampler.io.shot import ClassMaps, ShotWriter, shipped_shot
 from supersampler_bench.gallery import Gallery
 from supersampler_bench.record import (
     Measured,

@@ -12,7 +12,7 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler import ArgumentError
-from supersampler.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench import pictures, quick
 from supersampler_bench.ablation import CHANCE
 from supersampler_bench.ablation import markdown_table as ablation_table

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from supersampler.backends.cpu import kernel_cache
 from supersampler.errors import ArgumentError
-from supersampler.host import kernel_cache
 from supersampler_bench import speed
 from supersampler_bench.cli import app
 from supersampler_bench.instructions import compile_for

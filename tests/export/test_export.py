@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
 from supersampler.cli import app
-from supersampler.model_info import find_model, read_model_info
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_in_torch

@@ -8,9 +8,9 @@ import torch
 
 from lit_scene import LitScene
 from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs
-from supersampler.model_info import find_model, read_model_info
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError

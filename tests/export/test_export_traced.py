@@ -7,7 +7,7 @@ import onnx
 import pytest
 
 from supersampler import model_names
-from supersampler.model_info import find_model
+from supersampler.methods.model_file import find_model
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import carry_graph
 from supersampler_export.graph import export_graph

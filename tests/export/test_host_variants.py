@@ -12,10 +12,10 @@ from torch import Tensor, nn
 
 from noise import Size, noise
 from supersampler import Frame, Model, Upscaler, display_transform
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs
-from supersampler.host.variant import Variant
-from supersampler.model_info import find_model
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
 from supersampler_export.host import host_network
 from supersampler_model.method import Size as ModelSize

@@ -16,10 +16,10 @@ import numpy as np
 from fuzzing import damaged, examples, replaced, run_apart
 from noise import noise
 from supersampler import Model, Upscaler
+from supersampler.backends.onnx.graph_file import refusal_of
+from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
-from supersampler.model_info import find_model, read_model_info
-from supersampler.onnx_file import refusal_of
-from supersampler.providers import CPU
+from supersampler.methods.model_file import find_model, read_model_info
 
 Rng = np.random.Generator
 

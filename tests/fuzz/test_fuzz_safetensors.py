@@ -14,7 +14,7 @@ from torch import zeros
 
 from fuzzing import damaged, examples, replaced, run_apart
 from supersampler import ShotError
-from supersampler.shot import import_arm
+from supersampler.io.shot import import_arm
 from supersampler_model.data.dataset import TrainingFrame, read_training_frame
 from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.trained import load_trained

@@ -15,7 +15,7 @@ from noise import noise
 from supersampler import ShotError
 from supersampler.cli.run_record import RunRecord, read_run_record
 from supersampler.conventions import Conventions
-from supersampler.shot import Shot, ShotWriter, open_source
+from supersampler.io.shot import Shot, ShotWriter, open_source
 
 FILES = ("0000.exr", "0001.exr", "display/0001.exr", "reference/0001.exr")
 CHANNELS = {
@@ -133,7 +133,7 @@ def test_a_description_that_never_ends_or_is_too_large_is_refused(
     shot: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("supersampler.shot.json_keys.JSON_BYTES", 100)
+        patch.setattr("supersampler.io.shot.json_keys.JSON_BYTES", 100)
         with pytest.raises(ShotError, match="is larger than"):
             Shot.open(shot)
     (shot / "shot.json").unlink()

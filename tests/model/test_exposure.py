@@ -7,7 +7,7 @@ import torch
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from supersampler.display import followed_exposure, usable_exposure
+from supersampler.io.display import followed_exposure, usable_exposure
 from supersampler_model.color import exposure_for
 
 

@@ -9,9 +9,9 @@ from torch import Tensor
 
 from lit_scene import LitScene
 from supersampler import Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler.graph_session import frame_inputs
 from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.classifier import Classifier

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
-from supersampler.graph_session import frame_inputs
 from supersampler_export.half import InHalf
 from supersampler_model.data.analytic import EXTENT, places
 from supersampler_model.method import Method

@@ -10,8 +10,8 @@ from torch import Tensor
 
 from lit_scene import LitScene, even
 from supersampler import Frame, halton_jitter
+from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
-from supersampler.graph_session import frame_inputs
 from supersampler_model.data.analytic import EXTENT, places
 from supersampler_model.method import Size as Extent
 from supersampler_model.methods.guided import back_to_shaded, numbers_of_least, samples_at

@@ -6,10 +6,11 @@ from pathlib import Path
 import pytest
 
 from apart import STEP, run_apart
-from supersampler.host.kernel_cache import Kernel, read_kernel, write_kernel
-from supersampler.host.kernel_loader import load_kernels
+from supersampler.backends.cpu.kernel_cache import Kernel, read_kernel, write_kernel
+from supersampler.backends.cpu.kernel_loader import load_kernels
 
-KERNEL = Kernel("frame.measure", "symbol", "ppi", b"\x7fELF machine code\n" * 9)
+KERNEL_NAME = "backends.cpu.kernels.frame.measure"
+KERNEL = Kernel(KERNEL_NAME, "symbol", "ppi", b"\x7fELF machine code\n" * 9)
 
 
 @pytest.fixture
@@ -38,7 +39,7 @@ def test_an_entry_with_any_bit_flipped_counts_as_missing(entry: Path) -> None:
 def test_zeros_a_folder_and_another_kernels_entry_count_as_missing(entry: Path) -> None:
     other = entry.with_name("frame.prepare.kernel")
     shutil.copyfile(entry, other)
-    assert read_kernel("frame.prepare") is None
+    assert read_kernel("backends.cpu.kernels.frame.prepare") is None
     entry.write_bytes(bytes(entry.stat().st_size))
     assert read_kernel(KERNEL.name) is None
     entry.unlink()
@@ -68,5 +69,8 @@ print(hashlib.sha256(upscaler("taa").step(noise(0)).tobytes()).hexdigest())
 
 
 def test_a_kernel_is_linked_once_in_a_process() -> None:
-    first, second = load_kernels("frame.measure"), load_kernels("frame.measure")
-    assert first["frame.measure"] is second["frame.measure"]
+    first, second = (
+        load_kernels(KERNEL_NAME),
+        load_kernels(KERNEL_NAME),
+    )
+    assert first[KERNEL_NAME] is second[KERNEL_NAME]

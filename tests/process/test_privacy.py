@@ -22,8 +22,8 @@ from pathlib import Path
 
 before = dict(os.environ)
 from supersampler import Upscaler, shipped_shot
-from supersampler.image_io import write_exr, write_png
-from supersampler.display import display_transform, to_uint8
+from supersampler.io.images import write_exr, write_png
+from supersampler.io.display import display_transform, to_uint8
 
 for name, executor in (("taa", "host"), ("bilinear", "graph")):
     upscaler = Upscaler(name, scale=2, executor=executor)

@@ -121,9 +121,9 @@ def test_kernels_are_compiled_where_no_python_can_be_started(tmp_path: Path, exe
     run_apart(
         f"""{STEP}
 import sys
-from supersampler.host.kernel_loader import load_kernels
+from supersampler.backends.cpu.kernel_loader import load_kernels
 sys.executable = {executable}
-load_kernels("frame.measure")
+load_kernels("backends.cpu.kernels.frame.measure")
 """,
         XDG_CACHE_HOME=str(tmp_path),
     )
@@ -149,8 +149,8 @@ def test_a_module_in_the_working_directory_is_not_imported_by_a_compilation(tmp_
         f"""{STEP}
 import os
 os.chdir({str(tmp_path)!r})
-from supersampler.host.kernel_loader import load_kernels
-load_kernels("frame.measure")
+from supersampler.backends.cpu.kernel_loader import load_kernels
+load_kernels("backends.cpu.kernels.frame.measure")
 """,
         "-P",
         XDG_CACHE_HOME=str(tmp_path / "cache"),

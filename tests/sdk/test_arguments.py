@@ -37,10 +37,9 @@ from supersampler import (
     render_size_for,
     shipped_shot,
 )
-from supersampler.checked import MAX_SIDE
+from supersampler.arguments import MAX_SIDE, MAX_THREADS
+from supersampler.backends.onnx.session import planes_of
 from supersampler.errors import shown
-from supersampler.graph_session import planes_of
-from supersampler.machine import MAX_THREADS
 from supersampler.model import ExecutorName
 
 SIZE, DISPLAY = (32, 18), (64, 36)

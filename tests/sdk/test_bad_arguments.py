@@ -22,10 +22,9 @@ from supersampler import (
     open_source,
     render_size_for,
 )
-from supersampler.checked import MAX_PIXELS, MAX_SIDE, checked_threads
+from supersampler.arguments import MAX_PIXELS, MAX_SIDE, MAX_THREADS, checked_threads
+from supersampler.backends.onnx.session import planes_of
 from supersampler.frame import MAX_CARRIED
-from supersampler.graph_session import planes_of
-from supersampler.machine import MAX_THREADS
 from supersampler.model import ExecutorName
 
 SIZE, DISPLAY = (32, 18), (64, 36)

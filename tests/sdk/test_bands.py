@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler.host.bands import Bands, Box, Job, shared
+from supersampler.backends.cpu.threads import Bands, Box, Job, shared
 
 boxes_in_rows = st.lists(
     st.tuples(st.integers(1, 40), st.integers(1, 60), st.integers(0, 9)), min_size=1, max_size=12

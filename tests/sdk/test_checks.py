@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler.checks import FrameChecker
 from supersampler.conventions import Conventions
+from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
-from supersampler.jitter import halton_jitter
-from supersampler.shot import shipped_shot
+from supersampler.io.shot import shipped_shot
+from supersampler.validation import FrameChecker
 from supersampler_model.data.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)

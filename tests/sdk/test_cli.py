@@ -17,9 +17,9 @@ from supersampler import Frame
 from supersampler.cli import app
 from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
-from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import Shot, ShotWriter, shipped_shot
-from supersampler.shot.shipped import SHIPPED
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, ShotWriter, shipped_shot
+from supersampler.io.shot.shipped import SHIPPED
 from supersampler.upscaler import Upscaler
 
 COUNT = 6
@@ -233,7 +233,7 @@ def test_bad_arguments_are_one_line(
 
 def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
     assert type(run("--debug", "info", "nothing").exception).__name__ == "ArgumentError"
-    monkeypatch.setattr("supersampler.model_info.model_names", lambda: 1 / 0)
+    monkeypatch.setattr("supersampler.methods.model_file.model_names", lambda: 1 / 0)
     assert type(run("info").exception).__name__ == "ZeroDivisionError"
 
 
@@ -247,7 +247,7 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
 
 
 def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supersampler.shot.shipped_shot", lambda: Shot.open(shot))
+    monkeypatch.setattr("supersampler.io.shot.shipped_shot", lambda: Shot.open(shot))
     done = run("demo", "-o", tmp_path / "out")
     assert done.exit_code == 0
     page = tmp_path / "out" / "compare.html"

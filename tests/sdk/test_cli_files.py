@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 
 from noise import noise
 from supersampler.cli import app
-from supersampler.image_io import write_exr
-from supersampler.shot import ShotWriter
+from supersampler.io.images import write_exr
+from supersampler.io.shot import ShotWriter
 
 DEEP = "[" * 100_000
 CHANNELS = {"color": ["R", "G", "B"], "depth": "Z", "motion": ["U", "V"]}

@@ -11,9 +11,9 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageInput
 
-from supersampler.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
+from supersampler.io.compare import ERROR_SCALE, PSNR, About, compare_layers, compare_page, false_color
 
 ABOUT = About(title="a <b>shot</b> </script>", method="taau", display_size=(8, 6))
 

@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.depth import DepthKind
+from supersampler.conventions.jitter import jittered_projection
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.frame import Frame, Size
-from supersampler.jitter import jittered_projection
 
 PRESETS: list[Callable[..., Conventions]] = [
     Conventions, Conventions.fsr, Conventions.xess, Conventions.streamline, Conventions.unreal,

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.detect import Detection, detect_conventions
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.shot import shipped_shot
+from supersampler.io.shot import shipped_shot
+from supersampler.validation import Detection, detect_conventions
 
 FIELDS = (
     "motion_unit", "motion_direction", "motion_flip_y", "motion_jittered",

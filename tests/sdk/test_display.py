@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from supersampler.display import ExposureMeter, auto_exposure, display_transform, srgb_oetf, to_uint8
+from supersampler.io.display import ExposureMeter, auto_exposure, display_transform, srgb_oetf, to_uint8
 
 HOSTILE = np.array(
     [[[np.nan, np.inf, -np.inf], [-1.0, 65504.0, 1e-45]], [[0.0, 0.0, 0.0], [1e38, 1.0, 0.5]]], np.float32

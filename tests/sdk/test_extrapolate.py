@@ -14,7 +14,7 @@ from lit_scene import LitScene
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ModelError, Result, Upscaler, halton_jitter
 from supersampler.frame import Float32
-from supersampler.model_info import extrapolation_names, model_names
+from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.format import RecordWriter, read_records
 from supersampler.recording.replay import Replay

@@ -10,7 +10,7 @@ from typer.testing import CliRunner, Result
 from lit_scene import LitScene
 from supersampler import Shot, ShotWriter, Upscaler, halton_jitter
 from supersampler.cli import app
-from supersampler.image_io import read_exr
+from supersampler.io.images import read_exr
 
 SIZE, DISPLAY, PATTERN = (64, 36), (128, 72), "suusu"
 

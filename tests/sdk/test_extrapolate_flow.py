@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 from alternating import alternate, drawn_by_torch
 from flow_method import TINY, Shadow, flow_weights, random_flow
 from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.providers import CPU
 from supersampler.cli import app
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
-from supersampler.providers import CPU
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 from supersampler_model.methods.guided_flow import GuidedFlow

@@ -16,10 +16,16 @@ from onnx import TensorProto
 from cuda_kernels import CPU_INPUTS, CUDA_KERNELS
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ProviderError, Upscaler
-from supersampler.fixed_step import with_display_size
-from supersampler.graph_executor import GraphExecutor
-from supersampler.model_info import extents, extrapolation_names, find_model, model_names, read_model_info
-from supersampler.providers import NAMES, capturing
+from supersampler.backends.onnx.cuda_graph import with_display_size
+from supersampler.backends.onnx.executor import GraphExecutor
+from supersampler.backends.onnx.providers import NAMES, capturing
+from supersampler.methods.model_file import (
+    extents,
+    extrapolation_names,
+    find_model,
+    model_names,
+    read_model_info,
+)
 from supersampler.recording.tensors import tensors_of_frame
 
 DISPLAY = (63, 35)
@@ -138,8 +144,8 @@ def test_warming_up_makes_what_the_first_step_runs(monkeypatch: pytest.MonkeyPat
     fixed = upscaler(load("taau", capture=True), display_size=(50, 30))
     expected = drawn(upscaler(load("taau"), display_size=(50, 30)), noise(1))
     fixed.warm_up((32, 18))
-    monkeypatch.setattr("supersampler.graph_executor.FixedStep", None)  # no other is made
-    monkeypatch.setattr("supersampler.graph_executor.GraphExecutor._run", None)  # nor is it done another way
+    monkeypatch.setattr("supersampler.backends.onnx.executor.FixedStep", None)  # no other is made
+    monkeypatch.setattr("supersampler.backends.onnx.executor.GraphExecutor._run", None)
     np.testing.assert_array_equal(drawn(fixed, noise(1)), expected)
 
 

@@ -21,13 +21,13 @@ from supersampler import (
     RawFrame,
     Upscaler,
 )
-from supersampler.checks import FrameChecker
+from supersampler.backends.onnx.session import image_of, planes_of
 from supersampler.frame import Size
-from supersampler.gbuffers import GBUFFERS, grouped, listed, names_of
-from supersampler.graph_session import image_of, planes_of
+from supersampler.methods.gbuffers import GBUFFERS, grouped, listed, names_of
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
 from supersampler.recording.tensors import tensors_of_frame
+from supersampler.validation import FrameChecker
 
 RENDER, DISPLAY = (32, 18), (64, 36)
 

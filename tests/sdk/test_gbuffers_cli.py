@@ -11,9 +11,9 @@ from gbuffer_method import RATIO, WANTED, exported, lit
 from noise import noise
 from supersampler import Conventions, Shot, ShotError, ShotWriter, Upscaler
 from supersampler.cli import app
-from supersampler.gbuffers import GBUFFERS, names_of
-from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import import_channels
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import import_channels
+from supersampler.methods.gbuffers import GBUFFERS, names_of
 
 RENDER, DISPLAY, FRAMES = (32, 18), (64, 36), 3
 

@@ -12,8 +12,8 @@ import pytest
 
 from noise import Size, noise
 from supersampler import ArgumentError, Frame, Model, ModelError, Upscaler, display_transform, shipped_shot
+from supersampler.backends.cpu.workspaces import KEPT, Workspaces
 from supersampler.frame import Float32
-from supersampler.host.workspaces import KEPT, Workspaces
 from supersampler.model import ExecutorName
 
 METHODS = ["taa", "taau", "classifier", "classifier-small"]

@@ -12,9 +12,9 @@ from noise import Size, noise
 from supersampler import Frame, halton_jitter
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
-from supersampler.host.guided_warp import GuidedWarpHost
+from supersampler.methods.extrapolation.cpu import GuidedWarpHost
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName
-from supersampler.model_info import find_model, read_model_info
 from supersampler_model.methods.guided_warp import GuidedWarp
 
 SIZES = [(32, 18), (33, 17), (61, 35), (5, 40), (16, 3), (1, 1)]

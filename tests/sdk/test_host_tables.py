@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler.host.layout import LANES
-from supersampler.host.tables import Axis, Filter, catmull_rom
+from supersampler.backends.cpu.layout import LANES
+from supersampler.backends.cpu.resample_tables import Axis, Filter, catmull_rom
 
 jitters = st.floats(-0.5, 0.5) | st.sampled_from([0.0, 1e-7, -1e-7, 0.4999999, 0.5, -0.5])
 

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 from numba import cfunc, types
 
-from supersampler.host import processor
-from supersampler.host.kernels.classifier_compose import factor
-from supersampler.host.kernels.colors import logarithm
-from supersampler.host.memory import address
-from supersampler.host.shuffles import load_columns, load_columns4, load_columns8
-from supersampler.host.vector import dot4, load16, picked, store
+from supersampler.backends.cpu import isa
+from supersampler.backends.cpu.kernels.colors import logarithm
+from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.simd.shuffles import load_columns, load_columns4, load_columns8
+from supersampler.backends.cpu.simd.vector import dot4, load16, picked, store
+from supersampler.methods.classifier.kernels.compose import factor
 
 FLOATS, WORDS = types.CPointer(types.float32), types.CPointer(types.int32)
 
@@ -23,7 +23,7 @@ FEATURES = ((), ("avx2",), ("avx2", "avxvnni"), ("avx2", "avx512f", "avx512vnni"
 
 
 def have_only(monkeypatch: pytest.MonkeyPatch, features: Collection[str]) -> None:
-    if not all(processor.has(feature) for feature in features):
+    if not all(isa.has(feature) for feature in features):
         pytest.skip("this processor has it not")
     monkeypatch.setattr(processor, "has", lambda feature: feature in features)
 

@@ -1,4 +1,4 @@
-"""Promises of supersampler.image_io."""
+"""Promises of supersampler.io.images."""
 
 import subprocess
 import sys
@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from OpenImageIO import ImageInput, ImageOutput, ImageSpec
 
 from supersampler import ShotError
-from supersampler.files import replacing
-from supersampler.image_io import encode_jpeg, encode_png, read_exr, read_exr_channels, write_exr, write_png
+from supersampler.io.atomic import replacing
+from supersampler.io.images import encode_jpeg, encode_png, read_exr, read_exr_channels, write_exr, write_png
 
 HOSTILE = [np.nan, np.inf, -np.inf, -0.0, 65504.0, 0.25, -1.5, 2.0**-24]  # all of them halves
 PIXELS = np.arange(5 * 7 * 3, dtype=np.float32).reshape(5, 7, 3)
@@ -171,7 +171,7 @@ FULL_DISK = """
 import resource, sys
 import numpy as np
 from supersampler.errors import ShotError
-from supersampler.image_io import write_exr, write_png
+from supersampler.io.images import write_exr, write_png
 resource.setrlimit(resource.RLIMIT_FSIZE, (10_000, 10_000))
 noise = np.random.default_rng(0).random((100, 100, 3), np.float32)
 for write, name, image in ((write_exr, "a.exr", noise), (write_png, "a.png", (noise * 255).astype(np.uint8))):

@@ -14,7 +14,7 @@ from imported_scene import (
     write_safetensors,
 )
 from supersampler import ShotError
-from supersampler.shot import (
+from supersampler.io.shot import (
     import_arm,
 )
 

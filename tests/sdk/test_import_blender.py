@@ -16,8 +16,8 @@ from imported_scene import (
     write_blender,
 )
 from supersampler import ArgumentError, ShotError
-from supersampler.image_io import write_exr
-from supersampler.shot import (
+from supersampler.io.images import write_exr
+from supersampler.io.shot import (
     import_blender,
 )
 

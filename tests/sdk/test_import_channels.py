@@ -25,8 +25,8 @@ from imported_scene import (
 )
 from supersampler import ArgumentError, ShotError
 from supersampler.conventions import Conventions
-from supersampler.image_io import write_exr
-from supersampler.shot import (
+from supersampler.io.images import write_exr
+from supersampler.io.shot import (
     copy_shot,
     import_channels,
     open_source,

@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler.errors import ArgumentError
-from supersampler.jitter import (
+from supersampler.conventions.jitter import (
     RATIOS,
     halton_jitter,
     jitter_phase_count,
@@ -15,6 +14,7 @@ from supersampler.jitter import (
     mip_bias,
     render_size_for,
 )
+from supersampler.errors import ArgumentError
 
 
 @pytest.mark.parametrize(

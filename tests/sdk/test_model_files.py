@@ -17,14 +17,14 @@ from onnx import TensorProto, helper
 
 from noise import noise
 from supersampler import Model, ModelError, Upscaler
+from supersampler.backends.cpu.layout import SEEN
+from supersampler.backends.cpu.network_file import read_network
+from supersampler.backends.onnx.graph_file import refusal_of
+from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
-from supersampler.host.layout import SEEN
-from supersampler.host.network_file import read_network
-from supersampler.host.variant import Variant
-from supersampler.json_fields import read_fields
-from supersampler.model_info import MAX_DESCRIPTION, find_model, read_model_info
-from supersampler.onnx_file import refusal_of
-from supersampler.providers import CPU
+from supersampler.io.json_fields import read_fields
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 
 Change = Callable[[dict[str, Any]], object]
 

@@ -25,7 +25,7 @@ from supersampler import (
 )  # fmt: skip
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.model_info import extrapolation_names, model_names
+from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import open_recording
 from supersampler.recording.replay import Replay
 

@@ -15,8 +15,8 @@ from supersampler import ShotError
 from supersampler.cli import app
 from supersampler.cli.results import Results
 from supersampler.cli.run_record import read_run_record
-from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import Shot, ShotWriter, copy_shot
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, ShotWriter, copy_shot
 
 COUNT = 4
 FOREIGN = "upscale.json does not list it"
@@ -139,7 +139,7 @@ KILLED = """
 import os, signal, sys
 sys.path.insert(0, {tests!r})
 from supersampler.cli import app
-from supersampler import image_io
+from supersampler.io import images as image_io
 import supersampler.cli.results as results
 write, left = results.write_exr, {count}
 def once(path, *rest):

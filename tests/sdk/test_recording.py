@@ -13,8 +13,8 @@ import pytest
 
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, RecordingError, Upscaler
+from supersampler.backends.onnx.session import planes_of
 from supersampler.frame import Float32
-from supersampler.graph_session import planes_of
 from supersampler.recording import CloseCall, LoadStateCall, ResetCall, StepCall, open_recording
 from supersampler.recording.format import Record, RecordWriter, read_records
 from supersampler.recording.replay import Replay, Replayed

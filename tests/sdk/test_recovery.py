@@ -11,7 +11,7 @@ import pytest
 from gbuffer_method import gbuffers
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
-from supersampler.gbuffers import grouped
+from supersampler.methods.gbuffers import grouped
 from supersampler_bench.stress.compare import Off, off
 from supersampler_bench.stress.scenario import Session, Subject
 from supersampler_bench.stress.scenes import STILL

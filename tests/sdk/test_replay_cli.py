@@ -10,10 +10,10 @@ from typer.testing import CliRunner, Result
 from noise import noise
 from supersampler import Upscaler
 from supersampler.cli import app
-from supersampler.image_io import read_exr
+from supersampler.io.images import read_exr
+from supersampler.io.shot import ShotWriter
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.format import RecordWriter, read_records
-from supersampler.shot import ShotWriter
 
 COUNT = 4
 

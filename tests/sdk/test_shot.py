@@ -15,8 +15,8 @@ import pytest
 
 from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.image_io import read_exr, write_exr
-from supersampler.shot import Shot, ShotWriter, copy_shot, shipped_shot
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, ShotWriter, copy_shot, shipped_shot
 from supersampler_model.data.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (16, 9), (32, 18)

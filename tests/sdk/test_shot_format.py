@@ -11,9 +11,9 @@ import pytest
 
 from supersampler import ShotError
 from supersampler.conventions import Conventions
-from supersampler.image_io import write_exr
-from supersampler.shot import FrameEntry, ShotInfo, import_described_channels
-from supersampler.shot.format import load_shot_json, shot_json
+from supersampler.io.images import write_exr
+from supersampler.io.shot import FrameEntry, ShotInfo, import_described_channels
+from supersampler.io.shot.format import load_shot_json, shot_json
 
 INFO = ShotInfo(
     name="dæmo",

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from supersampler import ArgumentError, Frame, ShotError
-from supersampler.image_io import read_exr
-from supersampler.shot import ClassMaps, Shot, ShotWriter, copy_shot, open_source
+from supersampler.io.images import read_exr
+from supersampler.io.shot import ClassMaps, Shot, ShotWriter, copy_shot, open_source
 from supersampler_model.data.analytic import Plane, checker
 
 DISPLAY_SIZE = (32, 18)

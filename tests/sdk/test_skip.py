@@ -17,11 +17,11 @@ from supersampler import (
     halton_jitter,
     jitter_phase_count,
 )
+from supersampler.backends.cpu.layout import TILE
+from supersampler.backends.cpu.tile_reuse import allowed_change
+from supersampler.backends.cpu.tiles import Tiles
 from supersampler.frame import Float32
 from supersampler.history import Result
-from supersampler.host.layout import TILE
-from supersampler.host.skipping import allowed_change
-from supersampler.host.tiles import Tiles
 
 METHODS = ["taa", "taau", "classifier"]
 RENDER: Size = (160, 112)

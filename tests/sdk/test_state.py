@@ -10,7 +10,7 @@ import pytest
 
 from still_states import FRAMES, frame, loaded, still_state, upscaler
 from supersampler import ArgumentError, Upscaler
-from supersampler.host.stillness import PHASES
+from supersampler.backends.cpu.static_tiles import PHASES
 from supersampler.state import STATE_VERSION, State
 
 STILL = (

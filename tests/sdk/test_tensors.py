@@ -9,7 +9,7 @@ import torch
 
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
-from supersampler.graph_session import planes_of
+from supersampler.backends.onnx.session import planes_of
 
 DISPLAY = (64, 36)
 

@@ -9,10 +9,10 @@ from typer.testing import CliRunner
 
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, Result, ShotWriter, Upscaler
-from supersampler.checks import FrameChecker
+from supersampler.aux_outputs import CLASS_COLORS, class_colors, map_layers
 from supersampler.cli import app
-from supersampler.image_io import read_exr
-from supersampler.maps import CLASS_COLORS, class_colors, map_layers
+from supersampler.io.images import read_exr
+from supersampler.validation import FrameChecker
 
 DISPLAY = (64, 36)
 TEMPORAL = ["taa", "taau", "classifier", "classifier-small"]

@@ -7,8 +7,8 @@ from itertools import islice
 import numpy as np
 
 from supersampler import Frame
-from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32
+from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.scenario import STEP, Figure, Measured, Session, Trial
 
 OUTLIER = 0.1

@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler.display import display_transform
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler_bench.stress.compare import alike, forgotten, recovery, side_by_side
 from supersampler_bench.stress.scenario import LARGEST, RECOVERY, STEP, Figure, Measured, Scenario, Trial
 from supersampler_bench.stress.scenes import PERIOD, moving, still

@@ -10,8 +10,8 @@ from typing import Any
 import supersampler
 import supersampler_bench.stress
 from supersampler.errors import ArgumentError
-from supersampler.files import replacing
 from supersampler.frame import Size
+from supersampler.io.atomic import replacing
 from supersampler_bench.stress import hostile, light, recovery, sampling, sessions, steady, travel
 from supersampler_bench.stress.scenario import Figure, Scenario, Subject
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from supersampler import Frame, Upscaler
-from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32, Size
+from supersampler.io.display import decibels, display_transform
 from supersampler_bench.stress.compare import looped, off
 from supersampler_bench.stress.contraction import EVERY, contraction
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Measured, Scenario, Trial

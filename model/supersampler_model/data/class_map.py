@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
-from supersampler.maps import CLASS_COLORS, NO_CLASS
 from supersampler_model.data.labels import Alias, Ghost, Labels
 
 Picture = NDArray[np.uint8]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
-from supersampler.shot import ClassMaps, ShotWriter
+from supersampler.io.shot import ClassMaps, ShotWriter
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label
 from supersampler_model.data.rendered import Rendered

@@ -12,7 +12,7 @@ from torch import distributed as dist
 
 from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
-from supersampler.files import check_ours
+from supersampler.io.atomic import check_ours
 from supersampler_model.data.dataset import open_dataset
 from supersampler_model.data.dataset.description import Split
 from supersampler_model.train.run_log import FILES as LOG_FILES

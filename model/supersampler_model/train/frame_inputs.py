@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from torch import Tensor
 
 from supersampler.errors import ArgumentError
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import TrainingFrame
 
 

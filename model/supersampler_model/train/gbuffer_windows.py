@@ -14,7 +14,7 @@ from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.train.frame_inputs import gbuffers, planes

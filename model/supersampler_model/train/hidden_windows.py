@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 
 from supersampler.errors import ArgumentError
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.train.gbuffer_windows import SurfaceCut, draw_world

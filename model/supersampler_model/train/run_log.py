@@ -10,10 +10,10 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from torch.utils.tensorboard import SummaryWriter
 
-from supersampler.display import to_uint8
-from supersampler.files import replacing
 from supersampler.frame import Float32
-from supersampler.image_io import write_png
+from supersampler.io.atomic import replacing
+from supersampler.io.display import to_uint8
+from supersampler.io.images import write_png
 
 FILES = ("log.csv", "curves.png", "picture.png", "tensorboard")
 """What a log consists of, by name in its folder."""

@@ -5,9 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
-from supersampler.display import auto_exposure
 from supersampler.errors import ShotError
-from supersampler.shot import Shot, ShotFrame
+from supersampler.io.display import auto_exposure
+from supersampler.io.shot import Shot, ShotFrame
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
 from supersampler_model.data.dataset.frame_file import write_training_frame

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 import numpy as np
 from torch import Tensor
 
-from supersampler.display import decibels, display_transform
 from supersampler.frame import Float32
+from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.method import Method, Size

@@ -11,8 +11,8 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 
 if TYPE_CHECKING:
+    from supersampler.io.shot import Shot
     from supersampler.model import Skip
-    from supersampler.shot import Shot
 
 ShotArgument = Annotated[str, typer.Argument(metavar="SHOT", help="A shot, or the name of a shipped one.")]
 
@@ -63,7 +63,7 @@ def open_shot(text: str) -> "Shot":
     Raises:
         ShotError: nothing that is known lies there.
     """
-    from supersampler.shot import open_source, shipped_shot
+    from supersampler.io.shot import open_source, shipped_shot
 
     is_name = not Path(text).exists() and Path(text).name == text
     if is_name:

@@ -22,8 +22,8 @@ def check(
     Example:
       supersampler check shots/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.detect import detect_conventions
-    from supersampler.gbuffers import listed, names_of
+    from supersampler.methods.gbuffers import listed, names_of
+    from supersampler.validation import detect_conventions
 
     opened = open_shot(shot)
     detection = detect_conventions(opened, frames=frames)

@@ -16,7 +16,7 @@ def demo(
     network: drag the split, step through the frames, zoom.
     """
     from supersampler.cli.run import UpscaleJob, run_job
-    from supersampler.shot import shipped_shot
+    from supersampler.io.shot import shipped_shot
 
     job = UpscaleJob(
         shot=shipped_shot(),

@@ -14,7 +14,7 @@ from supersampler.errors import ArgumentError, ShotError
 
 if TYPE_CHECKING:
     from supersampler.conventions import Conventions
-    from supersampler.shot import Shot
+    from supersampler.io.shot import Shot
 
 _PRESETS = ("fsr", "xess", "streamline", "unreal", "unity", "blender", "arm_gym")
 _OBJECT = 'an object, {"name": value, ...}'
@@ -68,7 +68,7 @@ def import_shot(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from rich.console import Console
 
-    from supersampler.shot import copy_shot
+    from supersampler.io.shot import copy_shot
 
     options: dict[str, Any] = {
         "jitter": jitter,
@@ -87,8 +87,8 @@ def import_shot(
 
 def _open(source: Path, layout: Layout, options: dict[str, Any]) -> "Shot":
     """Open with the layout's importer, once it is sure that the importer takes these options."""
-    from supersampler import shot
-    from supersampler.shot.sources import guess_layout
+    from supersampler.io import shot
+    from supersampler.io.shot.sources import guess_layout
 
     found: str = "channels" if "channel_map" in options else layout.value
     if found == Layout.auto:
@@ -125,7 +125,7 @@ def _conventions(text: str) -> "Conventions":
 
 
 def _read_json(path: Path, option: str) -> dict[str, Any]:
-    from supersampler.shot.json_keys import read_json
+    from supersampler.io.shot.json_keys import read_json
 
     try:
         content = read_json(path)

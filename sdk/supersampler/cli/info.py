@@ -9,8 +9,8 @@ import typer
 from supersampler.cli.arguments import open_shot, printable, size_text
 
 if TYPE_CHECKING:
-    from supersampler.model_info import ModelInfo, TensorInfo
-    from supersampler.shot import Shot
+    from supersampler.io.shot import Shot
+    from supersampler.methods.model_file import ModelInfo, TensorInfo
 
 
 def info(
@@ -25,7 +25,7 @@ def info(
       supersampler info taau
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.model_info import extrapolation_names, find_model, model_names, read_model_info
+    from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
 
     models, extrapolations = model_names(), extrapolation_names()
     if what is None:
@@ -48,7 +48,7 @@ def _print_rows(rows: dict[str, str]) -> None:
 
 
 def _model_rows(model: "ModelInfo") -> dict[str, str]:
-    from supersampler.gbuffers import listed
+    from supersampler.methods.gbuffers import listed
 
     ratio = "only {}".format if model.only_ratio else "{} to {}".format
     ratios = f"{ratio(*model.ratios)} (display over render size, each axis)"
@@ -87,7 +87,7 @@ def _tensor_text(tensor: "TensorInfo") -> str:
 
 
 def _shot_rows(shot: "Shot") -> dict[str, str]:
-    from supersampler.gbuffers import listed, names_of
+    from supersampler.methods.gbuffers import listed, names_of
 
     frame = shot.read(0).frame
     return {

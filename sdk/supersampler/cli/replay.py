@@ -103,7 +103,7 @@ def _say(line: str) -> None:
 def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: bool) -> "Results":
     from supersampler import __version__
     from supersampler.cli.results import Results
-    from supersampler.files import check_apart
+    from supersampler.io.atomic import check_apart
 
     check_apart(folder, replay.recording.path)
     results = Results(folder, formats)
@@ -123,7 +123,7 @@ def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: boo
 
 def _heads(replay: "Replay") -> list[str]:
     """Of what the recording is, and both machines."""
-    from supersampler.machine import machine
+    from supersampler.io.machine import machine
     from supersampler.recording.recorder import versions
 
     setup, model = replay.recording.setup, replay.model

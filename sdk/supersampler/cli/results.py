@@ -20,11 +20,11 @@ from supersampler.cli.run_record import (
     numbered,
     read_run_record,
 )
-from supersampler.display import display_transform, to_uint8
 from supersampler.errors import ShotError
-from supersampler.files import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.frame import Float32
-from supersampler.image_io import write_exr, write_png
+from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
+from supersampler.io.display import display_transform, to_uint8
+from supersampler.io.images import write_exr, write_png
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{re.escape(FILE_NAME)}|{re.escape(PAGE)}")
 _LARGEST_HALF = 65504.0

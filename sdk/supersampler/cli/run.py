@@ -21,10 +21,15 @@ from rich.progress import (
 from rich.text import Text
 
 from supersampler import __version__
+from supersampler.aux_outputs import LEGENDS, map_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.results import Results
-from supersampler.compare import (
+from supersampler.errors import FrameError, ShotError
+from supersampler.frame import Frame, Size
+from supersampler.history import Result
+from supersampler.io.atomic import check_apart, remove_files
+from supersampler.io.compare import (
     ERROR_LEGEND,
     About,
     ComparePage,
@@ -32,16 +37,11 @@ from supersampler.compare import (
     compare_page,
     versions,
 )
-from supersampler.display import ExposureMeter
-from supersampler.errors import FrameError, ShotError
-from supersampler.files import check_apart, remove_files
-from supersampler.frame import Frame, Size
-from supersampler.history import Result
-from supersampler.maps import LEGENDS, map_layers
+from supersampler.io.display import ExposureMeter
+from supersampler.io.shot import Shot
+from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model, Precision, Skip
-from supersampler.model_info import find_model, read_model_info
 from supersampler.presets import PresetName, chosen
-from supersampler.shot import Shot
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64

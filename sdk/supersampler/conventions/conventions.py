@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from typing import Any, Literal, Self, get_args
 
-from supersampler.checked import as_number, checked_choice
+from supersampler.arguments import as_number, checked_choice
 from supersampler.conventions.converter import Converter
 from supersampler.conventions.depth import DepthKind
 from supersampler.errors import ArgumentError, shown

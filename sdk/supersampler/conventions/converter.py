@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.checked import checked_size
+from supersampler.arguments import checked_size
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
 from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.raw_frame import RawFrame

@@ -7,10 +7,9 @@ from typing import Any, Literal, TypeAlias, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.checked import MAX_SIDE, checked_size
+from supersampler.arguments import MAX_SIDE, MAX_THREADS, checked_size
 from supersampler.frame import Float32, Frame, Size
-from supersampler.machine import MAX_THREADS
-from supersampler.model_info import ModelInfo
+from supersampler.methods.model_file import ModelInfo
 from supersampler.recording.format import Record
 from supersampler.recording.outcome import Outcome, checked_image
 from supersampler.recording.values import flag, members, number, text, texts, whole
@@ -66,7 +65,7 @@ class Setup(RecordedModel):
         scale: display over render size; not looked at beside a display size.
         skip, validate: see `Upscaler`.
         versions: of this package, Python and the packages that pictures depend on.
-        machine: see `supersampler.machine`.
+        machine: see `supersampler.io.machine`.
     """
 
     contract: int

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import RecordingError
-from supersampler.files import NO_ROOM
+from supersampler.io.atomic import NO_ROOM
 
 MAGIC = b"\x89SSR\r\n\x1a\n"
 """As PNG's: a file that was sent as text, or lost its eighth bits, is known at once."""

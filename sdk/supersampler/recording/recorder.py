@@ -8,18 +8,18 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 import numpy as np
 
 from supersampler import __version__
+from supersampler.backends.onnx.tensors import Tensor
 from supersampler.errors import ArgumentError, RecordingError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.gbuffers import only_gbuffers
 from supersampler.history import Result
-from supersampler.machine import installed_versions, machine
-from supersampler.model_info import CONTRACT, ModelInfo
+from supersampler.io.machine import installed_versions, machine
+from supersampler.methods.gbuffers import only_gbuffers
+from supersampler.methods.model_file import CONTRACT, ModelInfo
 from supersampler.recording.calls import RecordedModel, Setup, setup_record, state_record, step_record
 from supersampler.recording.format import Record, RecordWriter
 from supersampler.recording.outcome import Outcome, outcome_record, raised, returned
 from supersampler.recording.tensors import frame_of_tensors, image_of_tensor
 from supersampler.state import State
-from supersampler.tensors import Tensor
 
 if TYPE_CHECKING:
     from supersampler.model import Model, Skip

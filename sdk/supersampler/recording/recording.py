@@ -5,7 +5,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from supersampler.errors import RecordingError, SupersamplerError
-from supersampler.model_info import CONTRACT
+from supersampler.methods.model_file import CONTRACT
 from supersampler.recording.calls import (
     FORMAT,
     Call,

@@ -7,18 +7,18 @@ from typing import Literal, cast
 
 import numpy as np
 
-from supersampler.display import ExposureMeter, display_transform
+from supersampler.backends.onnx.providers import resolve_providers
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import Result
-from supersampler.model import ExecutorName, Model, Precision
-from supersampler.model_info import (
+from supersampler.io.display import ExposureMeter, display_transform
+from supersampler.methods.model_file import (
     extrapolation_names,
     find_model,
     model_names,
     read_model_info,
     shipped_model,
 )
-from supersampler.providers import resolve_providers
+from supersampler.model import ExecutorName, Model, Precision
 from supersampler.recording.calls import (
     Call,
     LoadStateCall,

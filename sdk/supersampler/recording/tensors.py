@@ -5,12 +5,12 @@ from typing import Any
 
 import numpy as np
 
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import image_of, pixels_of, planes_of
+from supersampler.backends.onnx.tensors import Tensor, taken
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame
-from supersampler.gbuffers import GBUFFERS, grouped, names_of
-from supersampler.graph_session import image_of, pixels_of, planes_of
-from supersampler.onnx_runtime import ort
-from supersampler.tensors import Tensor, taken
+from supersampler.methods.gbuffers import GBUFFERS, grouped, names_of
 
 _IMAGES = ("color", "depth", "motion")
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
-from supersampler.maps import CLASS_COLORS, NO_CLASS
 from supersampler_model.data.class_map import class_picture, masks_of, overlay, with_legend
 from supersampler_model.data.labels import Labels
 

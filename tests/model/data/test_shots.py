@@ -7,7 +7,7 @@ import pytest
 
 from gl_scenes import Yard
 from supersampler import ArgumentError, halton_jitter
-from supersampler.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label
 from supersampler_model.data.product_shot import Plaza

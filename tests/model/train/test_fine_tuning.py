@@ -8,7 +8,7 @@ import torch
 
 from supersampler import halton_jitter
 from supersampler.errors import ShotError
-from supersampler.shot import Shot, ShotWriter
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler_model.data.analytic import DiscOverPlane
 from supersampler_model.methods.classifier import Classifier
 from supersampler_model.train.classifier_task import ClassifierTask

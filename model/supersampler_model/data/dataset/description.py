@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from supersampler.errors import ShotError
-from supersampler.files import is_there, replacing
-from supersampler.shot.json_keys import read_json
+from supersampler.io.atomic import is_there, replacing
+from supersampler.io.shot.json_keys import read_json
 from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec

@@ -12,8 +12,8 @@ from safetensors.numpy import save
 
 from supersampler import Frame
 from supersampler.errors import ShotError
-from supersampler.files import replacing
-from supersampler.shot.safetensors import open_safetensors
+from supersampler.io.atomic import replacing
+from supersampler.io.shot.safetensors import open_safetensors
 from supersampler_model.data.errors import DatasetError
 
 _AGAIN = "Delete it and render again: what is complete is kept."

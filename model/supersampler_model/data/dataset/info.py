@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from supersampler.image_io import write_png
+from supersampler.io.images import write_png
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry, Split, open_dataset, shares
 from supersampler_model.data.dataset.sheet import contact_sheet
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import display_transform
-from supersampler.display import to_uint8
-from supersampler.image_io import write_png
+from supersampler.io.display import to_uint8
+from supersampler.io.images import write_png
 from supersampler_model.data.class_map import overlay, with_legend
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.labels import Labels

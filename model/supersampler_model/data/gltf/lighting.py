@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from OpenImageIO import ImageInput, geterror
 
-from supersampler.limits import image_size_problem
+from supersampler.io.limits import image_size_problem
 from supersampler_model.data.environment import Environment, directions
 from supersampler_model.data.gltf.accessors import Values
 from supersampler_model.data.gltf.errors import MalformedError, reading

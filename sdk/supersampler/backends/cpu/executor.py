@@ -1,0 +1,47 @@
+"""What the kernels of all methods are driven alike by: threads, reading of frames, skipping."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.frame_preprocess import Reader
+from supersampler.backends.cpu.kernel_loader import Call
+from supersampler.backends.cpu.threads import Bands
+from supersampler.backends.cpu.tile_reuse import Skipping
+from supersampler.backends.cpu.tile_state import Trail
+from supersampler.frame import Float32, Size
+
+
+class Buffers(Protocol):
+    """A history, whatever else it holds."""
+
+    trail: Trail
+
+
+class Host:
+    """Base of the executors on this processor; see `Executor`.
+
+    Args:
+        kernels: READING and SKIPPING, at least.
+        bands: threads.
+    """
+
+    name = "host"
+
+    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
+        self.bands = bands
+        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
+
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        self.bands.seconds = {}
+        return self.bands.seconds
+
+    def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
+        """See `Executor`."""
+        return buffers.trail.arrays()
+
+    def work(self, buffers: Buffers, display: Size) -> Float32:  # noqa: ARG002  # known
+        """See `Executor`."""
+        return buffers.trail.work

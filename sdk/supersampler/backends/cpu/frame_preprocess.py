@@ -1,0 +1,150 @@
+"""What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from supersampler.backends.cpu.kernel_loader import Call
+from supersampler.backends.cpu.layout import FILTERED, LANES, PAD, SAMPLED
+from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.resample_tables import Filter, Kernel, Looks, up_to
+from supersampler.backends.cpu.threads import Bands
+from supersampler.backends.plan import held_bytes
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
+
+_KERNELS = "backends.cpu.kernels.frame"
+READING = (
+    f"{_KERNELS}.measure",
+    f"{_KERNELS}.prepare",
+    f"{_KERNELS}.closest",
+)
+
+
+class Planes(NamedTuple):
+    """Arrays of a frame as kernels read them, C-contiguous float32."""
+
+    color: Float32  # (h, w, 3)
+    depth: Float32  # (h, w)
+    motion: Float32  # (h, w, 2)
+
+    @classmethod
+    def of(cls, frame: Frame) -> "Planes":
+        """Convert where needed."""
+        return cls(*(np.ascontiguousarray(a, np.float32) for a in (frame.color, frame.depth, frame.motion)))
+
+
+class Samples:
+    """A frame's toned samples, depth and motion; see kernels.frame for what lies where."""
+
+    def __init__(self, render: Size) -> None:
+        w, h = render
+        self.stride = stride = up_to(w, LANES)
+        self.wide = stride + 2 * PAD
+        self.color = aligned((h, SAMPLED, self.wide))
+        self.depths, self.across, self.down, self.eroded = aligned((4, h, self.wide))
+        self.front, self.own = aligned((2, h, stride, 4))
+
+
+class View:
+    """How a display looks at frames of one size, and their samples.
+
+    Args:
+        render, display: sizes.
+        filters, windows: of samples; see `Axis`.
+        threads: that filter.
+
+    Attributes:
+        x, y: its axes, as it looks at the frame.
+        lines: that each thread filters in, FILTERED and four more.
+        samples: of the frame that is looked at.
+    """
+
+    def __init__(
+        self,
+        render: Size,
+        display: Size,
+        filters: Sequence[Filter],
+        threads: int,
+        windows: Sequence[Kernel] = (),
+    ) -> None:
+        self._looks = Looks(render, display, filters, windows)
+        self.look((0.0, 0.0))
+        self.samples = Samples(render)
+        self.lines = aligned((threads, (FILTERED + 4) * self.samples.wide + LANES))
+
+    def look(self, jitter: tuple[float, float]) -> None:
+        """Look at a frame with this jitter."""
+        self.x, self.y = self._looks.at(jitter)
+
+    def most_bytes(self) -> int:
+        """What it comes to hold."""
+        return held_bytes(self) + self._looks.most_bytes()
+
+
+class Weight:
+    """The share of the past, in rows of whole LANES, where it is asked for; 1 where nothing is drawn."""
+
+    def __init__(self, told: Collection[str], display: Size) -> None:
+        self._width, asked = display[0], "weight" in told
+        shape = (1, 1, display[1], up_to(display[0], LANES))
+        self._rows = np.ones(shape, np.float32) if asked else None
+
+    @property
+    def arguments(self) -> tuple[int, int]:
+        """Address, and whether it is one."""
+        return (0, 0) if self._rows is None else (address(self._rows), 1)
+
+    def told(self) -> dict[str, Float32]:
+        """What an executor returns."""
+        return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
+
+
+def bordered(plane: Float32, wide: int) -> Float32:
+    """(k, h, w) as (h, wide, k) with PAD columns before and at least as many after that repeat the border."""
+    room = PAD, wide - plane.shape[2] - PAD
+    return np.pad(plane.transpose(1, 2, 0), ((0, 0), room, (0, 0)), "edge")
+
+
+class Reader:
+    """What every method begins with.
+
+    Args:
+        kernels: READING.
+        bands: threads.
+    """
+
+    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
+        self._bands = bands
+        self._measure, self._prepare, self._closest = (kernels[name] for name in READING)
+
+    def exposure(self, frame: Frame, color: Float32, before: float) -> float:
+        """What the frame gives, else 0.18 over its log-average luminance; see `followed_exposure`."""
+        given = usable_exposure(frame.exposure)
+        target = self._measured(color) if given is None else None
+        return float(np.float32(followed_exposure(given, target, before)))
+
+    def _measured(self, color: Float32) -> float | None:
+        """None where no pixel is usable."""
+        h, w = color.shape[:2]
+        rows = np.zeros((h, 2), np.float32)
+        self._bands.run("read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
+        logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
+        return EXPOSURE_KEY * math.exp(-logs / count) if count else None
+
+    def read(self, planes: Planes, exposure: float, to: Samples) -> None:
+        """Tone the samples; find what is in front."""
+        (h, w), stride = planes.depth.shape, to.stride
+        inputs = [address(plane) for plane in planes]
+        color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
+        found = [address(plane) for plane in (to.front, to.own, to.eroded)]
+
+        def read(y0: int, y1: int, _: int) -> None:
+            # a row more on either side: what two threads both write is the same
+            more = max(y0 - 1, 0), min(y1 + 1, h)
+            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down)
+            self._closest(depths, across, down, w, h, stride, y0, y1, *found)
+
+        self._bands.run("read", h, read)

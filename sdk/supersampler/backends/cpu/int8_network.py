@@ -1,0 +1,163 @@
+"""The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.kernel_loader import Call
+from supersampler.backends.cpu.layout import LANES, PAD, RECORD, TILE
+from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.network_file import KEPT, read_network
+from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.threads import Bands, Box
+from supersampler.backends.cpu.tiles import Tiles
+from supersampler.frame import Size
+from supersampler.methods.model_file import ModelInfo
+
+Bytes = NDArray[np.uint8]
+LevelWork = Callable[[int, int, Box, int], None]
+ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
+ROOM = 16  # pixels after a row: kernels do several at once
+SIX = 6  # so many; they write nothing beyond a row that is at least as long
+
+
+LEVEL = "backends.cpu.kernels.encode.level"
+
+
+class Layer:
+    """Weights of a layer, and how its sums become bytes or values: addresses."""
+
+    def __init__(self, arrays: Mapping[str, NDArray[Any]], name: str) -> None:
+        self._arrays = [arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias")]
+        self.weights, self.scale, self.bias = (address(array) for array in self._arrays)
+        self.blocks, self.words = self._arrays[0].shape[:2]  # of the last: outputs, words
+        self.outputs = len(self._arrays[1])
+
+
+class ByteNetwork:
+    """Weights of all layers.
+
+    Args:
+        info: the model, whose folder has a network.npz.
+        outputs: of the last layer.
+        level: the kernel LEVEL.
+
+    Raises:
+        ModelError: network.npz is damaged, or not what the model's config and the kernels make it.
+    """
+
+    def __init__(self, info: ModelInfo, outputs: int, level: Call) -> None:
+        arrays = read_network(info, outputs)
+        self.levels = [
+            tuple(Layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
+            for level in range(len(KEPT))
+        ]
+        self.decoder, self.hidden, self.mixing = (Layer(arrays, n) for n in ("decoder", "hidden", "mixing"))
+        self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
+        self.level = level
+
+
+class _Level:
+    """Buffers of a level: x within a border of one pixel, and what it gives; rows at which it may be cut."""
+
+    def __init__(self, layers: tuple[Layer, ...], width: int, height: int, multiple: int) -> None:
+        self.first, self.spatial, self.last = layers
+        self.width, self.height, self.multiple = width, height, multiple
+        self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
+        self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
+        self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
+
+    def row_of(self, image: Bytes) -> int:
+        """Bytes from row to row."""
+        return int(image.shape[1] * image.shape[2])
+
+
+class Encoder:
+    """The encoder at one size.
+
+    Attributes:
+        records: (half height, row, RECORD) words, what is known of packed pixels.
+        means: (half height, 2, stride) from which what is around them gets there, with PAD on either side.
+        kept: addresses of what each level gives.
+        pitches: bytes a pixel of each, then bytes a row.
+    """
+
+    def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
+        self._bands = bands
+        width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
+        self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
+        self.means = aligned((half[1], 2, up_to(half[0], LANES) + 2 * PAD))
+        self._levels = [
+            _Level(layers, width >> level, height >> level, ALIGNED >> level)
+            for level, layers in enumerate(network.levels)
+        ]
+        self._scratch = aligned((bands.threads, 4, self.means.shape[2]))
+        most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
+        self._lines = aligned((bands.threads, most), np.uint8)
+        own = [
+            (*(address(row) for row in rows), address(line), address(line))
+            for rows, line in zip(self._scratch, self._lines, strict=True)
+        ]
+        seen = (
+            address(self.means), *half, self.means.shape[2], address(self.records),
+            self.records.shape[1] * RECORD,
+        )  # fmt: skip
+        self._work = [_work_of(network, self._levels, depth, seen, own) for depth in range(len(KEPT))]
+        self.kept = [address(level.out) for level in self._levels]
+        pitches = [level.last.outputs for level in self._levels]
+        rows = [level.row_of(level.out) for level in self._levels]
+        self.pitches = np.array([*pitches, *rows], np.int32)
+
+    def run(self, tiles: Tiles) -> None:
+        """All of it, of tiles."""
+        for depth, (level, work) in enumerate(zip(self._levels, self._work, strict=True)):
+            boxes = tiles.boxes(TILE // 2 >> depth, (level.width, level.height), halo=True)
+            if len(boxes) > 1 or level.width < SIX:
+                self._run_apart(level, boxes, work)
+            else:
+                self._run_whole(level, boxes, work)
+
+    def _run_whole(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        """All layers of a level at once, of one box."""
+        (whole,) = boxes
+
+        def do(box: Box, worker: int) -> None:
+            # a row more on either side, in place of a wait: what two threads both write is the same
+            work(max(box.y0 - 1, whole.y0), min(box.y1 + 1, whole.y1), box, worker)
+
+        self._bands.cover("encode", boxes, do, multiple=level.multiple)
+
+    def _run_apart(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+        """The first layer, then those that see one pixel around them, which another box may have done."""
+
+        def first(box: Box, worker: int) -> None:
+            work(box.y0, box.y1, box._replace(y1=box.y0), worker)
+
+        def others(box: Box, worker: int) -> None:
+            work(box.y0, box.y0, box, worker)
+
+        for do in (first, others):
+            self._bands.cover("encode", boxes, do, multiple=level.multiple)
+
+
+def _work_of(
+    network: ByteNetwork,
+    levels: Sequence[_Level],
+    depth: int,
+    seen: Sequence[int],
+    own: Sequence[Sequence[int]],
+) -> LevelWork:
+    """Does a level: its first layer in rows from the first number to before the second, others in a box."""
+    above, level = levels[max(depth - 1, 0)], levels[depth]
+    skipped = KEPT[depth - 1] * 4 ** (depth - 1) if depth else 0
+    arguments = (
+        *seen, address(above.out) + skipped, above.last.outputs, above.row_of(above.out),
+        level.given if depth else 0, level.first.words, level.first.weights, level.first.blocks,
+        level.first.scale, level.first.bias, address(level.x), level.first.outputs, level.row_of(level.x),
+        level.width, level.spatial.outputs, level.spatial.weights, level.spatial.scale, level.spatial.bias,
+        level.last.weights, level.last.blocks, level.last.scale, level.last.bias, address(level.out),
+        level.last.outputs, level.row_of(level.out),
+    )  # fmt: skip
+    return lambda y0, y1, box, worker: network.level(*arguments, *own[worker], y0, y1, *box)

@@ -1,0 +1,101 @@
+"""Compiled kernels on disk. An entry that is not, byte for byte, what was written is treated as missing."""
+
+import hashlib
+import os
+import platform
+from contextlib import suppress
+from functools import cache
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from typing import NamedTuple
+
+from supersampler.errors import KernelError, ShotError
+from supersampler.io.atomic import replacing
+
+_MAGIC = b"supersampler kernel 1\n"
+_DIGEST = 32  # bytes of a SHA-256
+
+
+class Kernel(NamedTuple):
+    """One compiled kernel.
+
+    Attributes:
+        name: as `load_kernels` takes it.
+        symbol: of the function in the object file.
+        parameters: a letter for each parameter: p pointer, i int64, f float32.
+        code: the object file.
+    """
+
+    name: str
+    symbol: str
+    parameters: str
+    code: bytes
+
+
+def cache_folder() -> Path:
+    """Return the folder of kernels compiled from these sources for this processor.
+
+    Raises:
+        KernelError: numba or llvmlite is not installed.
+    """
+    root = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
+    return root / "supersampler" / "kernels" / _key()
+
+
+def keeps_kernels() -> bool:
+    """Make the folder where it is missing, and say whether it can be written."""
+    folder = cache_folder()
+    with suppress(OSError):
+        folder.mkdir(parents=True, exist_ok=True)
+    return folder.is_dir() and os.access(folder, os.W_OK)
+
+
+def read_kernel(name: str) -> Kernel | None:
+    """Return the cached kernel; None where there is no entry, or a damaged one, or another kernel's."""
+    try:
+        content = _path(name).read_bytes()
+    except OSError:
+        return None
+    head, payload = content[: len(_MAGIC) + _DIGEST], content[len(_MAGIC) + _DIGEST :]
+    if head != _MAGIC + hashlib.sha256(payload).digest():
+        return None
+    header, _, code = payload.partition(b"\n")
+    written_as, symbol, parameters = header.decode().split(" ")
+    return Kernel(name, symbol, parameters, code) if written_as == name else None
+
+
+def write_kernel(kernel: Kernel) -> None:
+    """Keep a kernel for later processes, where the folder can be written."""
+    payload = f"{kernel.name} {kernel.symbol} {kernel.parameters}\n".encode() + kernel.code
+    with suppress(ShotError), replacing(_path(kernel.name)) as partial, partial.open("wb") as file:
+        file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
+        file.flush()
+        os.fsync(file.fileno())  # before the rename: a power cut must not leave the name without the bytes
+
+
+def _path(name: str) -> Path:
+    return cache_folder() / f"{name}.kernel"
+
+
+@cache
+def _key() -> str:
+    """Hash of all that the machine code depends on: sources, compiler, processor."""
+    try:
+        import llvmlite.binding as llvm
+
+        versions = version("numba"), version("llvmlite")
+    except (ImportError, OSError, PackageNotFoundError) as error:
+        raise KernelError(f"numba and llvmlite, which compile kernels, cannot be used ({error})") from error
+    hashed = hashlib.sha256()
+    package = Path(__file__).parents[2]
+    for folder in ("backends/cpu", "methods"):
+        for path in sorted((package / folder).rglob("*.py")):
+            hashed.update(path.read_bytes())
+    for part in (
+        *versions,
+        platform.machine(),
+        os.environ.get("NUMBA_CPU_NAME") or llvm.get_host_cpu_name(),
+        os.environ.get("NUMBA_CPU_FEATURES") or llvm.get_host_cpu_features().flatten(),
+    ):
+        hashed.update(part.encode())
+    return hashed.hexdigest()[:16]

@@ -1,0 +1,159 @@
+"""network.npz of a model folder, read so that a stranger's does no harm: each array is what kernels read.
+
+Its shapes follow from the widths in model.json; `supersampler_export.quantize` writes them, and says why.
+"""
+
+import io
+import zipfile
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, BinaryIO
+
+import numpy as np
+from numpy.lib import format as npy
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.layout import RECORD, SEEN
+from supersampler.errors import ModelError
+from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
+from supersampler.methods.cpu_checks import wrong_constant
+from supersampler.methods.model_file import ModelInfo
+
+KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
+_BLOCK, _WORD, _LANES = 32, 4, 16  # outputs made at once; bytes multiplied at once; channels of a column
+_FEATURES, _HIDDEN, _CLASSES = (
+    32,
+    64,
+    6,
+)  # bytes that the decoder and the hidden layer give; classes among them
+_HEAD = 1 << 14  # bytes that an array's header may take
+
+
+def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
+    """Return the arrays of a model's network.npz, as kernels read them.
+
+    Args:
+        info: the model.
+        outputs: of the last layer.
+
+    Raises:
+        ModelError: the file is damaged or larger than such a network is, the widths in model.json are none
+            that kernels have room for, or an array is not of the type, shape or range that follows from them.
+    """
+    path, specs = info.folder / "network.npz", network_specs(info, outputs)
+    try:
+        arrays = _arrays_of(path, specs)
+    except ModelError:
+        raise
+    except Exception as error:  # zipfile, zlib and numpy raise whatever damage leads them to
+        raise ModelError(f"{path}: is damaged ({type(error).__name__}: {error}). Export it again.") from error
+    checked = checked_arrays(arrays, specs, lambda got, want: _refused(path, got, want))
+    hidden = checked["hidden.weights"]  # kernels read all that the decoder has room for
+    more = SEEN + _FEATURES // _WORD - hidden.shape[1]
+    checked["hidden.weights"] = np.pad(hidden, ((0, 0), (0, more), (0, 0), (0, 0)))
+    return checked
+
+
+def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
+    """What the arrays are, of a network of the widths in model.json.
+
+    Raises:
+        ModelError: kernels have no room for it.
+    """
+    levels, decoder, hidden = _widths(info)
+    specs: dict[str, ArraySpec] = {}
+    words = RECORD
+    for level, (channels, room) in enumerate(zip(levels, KEPT, strict=True)):
+        kept = channels if level + 1 == len(KEPT) else channels // 2
+        made = room * 4**level + channels - kept
+        specs |= _layer(
+            f"{level}.first", (_blocks(channels), words, _BLOCK, _WORD), _blocks(channels) * _BLOCK
+        )
+        specs |= _layer(f"{level}.spatial", (channels // _LANES, 3, _LANES, _WORD), channels)
+        shape = _blocks(made), channels // _WORD, _BLOCK, _WORD
+        specs |= _layer(f"{level}.last", shape, _blocks(made) * _BLOCK)
+        words = (channels - kept) // _WORD
+    specs |= _layer("decoder", (1, sum(KEPT) // _WORD, _BLOCK, _WORD), _BLOCK)
+    blocks, words = _blocks(hidden + _CLASSES), SEEN + -(-decoder // _WORD)
+    specs |= _layer("hidden", (blocks, words, _BLOCK, _WORD), blocks * _BLOCK)
+    specs |= _layer("mixing", (outputs, -(-hidden // _WORD), _WORD), outputs)
+    specs["logits.first"] = ArraySpec("int64", (1,), (hidden, hidden))
+    specs["logits.scale"] = ArraySpec("float64", (1,), (0.0, LARGEST))
+    return specs
+
+
+def _layer(name: str, weights: tuple[int, ...], outputs: int) -> dict[str, ArraySpec]:
+    finite = -LARGEST, LARGEST
+    return {
+        f"{name}.weights": ArraySpec("int8", weights),
+        f"{name}.scale": ArraySpec("float32", (outputs,), finite),
+        f"{name}.bias": ArraySpec("float32", (outputs,), finite),
+    }
+
+
+def _blocks(outputs: int) -> int:
+    return -(-outputs // _BLOCK)
+
+
+def _widths(info: ModelInfo) -> tuple[list[int], int, int]:
+    """Channels of the levels, of the decoder and of the hidden layer."""
+    network = info.config.get("network")
+    widths: Mapping[str, Any] = network if isinstance(network, Mapping) else {}
+    levels, decoder, hidden = (widths.get(name) for name in ("levels", "decoder", "hidden"))
+    most = [room * 4**level * (1 if level + 1 == len(KEPT) else 2) for level, room in enumerate(KEPT)]
+    if (
+        not isinstance(levels, (list, tuple))
+        or len(levels) != len(KEPT)
+        or not all(
+            type(n) is int and n in range(_LANES, m + 1, _LANES) for n, m in zip(levels, most, strict=True)
+        )
+    ):
+        want = f"{len(KEPT)} multiples of {_LANES} up to {', '.join(map(str, most))}"
+        raise wrong_constant(info, "network.levels", levels, want)
+    if type(decoder) is not int or not 1 <= decoder <= _FEATURES or widths.get("decoder_layers") != 1:
+        raise wrong_constant(
+            info, "network.decoder", decoder, f"a number from 1 to {_FEATURES}, of one layer"
+        )
+    if type(hidden) is not int or not 1 <= hidden <= _HIDDEN - _CLASSES:
+        raise wrong_constant(info, "network.hidden", hidden, f"a number from 1 to {_HIDDEN - _CLASSES}")
+    return list(levels), decoder, hidden
+
+
+def _arrays_of(path: Path, specs: Mapping[str, ArraySpec]) -> dict[str, NDArray[Any]]:
+    """Read arrays by name; no more is decompressed, or made room for, than they take that are wanted."""
+    most = {name: _bytes_of(spec) for name, spec in specs.items()}
+    limit = sum(most.values()) + len(most) * _HEAD
+    if path.stat().st_size > limit:
+        raise _refused(path, f"of {path.stat().st_size} bytes", f"at most {limit}")
+    arrays = {}
+    with zipfile.ZipFile(path) as file:
+        for entry in file.infolist():
+            name = entry.filename.removesuffix(".npy")
+            if name not in most or name in arrays:
+                raise _refused(path, f"with {name[:80]!r}", f"each of {', '.join(specs)} once")
+            if entry.file_size > most[name] + _HEAD:
+                raise _refused(path, f"with {name!r} of {entry.file_size} bytes", f"{specs[name]}")
+            with file.open(entry) as data:  # which gives no more than it says, whatever is compressed in it
+                arrays[name] = _array_of(io.BytesIO(data.read()), most[name])
+    return arrays
+
+
+def _array_of(data: BinaryIO, most: int) -> NDArray[Any]:
+    if npy.read_magic(data) != (1, 0):
+        raise ValueError("not of version 1.0 of numpy's format")
+    shape, fortran, dtype = npy.read_array_header_1_0(data)
+    values = data.read()
+    if fortran or dtype.hasobject or len(values) > most:
+        raise ValueError(f"an array of {dtype} in {len(values)} bytes")
+    return np.frombuffer(values, dtype).reshape(shape)
+
+
+def _bytes_of(spec: ArraySpec) -> int:
+    count = np.dtype(spec.dtype).itemsize
+    for extent in spec.shape:
+        count *= int(extent)
+    return count
+
+
+def _refused(path: Path, got: str, want: str) -> ModelError:
+    return ModelError(f"{path}: is {got}; want {want}. Export it again.")

@@ -1,0 +1,160 @@
+"""Where rows and columns of a display look in a frame, and with what weights: one axis at a time.
+
+Twins of `supersampler_model.sampling.positions`, `nearest` and `taps`, in the same single precision.
+"""
+
+from collections.abc import Callable, Sequence
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.layout import LANES
+from supersampler.backends.cpu.memory import aligned
+from supersampler.backends.plan import held_bytes
+from supersampler.conventions.jitter import jitter_phase_count
+from supersampler.frame import Float32, Size
+
+Kernel = Callable[[Float32], Float32]
+
+MOST_PHASES = 128
+"""Of a jitter sequence, of which tables are kept."""
+
+
+class Filter(NamedTuple):
+    """A separable filter of samples: its kernel, and whether distances are in display pixels."""
+
+    kernel: Kernel
+    scaled: bool
+
+
+class Axis:
+    """How the display pixels of one axis look at the samples of a frame; as rows want it, pixel by pixel.
+
+    Args:
+        display, render: pixels and samples.
+        filters: of the four samples around a pixel.
+        windows: kernels of the three around the nearest, as if there were samples beyond the border.
+        jitter: of the frame on this axis, in samples.
+
+    Attributes:
+        near: nearest sample of each pixel; like `start` and `first` in whole LANES.
+        start: the one at or before where it looks, -1 at first where that is before the first.
+        first: the same, or the first.
+        samples: (1, n, 4) the four around.
+        weights: (filters, n, 4) of these.
+        windows: (windows, n, 3) likewise.
+    """
+
+    def __init__(
+        self,
+        display: int,
+        render: int,
+        filters: Sequence[Filter],
+        windows: Sequence[Kernel],
+        jitter: float,
+    ) -> None:
+        half = np.float32(0.5)
+        position = (np.arange(display, dtype=np.float32) + half) * np.float32(render) / np.float32(display)
+        position -= half
+        position -= np.float32(jitter)
+        first = _within_vectors(np.floor(position))
+        near = np.clip(_within_vectors(np.floor(position + half)), 0, render - 1)
+        self.near, self.start, self.first = aligned((3, up_to(display, LANES)), np.int32)
+        self.near[:display], self.start[:display] = near, first
+        self.first[:display] = np.clip(first, 0, render - 1)
+        samples = first[:, None] + np.arange(-1.0, 3.0, dtype=np.float32)
+        self.samples = self._laid(np.clip(samples, 0, render - 1).astype(np.int32)[None])
+        distance = samples - position[:, None]
+        scales = [np.float32(display / render if scaled else 1.0) for _, scaled in filters]
+        weights = [kernel(distance * scale) for (kernel, _), scale in zip(filters, scales, strict=True)]
+        self.weights = self._laid(np.array(weights, np.float32).reshape(-1, display, 4))
+        beside = near[:, None] + np.arange(-1.0, 2.0, dtype=np.float32) - position[:, None]
+        around = np.array([kernel(beside) for kernel in windows], np.float32)
+        self.windows = self._laid(around.reshape(-1, display, 3))
+
+    @staticmethod
+    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
+        """(m, n, k) tables of n pixels as they are kept."""
+        return tables
+
+
+class Columns(Axis):
+    """As columns want it: `samples` (4, n), `weights` (4 * filters, n), `windows` (3 * windows, n)."""
+
+    @staticmethod
+    def _laid(tables: NDArray[Any]) -> NDArray[Any]:
+        m, n, k = tables.shape
+        rows = aligned((m * k, up_to(n, LANES)), tables.dtype.type)
+        rows[:, :n] = tables.transpose(0, 2, 1).reshape(m * k, n)
+        return rows
+
+
+class Looks:
+    """How a display looks at frames of one size. Jitter repeats, so the tables of one period are kept.
+
+    Args:
+        render, display: sizes.
+        filters, windows: see `Axis`.
+        rows: how those want it.
+    """
+
+    def __init__(
+        self,
+        render: Size,
+        display: Size,
+        filters: Sequence[Filter],
+        windows: Sequence[Kernel] = (),
+        rows: type[Axis] = Axis,
+    ) -> None:
+        self._phases = min(jitter_phase_count(display[0] / render[0]), MOST_PHASES)
+        keep = lru_cache(self._phases)
+        self._x = keep(partial(Columns, display[0], render[0], filters, windows))
+        self._y = keep(partial(rows, display[1], render[1], filters, windows))
+
+    def at(self, jitter: tuple[float, float]) -> tuple[Axis, Axis]:
+        """Of frames with this jitter: columns, rows."""
+        return self._x(jitter[0]), self._y(jitter[1])
+
+    def most_bytes(self) -> int:
+        """What it comes to hold."""
+        return self._phases * held_bytes(self.at((0.0, 0.0)))
+
+
+def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
+    """Samples that pixels look at, none farther from that of the first of eight or sixteen than the pixel is.
+
+    So kernels find it (`vector.picked`). At a ratio of one a pixel between two samples may be rounded to the
+    later, and the first to the earlier: either has what the pixel looks at beside it.
+    """
+    lanes = np.arange(len(index))
+    for count in (LANES, LANES // 2):
+        firsts = np.repeat(index[::count], count)[: len(index)]
+        index = np.minimum(index, firsts + (lanes % count).astype(np.float32))
+    return index
+
+
+def gaussian(sigma: float) -> Kernel:
+    """Gaussian of height one."""
+    scale = np.float32(-0.5 / (sigma * sigma))
+    return lambda distance: np.exp(distance * distance * scale)
+
+
+def catmull_rom(distance: Float32) -> Float32:
+    """Catmull-Rom cubic of support 2."""
+    d = np.abs(distance)
+    near = (np.float32(1.5) * d - np.float32(2.5)) * d * d + np.float32(1.0)
+    far = ((np.float32(-0.5) * d + np.float32(2.5)) * d - np.float32(4.0)) * d + np.float32(2.0)
+    found: Float32 = np.where(d < 1.0, near, np.where(d < 2.0, far, np.float32(0.0)))
+    return found
+
+
+def linear(distance: Float32) -> Float32:
+    """Tent."""
+    return np.maximum(np.float32(1.0) - np.abs(distance), np.float32(0.0))
+
+
+def up_to(count: int, multiple: int) -> int:
+    """The next multiple."""
+    return -(-count // multiple) * multiple

@@ -1,0 +1,103 @@
+"""Which parts of a frame are what the same jitter saw of them one period before."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.layout import SAMPLES
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler.methods.array_spec import ArraySpec
+
+Sums = NDArray[np.uint64]
+Jitter = tuple[float, float]
+
+MOVING = 0
+"""The sum of a tile in which anything moves."""
+PHASES = 256
+"""Of a jitter sequence; of a longer one, or one that never repeats, nothing counts as still."""
+_MANY = 1 << 53  # frames: a million years
+
+
+@dataclass(frozen=True, eq=False)
+class Stillness:
+    """What a frame knows of the frames before: not changed by anything, so it can be kept and shared.
+
+    Attributes:
+        frames: how many frames it has seen.
+        phases: by jitter, when it was last seen and the sums of the frame's tiles, the longest ago first.
+        period: frames since this frame's jitter was last seen; 0 where it was not.
+        same: (tiles of the frame) as they were then, and nothing moves; None before the first frame.
+    """
+
+    frames: int = 0
+    phases: Mapping[Jitter, tuple[int, Sums]] = field(default_factory=dict)
+    period: int = 0
+    same: NDArray[np.bool_] | None = None
+
+    def after(self, jitter: Jitter, sums: Sums) -> "Stillness":
+        """Return what is known after one more frame.
+
+        Args:
+            jitter: of the frame.
+            sums: (rows, columns) of its tiles.
+        """
+        begun = self if self.same is not None and self.same.shape == sums.shape else Stillness()
+        when, before = begun.phases.get(jitter, (begun.frames, None))
+        same = (sums == before) & (sums != MOVING) if before is not None else np.zeros(sums.shape, bool)
+        phases = {key: seen for key, seen in begun.phases.items() if key != jitter}
+        while len(phases) >= PHASES:
+            del phases[next(iter(phases))]
+        phases[jitter] = begun.frames, sums
+        return Stillness(begun.frames + 1, phases, begun.frames - when, same)
+
+    def arrays(self) -> dict[str, NDArray[Any]]:
+        """Copies, for `of_arrays`; none before the first frame."""
+        if self.same is None:
+            return {}
+        return {
+            "still.frames": np.array(self.frames, np.int64),
+            "still.jitter": np.array(list(self.phases), np.float64),
+            "still.when": np.array([when for when, _ in self.phases.values()], np.int64),
+            "still.sums": np.stack([sums for _, sums in self.phases.values()]),
+            "still.same": self.same.copy(),
+        }
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Stillness":
+        """Continue from copies by `arrays`, which may lie among others; from nothing where there are none.
+
+        Args:
+            arrays: as `stillness_specs` says.
+
+        Raises:
+            ArgumentError: a jitter was seen after the last frame.
+        """
+        if "still.frames" not in arrays:
+            return cls()
+        jitter, when, sums = (arrays[f"still.{name}"] for name in ("jitter", "when", "sums"))
+        frames = int(arrays["still.frames"])
+        if when.max() >= frames:
+            raise ArgumentError(
+                "state",
+                got=f"with 'still.when' up to {when.max()}",
+                want=f"less than 'still.frames', {frames}",
+            )
+        keys = [(float(x), float(y)) for x, y in jitter]
+        phases = {key: (int(frame), seen.copy()) for key, frame, seen in zip(keys, when, sums, strict=True)}
+        return cls(frames, phases, same=arrays["still.same"].copy())
+
+
+def stillness_specs(render: Size) -> dict[str, ArraySpec]:
+    """What `Stillness.arrays` are after a frame of this size."""
+    tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
+    return {
+        "still.frames": ArraySpec("int64", (), (1, _MANY)),
+        "still.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
+        "still.when": ArraySpec("int64", ("phases",), (0, _MANY)),
+        "still.sums": ArraySpec("uint64", ("phases", *tiles)),
+        "still.same": ArraySpec("bool", tiles),
+    }

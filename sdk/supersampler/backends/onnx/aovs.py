@@ -1,0 +1,75 @@
+"""What frames carry along (alpha, any channels), blended by the weight of the colour: `carry.onnx`."""
+
+import numpy as np
+
+from supersampler.backends.locks import ForkSafeLock
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import frame_inputs, open_session, running
+from supersampler.errors import FrameError, ModelError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.model_file import ModelInfo, TensorInfo
+
+_RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
+_TAKES = [
+    TensorInfo("carry", "float32", (1, "channels", *_RENDER)),
+    TensorInfo("depth", "float32", (1, 1, *_RENDER)),
+    TensorInfo("motion", "float32", (1, 2, *_RENDER)),
+    TensorInfo("jitter", "float32", (1, 2)),
+    TensorInfo("display_size", "int64", (2,)),
+    TensorInfo("weight", "float32", (1, 1, *_DISPLAY)),
+    TensorInfo("history.carry", "float32", (1, "channels", *_DISPLAY)),
+]
+_GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
+
+
+def check_carry(frame: Frame, past: Float32 | None) -> None:
+    """Raise FrameError where the frame carries nothing, or other channels than `past`, (1, k, H, W), has."""
+    if frame.carry is None:
+        raise FrameError("carry", got=None, want="(h, w, k), as it is asked for")
+    channels = frame.carry.shape[2]
+    if past is not None and past.shape[1] != channels:
+        want = f"{past.shape[1]} channels as before, or a reset"
+        raise FrameError("carry", got=f"{channels} channels", want=want)
+
+
+class Carrier:
+    """The graph beside a model's step, loaded when a frame first carries something; safe to share."""
+
+    def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
+        self._path, self._options = info.carry_path, options
+        self._lock = ForkSafeLock()
+        self._session: ort.InferenceSession | None = None
+
+    def blend(
+        self, frame: Frame, weight: Float32 | None, past: Float32 | None, display_size: Size
+    ) -> Float32:
+        """Bring the channels to display size and blend them with the past.
+
+        Args:
+            frame: with `carry` (h, w, k); see `check_carry`.
+            weight: (1, 1, H, W) share of the past; None for a method without one.
+            past: (1, k, H, W) of the frame before; None where it carried nothing, which is no past.
+            display_size: (W, H).
+
+        Returns:
+            (1, k, H, W) float32.
+        """
+        inputs = frame_inputs(frame, display_size, ("carry", "depth", "motion", "jitter", "display_size"))
+        shape = (1, inputs["carry"].shape[1], *display_size[::-1])
+        if weight is None or past is None:
+            weight = np.zeros((1, 1, *shape[2:]), np.float32)
+        inputs |= {"weight": weight, "history.carry": np.zeros(shape, np.float32) if past is None else past}
+        session = self._loaded()
+        with running(self._path):
+            image: Float32 = session.run(["image"], inputs)[0]
+        if image.shape != shape:
+            raise ModelError(f"{self._path}: gives {image.shape} for 'image'; want {shape}.")
+        return image
+
+    def _loaded(self) -> ort.InferenceSession:
+        with self._lock.lock:
+            if self._session is None:
+                self._session = open_session(
+                    self._path, self._options, ["CPUExecutionProvider"], takes=_TAKES, gives=_GIVES
+                )
+            return self._session

@@ -1,0 +1,188 @@
+"""The whole step as one graph in ONNX Runtime; the history stays on its device."""
+
+import math
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.layout import TILE
+from supersampler.backends.locks import ForkSafeLock
+from supersampler.backends.onnx.cuda_graph import FixedStep
+from supersampler.backends.onnx.providers import capturing, check_provider_in_use, device_of
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
+from supersampler.backends.onnx.tensors import check_tensor, render_size_of
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.model_file import ModelInfo, TensorInfo
+
+Tensors = dict[str, ort.OrtValue]
+
+
+class GraphExecutor:
+    """Runs a graph of the whole step; see `Executor`.
+
+    Args:
+        info: the model.
+        threads: on the CPU; 0 takes every core.
+        providers: execution providers, in order.
+        precision: one of the model's `steps`.
+        capture: see `Model.load`.
+
+    Attributes:
+        capture: see `Model.load`.
+        providers: those in use.
+        device: that buffers lie on, as ONNX Runtime calls it.
+    """
+
+    name = "graph"
+
+    def __init__(
+        self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool
+    ) -> None:
+        if capture:
+            capturing(providers)  # refuses those that cannot, before a graph is loaded
+        self._info, self._threads, self.precision, self.capture = info, threads, precision, capture
+        self._path, options = info.steps[precision], session_options(threads)
+        self._session = open_session(self._path, options, providers, takes=info.takes, gives=info.gives)
+        self.providers: list[str] = self._session.get_providers()
+        check_provider_in_use(providers[0], self.providers)
+        self.device = device_of(self.providers[0])
+        self._fixed: FixedStep | None = None
+        self._lock = ForkSafeLock()  # of that
+
+    def zeros(self, display: Size, render: Size) -> Tensors:
+        """See `Executor`."""
+        return {h.input.name: self._zeros(h.input, display, render) for h in self._info.history}
+
+    def fits(self, buffers: Tensors, display: Size, render: Size) -> bool:
+        """See `Executor`."""
+        shapes = [
+            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
+        ]
+        return [list(t.shape()) for t in buffers.values()] == [list(shape) for shape in shapes]
+
+    def step(
+        self,
+        frame: Frame,
+        display: Size,
+        past: Tensors,
+        left: Tensors,
+        image: Float32,
+        told: Collection[str],
+        *,
+        tolerance: float | None,  # noqa: ARG002  # a graph draws all
+    ) -> Mapping[str, Float32]:
+        """See `Executor`."""
+        planes = np.empty((1, 3, *display[::-1]), np.float32)
+        outputs = {
+            t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
+            for t in self._info.told
+            if t.name in told
+        }
+        given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
+        self._run(
+            _values(given), past, left, {**_values(outputs), **_values({self._info.image.name: planes})}
+        )
+        np.copyto(image, planes[0].transpose(1, 2, 0))
+        return outputs
+
+    def step_tensors(
+        self, given: Tensors, display: Size, past: Tensors, left: Tensors, image: ort.OrtValue | None
+    ) -> ort.OrtValue:
+        """Upscale a frame that is on the device, to an image that stays there.
+
+        Args:
+            given: the graph's inputs.
+            display: (W, H).
+            past: what the frame before left.
+            left: where this one leaves it; not `past`.
+            image: (1, 3, H, W), written to; a new one where None.
+
+        Raises:
+            FrameError: an input or `image` is of another type or shape, or on another device.
+        """
+        info = self._info
+        render = render_size_of(given["color"])
+        sizes = {"render": render, "display": display, "previous": render}
+        if image is None:
+            shape = info.image.shape_for(**sizes)  # ONNX Runtime's own memory: who takes it may keep it alone
+            image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
+        vectors = ("jitter", "exposure", "display_size")  # which come from the host, and are small
+        for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
+            value = image if tensor is info.image else given[tensor.name]
+            check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
+        if self.capture and self.fits(past, display, render):  # the first of another size is run as it comes
+            with self._lock.lock:
+                fixed = self._fixed_step(display, render)
+                fixed.run({**given, **past}, {**left, info.image.name: image})
+        else:
+            self._run(given, past, left, {info.image.name: image})
+        return image
+
+    def _fixed_step(self, display: Size, render: Size) -> FixedStep:
+        if self._fixed is None or self._fixed.sizes != (display, render):
+            self._fixed = None  # whose memory is free before more is taken
+            path = self._info.steps[self.precision]
+            self._fixed = FixedStep(
+                self._info,
+                path,
+                self.providers,
+                self._threads,
+                self.device,
+                display=display,
+                render=render,
+            )
+        return self._fixed
+
+    def _run(self, given: Tensors, past: Tensors, left: Tensors, made: Tensors) -> None:
+        binding = self._session.io_binding()
+        for name, value in given.items():
+            binding.bind_ortvalue_input(name, value)
+        for h in self._info.history:
+            binding.bind_ortvalue_input(h.input.name, past[h.input.name])
+            binding.bind_ortvalue_output(h.output, left[h.input.name])
+        for name, value in made.items():
+            binding.bind_ortvalue_output(name, value)
+        with running(self._path):
+            binding.synchronize_inputs()  # others have written on streams of their own
+            self._session.run_with_iobinding(binding)
+            binding.synchronize_outputs()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        shapes = (
+            h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
+        )
+        return sum(math.prod(shape) * np.float32().itemsize for shape in shapes), None
+
+    def note_stages(self) -> Mapping[str, float]:
+        """See `Executor`."""
+        return {}
+
+    def tensor(self, buffers: Tensors, name: str) -> Float32:
+        """See `Executor`."""
+        return np.asarray(buffers[name].numpy())
+
+    def memory(self, buffers: Tensors) -> Mapping[str, NDArray[Any]]:  # noqa: ARG002  # nothing
+        """See `Executor`."""
+        return {}
+
+    def work(self, buffers: Tensors, display: Size) -> Float32:  # noqa: ARG002  # all of it
+        """See `Executor`."""
+        return np.ones([-(-extent // TILE) for extent in display[::-1]], np.float32)
+
+    def load(self, buffers: Tensors, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        for name, tensor in buffers.items():
+            tensor.update_inplace(np.ascontiguousarray(tensors[name], np.float32))
+
+    def _zeros(self, tensor: TensorInfo, display: Size, render: Size) -> ort.OrtValue:
+        shape = tensor.shape_for(render=render, display=display, previous=render)
+        return ort.OrtValue.ortvalue_from_numpy(np.zeros(shape, np.float32), self.device, 0)
+
+
+def _values(arrays: Mapping[str, np.ndarray[Any, Any]]) -> Tensors:
+    """The same memory, as ONNX Runtime has it."""
+    return {name: ort.OrtValue.ortvalue_from_numpy(array) for name, array in arrays.items()}

@@ -1,0 +1,84 @@
+"""What draws frames that were not shaded runs on: ONNX Runtime, or kernels of this processor."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.onnx.providers import check_provider_in_use, device_of
+from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import frame_inputs, open_session, pixels_of, running, session_options
+from supersampler.frame import Float32, Frame
+from supersampler.methods.model_file import ModelInfo
+
+
+class Drawing(Protocol):
+    """Runs a model that extrapolates; remembers nothing between calls.
+
+    Attributes:
+        name: "graph" or "host", as executors' are.
+    """
+
+    name: str
+
+    def placed(self, array: NDArray[Any]) -> Any:
+        """Return an array that nobody else has as a tensor of the past."""
+
+    def copied(self, tensor: Any) -> NDArray[Any]:
+        """Return a copy of such a tensor."""
+
+    def draw(self, frame: Frame, past: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
+        """Draw the colour of a checked frame; returns it, (h, w, 3), and what the frame leaves."""
+
+
+class GraphDrawing:
+    """Runs the graph; see `Drawing`.
+
+    Args:
+        info: the model.
+        providers: names of execution providers of ONNX Runtime, in order.
+        threads: on the CPU; 0 takes every core.
+
+    Raises:
+        ProviderError: a provider could not start.
+    """
+
+    name = "graph"
+
+    def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
+        self._info = info
+        path, options = info.steps["fp32"], session_options(threads)
+        self._session = open_session(path, options, providers, takes=info.takes, gives=info.gives)
+        used = self._session.get_providers()
+        check_provider_in_use(providers[0], used)
+        self._device = device_of(used[0])
+
+    def placed(self, array: NDArray[Any]) -> ort.OrtValue:
+        """See `Drawing`."""
+        return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
+
+    def copied(self, tensor: ort.OrtValue) -> NDArray[Any]:
+        """See `Drawing`."""
+        return np.array(tensor.numpy())
+
+    def draw(
+        self, frame: Frame, past: Mapping[str, ort.OrtValue]
+    ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
+        """See `Drawing`."""
+        inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
+        planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
+        binding = self._session.io_binding()
+        for name, array in inputs.items():
+            binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
+        for name, value in past.items():
+            binding.bind_ortvalue_input(name, value)
+        for history in self._info.history:
+            binding.bind_output(history.output, self._device)
+        binding.bind_ortvalue_output(self._info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
+        with running(self._info.steps["fp32"]):
+            binding.synchronize_inputs()
+            self._session.run_with_iobinding(binding)
+            binding.synchronize_outputs()
+        names = [history.input.name for history in self._info.history]
+        return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))

@@ -1,0 +1,83 @@
+"""Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
+
+from collections.abc import Mapping
+from typing import Any, Protocol
+
+from supersampler.arguments import IMAGE_SIZES, is_image_size
+from supersampler.backends.onnx.runtime import ort
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.frame import Size
+from supersampler.methods.model_file import TensorInfo
+
+_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
+
+
+class Tensor(Protocol):
+    """What speaks DLPack: `torch.from_dlpack` and its like in other libraries take it without a copy."""
+
+    def __dlpack__(self, *, stream: Any = None) -> Any:
+        """A capsule with the tensor."""
+
+    def __dlpack_device__(self) -> tuple[int, int]:
+        """Kind and number of the device that it is on."""
+
+
+def checked_tensors(tensors: Mapping[str, Tensor]) -> Mapping[str, Tensor]:
+    """Return tensors by name.
+
+    Raises:
+        ArgumentError: it is no mapping.
+    """
+    if not isinstance(tensors, Mapping):
+        raise ArgumentError("tensors", got=shown(tensors), want="a mapping of names to tensors")
+    return tensors
+
+
+def taken(tensor: Tensor, name: str) -> ort.OrtValue:
+    """Return a value of ONNX Runtime that shares the tensor's memory.
+
+    Raises:
+        FrameError: it is no tensor that can be shared.
+        ArgumentError: this version of ONNX Runtime cannot share tensors.
+    """
+    if not hasattr(ort.OrtValue, "from_dlpack"):
+        want = "one whose OrtValue has from_dlpack"
+        raise ArgumentError("onnxruntime", got=ort.__version__, want=want, hint="Install a newer one.")
+    try:
+        return ort.OrtValue.from_dlpack(tensor)
+    except Exception as error:  # of the library that the tensor is of, or of ONNX Runtime
+        want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
+        got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
+        raise FrameError(name, got=got, want=want) from error
+
+
+def render_size_of(color: ort.OrtValue) -> Size:
+    """(width, height) of a frame whose colour this is.
+
+    Raises:
+        FrameError: it has not four axes, or is empty or too large.
+    """
+    shape = color.shape()
+    if len(shape) != 4 or not is_image_size(shape[3], shape[2]):
+        raise FrameError("color", got=tuple(shape), want=f"(1, 3, h, w), h and w {IMAGE_SIZES}")
+    return shape[3], shape[2]
+
+
+def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
+    """(width, height) of a frame that lies in tensors, by name.
+
+    Raises:
+        FrameError: its colour is missing, or no tensor of four axes.
+    """
+    if "color" not in tensors:
+        raise FrameError("color", got=None, want="a tensor (1, 3, h, w)")
+    return render_size_of(taken(tensors["color"], "color"))
+
+
+def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
+    """Raise FrameError unless a value is what the graph takes, on its device."""
+    got = value.data_type(), tuple(value.shape()), value.device_name().lower()
+    wanted = _TYPES[info.type], shape, device
+    if got != wanted:
+        said = [f"{kind} {extents} on {place}" for kind, extents, place in (got, wanted)]
+        raise FrameError(info.name, got=said[0], want=said[1])

@@ -1,0 +1,66 @@
+"""Which display sizes a method draws for which render sizes."""
+
+from fractions import Fraction
+
+from supersampler.arguments import checked_size
+from supersampler.errors import FrameError
+from supersampler.frame import Size
+
+
+def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
+    """Raise FrameError unless a method of these ratios (least, largest) draws from one size to the other.
+
+    A range has some slack, as either size may be rounded to whole pixels. A method of one ratio puts whole
+    blocks of display pixels where a render pixel is: it takes that many times the render size, exactly.
+    """
+    ratio = only_ratio(ratios)
+    if ratio is not None:
+        _check_exact(ratio, render_size, display_size)
+        return
+    low, high = ratios
+    for axis, name in enumerate(("width", "height")):
+        ratio = display_size[axis] / render_size[axis]
+        slack = (1.0 + ratio) / render_size[axis]
+        if not low - slack <= ratio <= high + slack:
+            raise FrameError(
+                "size",
+                got=f"{render_size}, {ratio:.3g} times less in {name} than the display's {display_size}",
+                want=f"a ratio from {low} to {high}",
+                hint="Sizes are (width, height).",
+            )
+
+
+def only_ratio(ratios: tuple[float, float]) -> float | None:
+    """The one ratio that these, the least and the largest, are; None where they are a range."""
+    low, high = ratios
+    return low if low == high else None
+
+
+def scaled(size: Size, ratio: float) -> Size | None:
+    """Return a size `ratio` times as large; None where that is none in whole pixels."""
+    exact = Fraction(ratio).limit_denominator(1000)  # a third is a third
+    width, height = size[0] * exact, size[1] * exact
+    return (int(width), int(height)) if width.denominator == height.denominator == 1 else None
+
+
+def display_size_of(render_size: Size, scale: float) -> Size:
+    """Return the display size that is `scale` times a render size, rounded to whole pixels.
+
+    Raises:
+        ArgumentError: it is none that an image can have.
+    """
+    return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
+
+
+def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
+    if scaled(render_size, ratio) == display_size:
+        return
+    frames, display = scaled(display_size, 1.0 / ratio), scaled(render_size, ratio)
+    would_do = [f"frames of {frames}"] * (frames is not None)
+    would_do += [f"a display of {display}"] * (display is not None)
+    raise FrameError(
+        "size",
+        got=f"{render_size}, for a display of {display_size}",
+        want=f"{' or '.join(would_do) or 'others'}: this method draws exactly {ratio:g} times as large",
+        hint="Sizes are (width, height).",
+    )

@@ -1,1 +1,0 @@
-"""The host executor: steps as compiled kernels on this processor, for methods that have them."""

@@ -1,1 +1,0 @@
-"""What numba compiles: the steps of the methods, for vectors of sixteen pixels."""

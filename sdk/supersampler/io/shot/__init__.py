@@ -1,0 +1,27 @@
+"""Shots on disk: sequences of rendered frames, read lazily, written whole. docs/shots.md is the format."""
+
+from supersampler.io.shot.arm import import_arm
+from supersampler.io.shot.blender import import_blender
+from supersampler.io.shot.channels import import_channels, import_described_channels
+from supersampler.io.shot.format import FrameEntry, ShotInfo
+from supersampler.io.shot.frame_files import ClassMaps
+from supersampler.io.shot.shipped import shipped_shot
+from supersampler.io.shot.shot import Shot, ShotFrame
+from supersampler.io.shot.sources import open_source
+from supersampler.io.shot.writer import ShotWriter, copy_shot
+
+__all__ = [
+    "ClassMaps",
+    "FrameEntry",
+    "Shot",
+    "ShotFrame",
+    "ShotInfo",
+    "ShotWriter",
+    "copy_shot",
+    "import_arm",
+    "import_blender",
+    "import_channels",
+    "import_described_channels",
+    "open_source",
+    "shipped_shot",
+]

@@ -1,0 +1,128 @@
+"""Read Blender's multilayer EXR frames: Combined, Depth and Vector passes; Normal and diffuse colour too."""
+
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from supersampler.conventions import Conventions
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import Size
+from supersampler.io.images import read_exr_channels
+from supersampler.io.shot.channels import ChannelMap, import_channels
+from supersampler.io.shot.numbered import Jitter, numbered_files
+from supersampler.io.shot.shot import Shot
+
+_DEPTH = ("Depth.Z", "Z.Z", "Z")
+_DIFFUSE = ("DiffCol", "Diffuse Color")
+_NEEDED = "Turn on the passes Combined, Z and Vector, and save as OpenEXR MultiLayer."
+
+
+def import_blender(
+    folder: Path | str,
+    *,
+    layer: str | None = None,
+    display_size: Size | None = None,
+    frame_rate: float = 24.0,
+    jitter: Jitter | None = None,
+    cuts: Sequence[int] = (),
+    reference: str | None = None,
+    conventions: Conventions | None = None,
+    name: str | None = None,
+) -> Shot:
+    """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
+
+    Colour is the Combined pass, its alpha is carried along; depth is Depth (or Z), motion is Vector X and Y;
+    Normal and DiffCol become G-buffers where they are there. Jitter the camera by
+    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a box filter 0.01 pixels wide, so
+    that each pixel is one sample at that place.
+
+    Args:
+        folder: where the frames are.
+        layer: the view layer's name; needed where several have all passes.
+        display_size: (width, height) of the references; by default the first reference's.
+        frame_rate: frames a second.
+        jitter: (x, y) of each frame, pixels, y down, pixel centre + jitter; or a JSON file [[x, y], ...]; by
+            default jitter.json in the folder where it exists, otherwise no jitter.
+        cuts: indices of the first frames after cuts; frame 0 is always one.
+        reference: pattern of the references' files in the folder, `reference/*.exr`, say.
+        conventions: by default `Conventions.blender()`.
+        name: for people; by default the folder's.
+
+    Raises:
+        ShotError: files or passes are missing, or differ in size.
+        ArgumentError: several layers have all passes, or `layer` is none of them.
+    """
+    folder = Path(folder)
+    first = next(iter(numbered_files(folder, "*.exr").values()))
+    channels = read_exr_channels(first)
+    channel_map = dict(_layer_map(first, channels, layer))
+    if reference is not None:
+        picture = next(iter(numbered_files(folder, reference).values()))
+        channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(picture)]
+    return import_channels(
+        folder,
+        channel_map,
+        conventions=Conventions.blender() if conventions is None else conventions,
+        display_size=display_size,
+        frame_rate=frame_rate,
+        jitter=jitter,
+        cuts=cuts,
+        name=name,
+    )
+
+
+def is_blender(channels: Iterable[str]) -> bool:
+    """Tell whether these are the channels of a multilayer file with the passes that are needed."""
+    return bool(_complete_layers(list(channels)))
+
+
+def _layer_map(path: Path, channels: list[str], layer: str | None) -> ChannelMap:
+    layers = _complete_layers(channels)
+    if not layers:
+        raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
+    if layer is None and len(layers) > 1:
+        raise ArgumentError(
+            "layer", got=None, want=f"one of {', '.join(layers)}", hint="Several have all passes."
+        )
+    if layer is not None and layer not in layers:
+        raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)
+    return _channel_map(channels, layers[0] if layer is None else layer)
+
+
+def _complete_layers(channels: Sequence[str]) -> list[str]:
+    """Names of the layers that have colour, depth and motion, in the file's order."""
+    found = dict.fromkeys(
+        name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")
+    )
+    return [
+        layer
+        for layer in found
+        if f"{layer}.Vector.X" in channels and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
+    ]
+
+
+def _channel_map(channels: Sequence[str], layer: str) -> ChannelMap:
+    depth = next(name for name in _DEPTH if f"{layer}.{name}" in channels)
+    found: dict[str, list[str]] = {
+        "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
+        "depth": [f"{layer}.{depth}"],
+        "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
+    }
+    if f"{layer}.Combined.A" in channels:
+        found["carry"] = [f"{layer}.Combined.A"]
+    if f"{layer}.Normal.X" in channels:
+        found["normal"] = [f"{layer}.Normal.{axis}" for axis in "XYZ"]
+    for diffuse in _DIFFUSE:  # the second is Blender 5's
+        if f"{layer}.{diffuse}.R" in channels:
+            found["base_color"] = [f"{layer}.{diffuse}.{axis}" for axis in "RGB"]
+    return found
+
+
+def _reference_channels(path: Path) -> list[str]:
+    """Channels of the picture: a layer's Combined pass, or plain R, G, B."""
+    channels = read_exr_channels(path)
+    for name in channels:
+        if name == "R" or name.endswith(".Combined.R"):
+            return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]
+    raise ShotError(
+        path, f"has no colour; it has {', '.join(channels)}", "A reference has R, G, B or Combined."
+    )

@@ -1,0 +1,247 @@
+"""Read other people's EXR sequences: a map from our names to their channels, and their conventions."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from supersampler.conventions import Conventions, RawFrame
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
+from supersampler.io.images import read_exr
+from supersampler.io.shot.format import FrameEntry, ShotInfo
+from supersampler.io.shot.frame_files import check_size, read_reference, take
+from supersampler.io.shot.json_keys import JsonKeys, read_json
+from supersampler.io.shot.numbered import Jitter, check_no_gap, numbered_files, read_jitter
+from supersampler.io.shot.shot import Shot
+
+MAP_FILE_NAME = "channels.json"
+ChannelMap: TypeAlias = Mapping[str, str | Sequence[str]]
+_COUNTS: Mapping[str, int] = {"color": 3, "depth": 1, "motion": 2, **GBUFFER_CHANNELS, "reference": 3}
+
+
+def import_channels(
+    folder: Path | str,
+    channel_map: ChannelMap,
+    *,
+    conventions: Conventions,
+    display_size: Size | None = None,
+    frame_rate: float = 24.0,
+    jitter: Jitter | None = None,
+    cuts: Sequence[int] = (),
+    name: str | None = None,
+) -> Shot:
+    """Open a folder of EXR frames in somebody's own layout as a Shot.
+
+    >>> import_channels("renders", {
+    ...     "color": ["R", "G", "B"], "depth": "Z", "motion": ["motion/*.exr:R", "motion/*.exr:G"],
+    ... }, conventions=Conventions.unreal())
+
+    The frames are the files in the order of the numbers in their names; a gap is an error, since motion leads
+    from each frame to the one before it.
+
+    Args:
+        folder: where the files are.
+        channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); as wanted
+            base_color, normal (3 each), roughness, metallic, specular (1 each), carry (any number), reference
+            (3). `motion/*.exr:R` is channel R of the files of that pattern; without a pattern it is `*.exr`.
+            References are matched by frame number, and may be there for some frames only.
+        conventions: how these channels are to be read.
+        display_size: (width, height) of references and display-size motion; by default the first reference's.
+        frame_rate: frames a second.
+        jitter: (x, y) of each frame in `conventions`, or a JSON file [[x, y], ...]; by default jitter.json in
+            the folder where it exists, otherwise no jitter.
+        cuts: indices of the first frames after cuts; frame 0 is always one.
+        name: for people; by default the folder's.
+
+    Raises:
+        ShotError: files or channels are missing, or differ in number or size.
+        ArgumentError: the map has an unknown name or a wrong number of channels.
+    """
+    files = _MappedFiles(Path(folder), channel_map)
+    count = len(files.numbers)
+    if not all(isinstance(index, int | np.integer) and 0 <= index < count for index in cuts):
+        raise ArgumentError("cuts", got=list(cuts), want=f"indices of frames, 0 to {count - 1}")
+    offsets = read_jitter(files.folder, jitter, count)
+    first = files.read_raw(0, offsets[0], reset=True)
+    height, width = first.depth.shape
+    if display_size is None and files.references:
+        picture = files.read_reference(files.numbers.index(next(iter(files.references))))
+        display_size = (picture.shape[1], picture.shape[0])
+    info = ShotInfo(
+        name=name or files.folder.resolve().name,
+        render_size=(width, height),
+        display_size=display_size,
+        frame_rate=float(frame_rate),
+        conventions=conventions,
+    )
+    entries = [files.entry(i, offset, reset=i == 0 or i in cuts) for i, offset in enumerate(offsets)]
+
+    def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
+        jitter, reset = entries[index].jitter, entries[index].reset
+        return files.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
+
+    def reference(index: int) -> Float32:
+        return files.read_reference(index, info.display_size)
+
+    return Shot(files.folder, info, entries, raw_frame, reference)
+
+
+def import_described_channels(folder: Path | str) -> Shot:
+    """Open a folder of EXR frames by the channels.json in it, which holds the arguments of `import_channels`.
+
+    Its keys: channels, conventions, and as wanted display_size, frame_rate, cuts, name.
+
+    Raises:
+        ShotError: as `import_channels`; or channels.json is missing or wrong.
+    """
+    folder = Path(folder)
+    keys = JsonKeys(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
+    channel_map, conventions = keys.take("channels", dict), keys.take("conventions", dict)
+    display_size = keys.take_size("display_size") if "display_size" in keys else None
+    frame_rate, cuts = keys.take_or("frame_rate", float, 24.0), keys.take_or("cuts", list, [])
+    name = keys.take("name", str) if "name" in keys else None
+    keys.check_no_more()
+    if not 0 < frame_rate < float("inf"):
+        raise keys.wrong("frame_rate", frame_rate, "frames a second, > 0")
+    try:
+        return import_channels(
+            folder,
+            channel_map,
+            conventions=Conventions.from_json(conventions),
+            display_size=display_size,
+            frame_rate=frame_rate,
+            cuts=cuts,
+            name=name,
+        )
+    except ArgumentError as error:
+        raise ShotError(keys.path, f"will not do: {error}") from error
+
+
+@dataclass(frozen=True, slots=True)
+class _Source:
+    """Where one array comes from: channels of the files of a pattern, one file a frame."""
+
+    pattern: str
+    channels: tuple[str, ...]
+
+
+class _MappedFiles:
+    """The files of a sequence, and what to take from them."""
+
+    def __init__(self, folder: Path, channel_map: ChannelMap) -> None:
+        self.folder = folder
+        self.sources = _parsed(channel_map)
+        reference = self.sources.pop("reference", None)
+        patterns = dict.fromkeys(source.pattern for source in self.sources.values())
+        self.files = {pattern: numbered_files(folder, pattern) for pattern in patterns}
+        self.numbers = _common_numbers(folder, self.files)
+        self.references = {} if reference is None else _references(folder, reference.pattern, self.numbers)
+        self._reference_channels = () if reference is None else reference.channels
+
+    def entry(self, index: int, jitter: tuple[float, float], *, reset: bool) -> FrameEntry:
+        number = self.numbers[index]
+        file = self.files[self.sources["depth"].pattern][number]
+        reference = self.references.get(number)
+        return FrameEntry(
+            file=file.relative_to(self.folder).as_posix(),
+            jitter=jitter,
+            reset=reset,
+            reference=None if reference is None else reference.relative_to(self.folder).as_posix(),
+            shaded="color" in self.sources,
+        )
+
+    def read_raw(
+        self,
+        index: int,
+        jitter: tuple[float, float],
+        *,
+        reset: bool,
+        render_size: Size | None = None,
+        gbuffers: Collection[str] | None = None,
+    ) -> RawFrame:
+        wanted = {
+            name: source
+            for name, source in self.sources.items()
+            if gbuffers is None or name not in GBUFFER_CHANNELS or f"gbuffer_{name}" in gbuffers
+        }
+        arrays: dict[str, Array] = {}
+        for pattern, files in self.files.items():
+            sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
+            if sources:
+                arrays.update(_read_file(files[self.numbers[index]], sources, render_size))
+        carry = arrays.get("carry")
+        return RawFrame(
+            color=arrays.get("color"),
+            depth=arrays["depth"].astype(np.float32, copy=False),
+            motion=arrays["motion"],
+            jitter=jitter,
+            reset=reset,
+            gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
+            carry=carry[..., None] if carry is not None and carry.ndim == 2 else carry,
+        )
+
+    def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
+        path = self.references[self.numbers[index]]
+        return read_reference(path, display_size, self._reference_channels)
+
+
+def _read_file(path: Path, sources: Mapping[str, _Source], render_size: Size | None) -> dict[str, Array]:
+    channels = read_exr(path, only=[name for source in sources.values() for name in source.channels])
+    if set(sources) != {"motion"}:  # motion vectors of their own file may be of display size
+        check_size(path, channels, render_size)
+    return {name: take(path, channels, source.channels) for name, source in sources.items()}
+
+
+def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
+    sources = {}
+    for name, value in channel_map.items():
+        if name not in _COUNTS and name != "carry":
+            want = f"one of {', '.join(_COUNTS)}, carry"
+            raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
+        texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
+        count = _COUNTS.get(name, len(texts))
+        if len(texts) != count or not all(isinstance(text, str) for text in texts):
+            raise ArgumentError(f"channel_map[{name!r}]", got=repr(value), want=f"{count} channel names")
+        sources[name] = _source(name, texts)
+    for name in ("depth", "motion"):
+        if name not in sources:
+            raise ArgumentError(
+                "channel_map", got=f"a map without {name!r}", want="depth and motion at least"
+            )
+    return sources
+
+
+def _source(name: str, texts: Sequence[str]) -> _Source:
+    """Take `pattern:channel` apart; a channel's own name may hold colons, a pattern ends in .exr."""
+    parts = [text.rpartition(".exr:") for text in texts]
+    patterns = {f"{pattern}.exr" if separator else "*.exr" for pattern, separator, _ in parts}
+    if len(patterns) != 1:
+        got = f"files of {' and '.join(sorted(patterns))}"
+        raise ArgumentError(f"channel_map[{name!r}]", got=got, want="channels of one file")
+    return _Source(patterns.pop(), tuple(channel for _, _, channel in parts))
+
+
+def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[int]:
+    """Return the frame numbers, which must be the same for every pattern, without a gap."""
+    (pattern, leader), *others = files.items()
+    check_no_gap(folder, leader)
+    for other, found in others:
+        for number in leader.keys() ^ found.keys():
+            have, lack = (pattern, other) if number in leader else (other, pattern)
+            raise ShotError(
+                folder, f"frame {number} is among {have} and not among {lack}", "Render it again."
+            )
+    return list(leader)
+
+
+def _references(folder: Path, pattern: str, numbers: Sequence[int]) -> dict[int, Path]:
+    """Return the references of the frames that have one, by number."""
+    files = numbered_files(folder, pattern)
+    found = {number: files[number] for number in numbers if number in files}
+    if not found:
+        problem = f"no reference {pattern} has the number of a frame, {numbers[0]} to {numbers[-1]}"
+        raise ShotError(folder, problem, "Give a reference the number of its frame.")
+    return found

@@ -1,0 +1,181 @@
+"""shot.json: what a shot's folder says about its frames. docs/shots.md shows one and explains each key."""
+
+import json
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from supersampler.conventions import Conventions
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import Size
+from supersampler.io.limits import SHOT_FRAMES
+from supersampler.io.shot.json_keys import JsonKeys, read_json
+
+FORMAT_VERSION = 1
+FILE_NAME = "shot.json"
+_LONGEST = 255  # bytes of a name; no file system takes more
+_FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShotInfo:
+    """What holds for all frames of a shot.
+
+    Attributes:
+        name: for people.
+        render_size: (width, height) of the frames, unless a frame says otherwise.
+        display_size: (width, height) of the references and display-size buffers; None where there are none.
+        frame_rate: frames a second, > 0.
+        conventions: how the stored colour, depth, motion and jitter are to be read.
+        license: of the pictures; "" is unknown.
+        attribution: whom to name where the pictures are shown, one line each.
+    """
+
+    name: str
+    render_size: Size
+    display_size: Size | None
+    frame_rate: float
+    conventions: Conventions
+    license: str = ""
+    attribution: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FrameEntry:
+    """What shot.json says about one frame.
+
+    Attributes:
+        file: EXR file of the render-size channels, relative to the folder, with forward slashes.
+        jitter: (x, y) in the shot's conventions.
+        reset: True on the first frame after a cut.
+        exposure: > 0, multiplies colour before the tone curve; None is measured.
+        display_file: EXR file of the display-size channels, or None.
+        reference: EXR file of the picture that a perfect upscaler would return, or None.
+        render_size: (width, height), where it is not the shot's.
+        shaded: False where the frame has no colour (extrapolation).
+    """
+
+    file: str
+    jitter: tuple[float, float]
+    reset: bool = False
+    exposure: float | None = None
+    display_file: str | None = None
+    reference: str | None = None
+    render_size: Size | None = None
+    shaded: bool = True
+
+
+def files_of(entry: FrameEntry) -> list[str]:
+    """Return the files of a frame, relative to the shot's folder."""
+    return [name for name in (entry.file, entry.display_file, entry.reference) if name]
+
+
+def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
+    """Read and check a shot.json.
+
+    Raises:
+        ShotError: it is missing, not JSON, of another version, or an entry is missing, wrong or repeated.
+    """
+    header = JsonKeys(path, "the file", read_json(path))
+    version = header.take("version", int)
+    if version != FORMAT_VERSION:
+        hint = "Write it again, or update supersampler."
+        raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
+    info = _info(header)
+    frames = header.take("frames", list)
+    header.check_no_more()
+    if not 1 <= len(frames) <= SHOT_FRAMES:
+        raise ShotError(path, f"lists {len(frames)} frames; want 1 to {SHOT_FRAMES}")
+    entries = [_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
+    _check_listed_once(path, entries)
+    return info, entries
+
+
+def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
+    """Return the text of a shot.json: one line a key, one line a frame."""
+    header = {
+        "version": FORMAT_VERSION,
+        "name": info.name,
+        "render_size": info.render_size,
+        "display_size": info.display_size,
+        "frame_rate": info.frame_rate,
+        "license": info.license,
+        "attribution": info.attribution,
+        "conventions": info.conventions.to_json(),
+    }
+    head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
+    frames = ",\n".join("    " + json.dumps(_entry_json(entry)) for entry in entries)
+    return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'
+
+
+def _entry_json(entry: FrameEntry) -> dict[str, object]:
+    """Leave out what says nothing, so that a long shot's file stays readable."""
+    item: dict[str, object] = {
+        "file": entry.file, "jitter": entry.jitter, "reset": entry.reset, "exposure": entry.exposure,
+    }  # fmt: skip
+    for key in ("display_file", "reference", "render_size"):
+        if getattr(entry, key) is not None:
+            item[key] = getattr(entry, key)
+    if not entry.shaded:
+        item["shaded"] = False
+    return item
+
+
+def _info(header: JsonKeys) -> ShotInfo:
+    frame_rate = header.take("frame_rate", float)
+    if not 0 < frame_rate < float("inf"):
+        raise header.wrong("frame_rate", frame_rate, "frames a second, > 0")
+    return ShotInfo(
+        name=header.take("name", str),
+        render_size=header.take_size("render_size"),
+        display_size=header.take_size("display_size") if "display_size" in header else None,
+        frame_rate=frame_rate,
+        conventions=_conventions(header),
+        license=header.take_or("license", str, ""),
+        attribution=header.take_texts("attribution"),
+    )
+
+
+def _conventions(header: JsonKeys) -> Conventions:
+    content = header.take("conventions", dict)
+    try:
+        return Conventions.from_json(content)
+    except ArgumentError as error:
+        raise ShotError(header.path, f'"conventions" will not do: {error}') from error
+
+
+def _entry(keys: JsonKeys) -> FrameEntry:
+    entry = FrameEntry(
+        file=_file(keys, "file"),
+        jitter=keys.take_pair("jitter"),
+        reset=keys.take_or("reset", bool, default=False),
+        exposure=keys.take("exposure", float) if "exposure" in keys else None,
+        display_file=_file(keys, "display_file") if "display_file" in keys else None,
+        reference=_file(keys, "reference") if "reference" in keys else None,
+        render_size=keys.take_size("render_size") if "render_size" in keys else None,
+        shaded=keys.take_or("shaded", bool, default=True),
+    )
+    keys.check_no_more()
+    return entry
+
+
+def _file(keys: JsonKeys, key: str) -> str:
+    """A name inside the shot's folder: a shot that came by mail must not reach for other files."""
+    name = keys.take(key, str)
+    path = PurePosixPath(name)
+    if not path.name or path.is_absolute() or ".." in path.parts or _FORBIDDEN.search(name):
+        raise keys.wrong(key, name, "a file inside the shot's folder, with forward slashes")
+    if any(len(part.encode()) > _LONGEST for part in path.parts):
+        raise keys.wrong(key, name, f"names of at most {_LONGEST} bytes")
+    return name
+
+
+def _check_listed_once(path: Path, entries: Sequence[FrameEntry]) -> None:
+    seen: dict[str, int] = {}
+    for index, entry in enumerate(entries):
+        for name in files_of(entry):
+            if name in seen:
+                problem = f"{name} is listed twice: in frame {seen[name]} and frame {index}"
+                raise ShotError(path, problem, "Each frame has its own files.")
+            seen[name] = index

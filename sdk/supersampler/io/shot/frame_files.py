@@ -1,0 +1,208 @@
+"""The EXR files of one frame: which array lies in which channels, and back."""
+
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.conventions import RawFrame
+from supersampler.errors import ShotError
+from supersampler.frame import Array, Float32, Size
+from supersampler.io.images import Channel, read_exr, read_exr_channels, write_exr
+from supersampler.io.shot.format import FrameEntry
+
+COLOR = ("R", "G", "B")
+DEPTH = ("depth.Z",)
+MOTION = ("motion.X", "motion.Y")
+GBUFFER: Mapping[str, Sequence[str]] = {
+    "base_color": ("base_color.R", "base_color.G", "base_color.B"),
+    "normal": ("normal.X", "normal.Y", "normal.Z"),
+    "roughness": ("roughness.Y",),
+    "metallic": ("metallic.Y",),
+    "specular": ("specular.Y",),
+}
+_GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
+CLASSES = ("class.ghost", "class.alias")
+_CARRY = "carry."
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class ClassMaps:
+    """What makes each pixel of a reference hard, by the classes of Guo et al. 2022.
+
+    Attributes:
+        ghost: (H, W) uint8, why the past is of no use: 0 it is, 1 it was hidden or off screen, 2 its light
+            has changed.
+        alias: (H, W) uint8, why one sample does not tell the colour: 0 it does, 1 an edge of a surface, 2
+            detail on a surface.
+    """
+
+    ghost: NDArray[np.uint8]
+    alias: NDArray[np.uint8]
+
+
+def read_frame(
+    folder: Path,
+    entry: FrameEntry,
+    render_size: Size,
+    display_size: Size | None,
+    gbuffers: Collection[str] | None = None,
+) -> RawFrame:
+    """Read one frame as it was stored.
+
+    Args:
+        folder: the shot's.
+        entry: what shot.json says about the frame.
+        render_size: (width, height) that the files must have.
+        display_size: the same of the display-size files; None takes any.
+        gbuffers: names of those to read, as `ModelInfo.gbuffers` has them; None reads all.
+
+    Raises:
+        ShotError: a file is missing, damaged, of another size, or lacks a channel.
+    """
+    path = folder / entry.file
+    channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers))
+    check_size(path, channels, render_size)
+    display_path = folder / (entry.display_file or entry.file)
+    unwanted = _unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers)
+    display = {} if entry.display_file is None else read_exr(display_path, without=unwanted)
+    check_size(display_path, display, display_size)
+    motion_of_display = MOTION[0] in display
+    return RawFrame(
+        color=take(path, channels, COLOR) if entry.shaded else None,
+        depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
+        motion=take(display_path, display, MOTION) if motion_of_display else take(path, channels, MOTION),
+        jitter=entry.jitter,
+        reset=entry.reset,
+        exposure=entry.exposure,
+        gbuffer=_take_gbuffer(path, channels, GBUFFER),
+        gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
+        carry=_take_carry(path, channels),
+    )
+
+
+def read_reference(path: Path, display_size: Size | None, names: Sequence[str] = COLOR) -> Float32:
+    """Read a reference picture as (H, W, 3) float32."""
+    channels = read_exr(path, only=names)
+    check_size(path, channels, display_size)
+    return take(path, channels, names).astype(np.float32, copy=False)
+
+
+def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
+    """Read the class maps beside a reference picture; None where the file has none."""
+    channels = read_exr(path, only=CLASSES)
+    check_size(path, channels, display_size)
+    if not channels:
+        return None
+    maps = [take(path, channels, (name,)) for name in CLASSES]
+    for name, array in zip(CLASSES, maps, strict=True):
+        if not ((array >= 0) & (array <= np.iinfo(np.uint8).max)).all():  # NaN is neither
+            raise ShotError(path, f"channel {name} holds other values than classes, 0 to 255")
+    ghost, alias = (array.astype(np.uint8) for array in maps)
+    return ClassMaps(ghost, alias)
+
+
+def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
+    """Write a reference picture, (H, W, 3), and the class maps where there are any.
+
+    Raises:
+        ShotError: an array is of a type that EXR does not have, or the disk refused.
+    """
+    channels: dict[str, Channel] = {}
+    _put(channels, COLOR, reference)
+    if classes is not None:
+        maps = zip(CLASSES, (classes.ghost, classes.alias), strict=True)
+        channels.update((name, classes_.astype(np.float16)) for name, classes_ in maps)
+    write_exr(path, channels, compression=compression)
+
+
+def has_display_file(raw: RawFrame) -> bool:
+    """Tell whether the frame has anything of display size: G-buffers, or motion vectors."""
+    return bool(raw.gbuffer_display) or raw.motion.shape[:2] != raw.depth.shape
+
+
+def write_frame(
+    folder: Path, entry: FrameEntry, raw: RawFrame, compression: str, *, display: bool = True
+) -> None:
+    """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
+
+    Raises:
+        ShotError: an array is of a type that EXR does not have, or the disk refused.
+    """
+    render: dict[str, Channel] = {}
+    large: dict[str, Channel] = {}
+    if raw.color is not None:
+        _put(render, COLOR, raw.color)
+    _put(render, DEPTH, raw.depth)
+    _put(render if raw.motion.shape[:2] == raw.depth.shape else large, MOTION, raw.motion)
+    for name, array in (raw.gbuffer or {}).items():
+        _put(render, GBUFFER[name], array)
+    for name, array in (raw.gbuffer_display or {}).items():
+        _put(large, _GBUFFER_DISPLAY[name], array)
+    if raw.carry is not None:
+        _put(render, [f"{_CARRY}{index}" for index in range(raw.carry.shape[2])], raw.carry)
+    write_exr(folder / entry.file, render, compression=compression)
+    if display and entry.display_file is not None:
+        write_exr(folder / entry.display_file, large, compression=compression)
+
+
+def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> Array:
+    """Return the channels of these names as one array: (h, w) for one name, (h, w, k) for k.
+
+    Raises:
+        ShotError: one is missing, or holds whole numbers.
+    """
+    for name in names:
+        if name not in channels:
+            raise ShotError(path, f"has no channel {name}", f"It has {', '.join(read_exr_channels(path))}.")
+        if channels[name].dtype not in (np.float16, np.float32):
+            problem = f"channel {name} is {channels[name].dtype}; want half or float"
+            raise ShotError(path, problem, "Write it as 16- or 32-bit floating point.")
+    arrays = [channels[name] for name in names]
+    return arrays[0] if len(arrays) == 1 else np.stack(arrays, axis=-1)
+
+
+def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:
+    """Raise where the file's pictures are not of this (width, height)."""
+    for array in channels.values():  # one is enough: read_exr has compared them
+        height, width = array.shape
+        if size is not None and (width, height) != size:
+            hint = "Render it again at that size, or mend the size."
+            raise ShotError(path, f"is {width}x{height}; the shot says {size[0]}x{size[1]}", hint)
+        return
+
+
+def _put(channels: dict[str, Channel], names: Sequence[str], array: Array) -> None:
+    planes = [array] if array.ndim == 2 else [array[..., index] for index in range(len(names))]
+    channels.update(zip(names, planes, strict=True))
+
+
+def _take_gbuffer(
+    path: Path, channels: Mapping[str, Channel], layout: Mapping[str, Sequence[str]]
+) -> dict[str, Array] | None:
+    """Take each buffer of which any channel is there, so that one with a part missing is an error."""
+    found = {
+        name: take(path, channels, names)
+        for name, names in layout.items()
+        if any(channel in channels for channel in names)
+    }
+    return found or None
+
+
+def _unwanted(
+    group: str, layout: Mapping[str, Sequence[str]], gbuffers: Collection[str] | None
+) -> Iterator[str]:
+    """Yield the channels of the G-buffers that are not to be read."""
+    for name, channels in layout.items():
+        if gbuffers is not None and f"{group}_{name}" not in gbuffers:
+            yield from channels
+
+
+def _take_carry(path: Path, channels: Mapping[str, Channel]) -> Array | None:
+    count = sum(name.startswith(_CARRY) for name in channels)
+    if count == 0:
+        return None
+    array = take(path, channels, [f"{_CARRY}{index}" for index in range(count)])
+    return array if array.ndim == 3 else array[..., None]

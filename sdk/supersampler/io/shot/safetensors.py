@@ -1,0 +1,58 @@
+"""The safetensors file format, read by memory map: a length, a JSON header, then the tensors' bytes."""
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ShotError
+from supersampler.io.limits import JSON_BYTES
+
+_TYPES = {
+    "F16": "<f2", "F32": "<f4", "F64": "<f8", "BOOL": "?", "U8": "u1", "I8": "i1",
+    "I16": "<i2", "I32": "<i4", "I64": "<i8",
+}  # fmt: skip
+_HINT = "The file is damaged or cut off; copy it again."
+
+
+def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
+    """Return tensor name to memory-mapped array, and the file's metadata.
+
+    Values are read when they are touched, and only those; the arrays are not to be written to.
+
+    Raises:
+        ShotError: the file is missing, cut off, or not of this format.
+    """
+    try:
+        if not path.is_file():
+            raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?")
+        size = path.stat().st_size
+        if size < 8:
+            raise ShotError(path, "is not a safetensors file", _HINT)
+        content = np.asarray(np.memmap(path, np.uint8, mode="r"))
+    except ShotError:
+        raise
+    except (OSError, ValueError) as error:
+        raise ShotError(path, f"cannot be read ({error})", _HINT) from error
+    start = 8 + int(content[:8].view("<u8")[0])
+    if start > size:
+        raise ShotError(path, "is not a safetensors file, or ends in its header", _HINT)
+    if start > JSON_BYTES:
+        raise ShotError(path, f"has a header of {start} bytes; want at most {JSON_BYTES}", _HINT)
+    try:
+        header: dict[str, dict[str, Any]] = json.loads(content[8:start].tobytes())
+        metadata = header.pop("__metadata__", {})
+        return {name: _tensor(content[start:], **entry) for name, entry in header.items()}, metadata
+    except (ValueError, TypeError, AttributeError, KeyError, OverflowError, RecursionError) as error:
+        raise ShotError(path, f"has a header or tensor that cannot be read ({error})", _HINT) from error
+
+
+def _tensor(data: NDArray[np.uint8], dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:
+    kind = np.dtype(_TYPES[dtype])
+    begin, end = data_offsets
+    if not 0 <= begin <= end <= data.size or end - begin != math.prod(shape) * kind.itemsize:
+        raise ValueError(f"bytes {begin} to {end} of {data.size} for {dtype} {shape}")
+    return data[begin:end].view(kind).reshape(shape)

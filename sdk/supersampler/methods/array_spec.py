@@ -1,0 +1,98 @@
+"""What arrays from outside must be: one check for states, recordings and network files."""
+
+import math
+import reprlib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.arguments import MAX_PIXELS, MAX_SIDE
+
+LARGEST = float(np.finfo(np.float32).max)
+
+
+@dataclass(frozen=True)
+class ArraySpec:
+    """What an array must be.
+
+    Attributes:
+        dtype: numpy's name of its type, in the byte order of this machine.
+        shape: numbers, and names of extents that are free: from 1 to MAX_SIDE, and the same everywhere.
+        values: least and largest value; NaN is in no range. None takes any.
+    """
+
+    dtype: str
+    shape: tuple[int | str, ...]
+    values: tuple[float, float] | None = None
+
+    def __str__(self) -> str:
+        extents = ", ".join(map(str, self.shape)) + "," * (len(self.shape) == 1)
+        return f"({extents}) {self.dtype}"
+
+
+Refusal = Callable[[str, str], Exception]
+"""Makes an exception of what came ("with 'a' (2,) float64") and what was wanted ("(1,) float32")."""
+
+
+def checked_arrays(
+    arrays: object, specs: Mapping[str, ArraySpec], refusal: Refusal
+) -> dict[str, NDArray[Any]]:
+    """Return arrays by name after a check of each: they are as `specs` say, and no others are there.
+
+    Args:
+        arrays: a mapping.
+        specs: by name.
+        refusal: makes the exception that is raised.
+
+    Returns:
+        Plain numpy arrays on the same memory, in the order of `specs`.
+    """
+    if not isinstance(arrays, Mapping):
+        raise refusal(type(arrays).__name__, "arrays by name")
+    unknown = next((name for name in arrays if name not in specs), None)
+    if unknown is not None:
+        raise refusal(f"with {reprlib.repr(unknown)}", f"only {', '.join(specs) or 'no arrays'}")
+    sizes: dict[str, int] = {}
+    checked = {}
+    for name, spec in specs.items():
+        if name not in arrays:
+            raise refusal(f"without {name!r}", f"{spec}")
+        checked[name] = _checked(name, arrays[name], spec, sizes, refusal)
+    return checked
+
+
+def _checked(
+    name: str, array: object, spec: ArraySpec, sizes: dict[str, int], refusal: Refusal
+) -> NDArray[Any]:
+    if not isinstance(array, np.ndarray) or isinstance(array, np.ma.MaskedArray):
+        raise refusal(f"with {name!r} {type(array).__name__}", f"a numpy array {spec}")
+    got = f"with {name!r} {array.shape} {array.dtype}"
+    if array.dtype != np.dtype(spec.dtype) or array.ndim != len(spec.shape):
+        raise refusal(got, f"{spec}")
+    for extent, want in zip(array.shape, spec.shape, strict=True):
+        if isinstance(want, str) and not 1 <= extent <= MAX_SIDE:
+            raise refusal(got, f"{spec}, each named extent from 1 to {MAX_SIDE}")
+        if extent != (sizes.setdefault(want, extent) if isinstance(want, str) else want):
+            known = ", ".join(f"{free} {sizes[free]}" for free in spec.shape if free in sizes)
+            raise refusal(got, f"{spec}" + (f" with {known}" if known else ""))
+    free = [extent for extent, want in zip(array.shape, spec.shape, strict=True) if isinstance(want, str)]
+    if math.prod(free) > MAX_PIXELS:
+        raise refusal(got, f"{spec} with at most {MAX_PIXELS} pixels")
+    plain = array.view(np.ndarray)
+    if spec.values is not None and plain.size:
+        low, high = spec.values
+        with np.errstate(invalid="ignore"):
+            least, most = plain.min(), plain.max()
+        if not (low <= least and most <= high):  # written so that NaN fails
+            raise refusal(f"with {name!r} from {least} to {most}", f"values from {low:g} to {high:g}")
+    if plain.dtype == bool and (plain.view(np.uint8) > 1).any():
+        raise refusal(f"with {name!r} of bytes beyond 1", f"{spec} of bytes 0 and 1")
+    return plain
+
+
+def values_of(name: str) -> tuple[float, float]:
+    """Return the range of a history tensor of this name: finite, and jitter as frames have it."""
+    return (-0.5, 0.5) if "jitter" in name else (-LARGEST, LARGEST)

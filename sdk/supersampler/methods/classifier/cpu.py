@@ -1,0 +1,291 @@
+"""`classifier` on a processor: gather, network in bytes and finish, row by row on several threads."""
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.executor import Host
+from supersampler.backends.cpu.frame_preprocess import READING, Planes, View, Weight, bordered
+from supersampler.backends.cpu.int8_network import LEVEL, ByteNetwork, Encoder
+from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
+from supersampler.backends.cpu.memory import LINE, address, aligned
+from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.backends.cpu.threads import Bands, Box, Job
+from supersampler.backends.cpu.tile_reuse import SKIPPING
+from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.tiles import Tiles
+from supersampler.backends.cpu.workspaces import Workspaces
+from supersampler.backends.plan import held_bytes
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.model_file import ModelInfo
+
+CLASSES, ALL = 6, 255.0
+GATHER = "methods.classifier.kernels.gather.make_gather_rows"
+FINISH = "methods.classifier.kernels.finish.make_finish_rows"
+SURFACES = "backends.cpu.kernels.frame.surfaces"
+
+
+@dataclass(eq=False)
+class ClassifierHistory:
+    """What one frame leaves for the next.
+
+    Attributes:
+        render: size of that frame.
+        pixels: (H, W, CLASSIFIER_PIXEL) linear RGB, count, least and most luma.
+        classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
+        surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
+        jitter: of that frame.
+        trail: what tells which tiles may stay as they are.
+        exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
+    """
+
+    render: Size
+    pixels: Float32
+    classes: NDArray[np.uint8]
+    surfaces: Float32
+    trail: Trail
+    jitter: tuple[float, float] = (0.0, 0.0)
+    exposure: float = 0.0
+
+
+class _Space:
+    """Buffers for displays of one size."""
+
+    def __init__(self, host: "ClassifierHost", display: Size) -> None:
+        self.display = big_w, big_h = display
+        half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
+        width = self.width = up_to(big_w, LANES)
+        self.past = aligned((big_h * width + LANES, PAST))
+        self.rest = aligned((big_h * width, host.variant.rest), np.uint16)
+        self.encoder = Encoder(host.network, half, host.bands)
+        self.scratch = [_Scratch(self, host.variant) for _ in range(host.bands.threads)]
+
+
+class _Scratch:
+    """Rows that one thread works on."""
+
+    def __init__(self, space: _Space, variant: Variant) -> None:
+        width, half_w = space.width, space.half[0] + LANES
+        self.ring = aligned((3, width + 2 * PAD))
+        self.slots, self.weights = aligned((12, LANES), np.int32), aligned((12, LANES))
+        self.warped = aligned((LANES, LANES))
+        self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
+        self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
+        self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
+        self.hidden = aligned((half_w, 4 * LANES), np.uint8)
+        self.mixing = aligned((variant.outputs, half_w))
+        self.columns = aligned((LANES, LANES), np.int32)
+        self.out = aligned((LANES, 8))
+        self.gathering = [
+            address(a)
+            for a in (self.ring, self.slots, self.weights, self.warped, self.places, self.seen, self.apart)
+        ]
+        self.finishing = [
+            address(a) for a in (self.read, self.decoded, self.hidden, self.mixing, self.columns, self.out)
+        ]
+
+
+class ClassifierHost(Host):
+    """Runs `classifier` and its relatives; see `Executor`.
+
+    Args:
+        info: the model.
+        bands: threads.
+    """
+
+    precision = "int8"
+
+    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+        self.variant = Variant.of(info.config)
+        gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
+        kernels = load_kernels(gather, *READING, *SKIPPING, SURFACES, LEVEL, finish)
+        super().__init__(kernels, bands)
+        self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
+        self._config = c = info.config
+        self._filters = [
+            Filter(gaussian(c["sample_sigma"]), True),
+            Filter(catmull_rom, False),
+            Filter(gaussian(c["moment_sigma"]), False),
+        ]
+        self._windows = [gaussian(c["kernel_sigma"])]
+        self._gather, self._surfaces, self._finish = (kernels[name] for name in (gather, SURFACES, finish))
+        self._spaces = Workspaces(lambda display: _Space(self, display))
+        self._views = Workspaces(self._view)
+
+    def zeros(self, display: Size, render: Size) -> ClassifierHistory:
+        """See `Executor`."""
+        (w, h), (big_w, big_h) = render, display
+        return ClassifierHistory(
+            render,
+            aligned((big_h, big_w, CLASSIFIER_PIXEL)),
+            np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
+            np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
+            Trail(display),
+        )
+
+    def fits(self, buffers: ClassifierHistory, display: Size, render: Size) -> bool:
+        """See `Executor`."""
+        return buffers.render == render and buffers.pixels.shape[1::-1] == display
+
+    def step(
+        self,
+        frame: Frame,
+        display: Size,
+        past: ClassifierHistory,
+        left: ClassifierHistory,
+        image: Float32,
+        told: Collection[str],
+        *,
+        tolerance: float | None,
+    ) -> Mapping[str, Float32]:
+        """See `Executor`."""
+        planes, weight = Planes.of(frame), Weight(told, display)
+        tiles = self._skipping.begin(
+            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+        )
+        if tiles.any:
+            self._draw(planes, frame, display, past, left, image, weight, tiles)
+        else:
+            left.jitter, left.exposure = past.jitter, past.exposure
+            left.surfaces[:] = past.surfaces
+        kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
+        self._skipping.end(
+            tiles, past.trail, left.trail, kept, image,
+            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+        )  # fmt: skip
+        return weight.told()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        space, view = _Space(self, display), self._view(render, display)
+        working = held_bytes(space) + view.most_bytes() + self._skipping.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
+
+    def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
+        """See `Executor`."""
+        (w, _), pixels = buffers.render, buffers.pixels
+        tensors: dict[str, NDArray[Any]] = {
+            "history.color": pixels[None, ..., :3].transpose(0, 3, 1, 2),
+            "history.state": pixels[None, ..., 3:6].transpose(0, 3, 1, 2),
+            "history.classes": buffers.classes[None, ..., :CLASSES].transpose(0, 3, 1, 2) / np.float32(ALL),
+            "history.depth": buffers.surfaces[None, :, PAD : PAD + w].transpose(0, 3, 1, 2),
+            "history.jitter": np.array([buffers.jitter]),
+            "history.exposure": np.array([buffers.exposure]),
+        }
+        return np.ascontiguousarray(tensors[name], np.float32)
+
+    def load(self, buffers: ClassifierHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.trail.load(tensors)
+        pixels = buffers.pixels
+        pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
+        pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
+        shares = np.round(tensors["history.classes"][0].transpose(1, 2, 0) * ALL)
+        buffers.classes[..., :CLASSES] = np.clip(shares, 0.0, ALL)
+        buffers.surfaces[:] = bordered(tensors["history.depth"][0], buffers.surfaces.shape[1])
+        x, y = (float(j) for j in tensors["history.jitter"][0])
+        buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
+
+    def _view(self, render: Size, display: Size) -> View:
+        return View(render, display, self._filters, self.bands.threads, self._windows)
+
+    def _draw(
+        self,
+        planes: Planes,
+        frame: Frame,
+        display: Size,
+        past: ClassifierHistory,
+        left: ClassifierHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        exposure = self._reader.exposure(frame, planes.color, past.exposure)
+        left.jitter, left.exposure = frame.jitter, exposure
+        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
+            view.look(frame.jitter)
+            self._reader.read(planes, abs(exposure), view.samples)
+            self._gather_all(space, view, past, left, tiles)
+            space.encoder.run(tiles)
+            self._compose(space, view, left, image, weight, tiles)
+
+    def _gather_all(
+        self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
+    ) -> None:
+        """All that is known of the display before the network speaks, and the depth for the next frame."""
+        s, c, v, read = space, self._config, view, view.samples
+        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
+        numbers = np.array(
+            [
+                abs(left.exposure), w, h, big_w, big_h, old_w, old_h, *past.jitter,
+                c["history_sharpness"], c["gamma"], c["depth_margin"], c["depth_ramp"],
+            ],
+            np.float32,
+        )  # fmt: skip
+        inputs = (
+            address(read.color), address(read.front), address(read.own), read.stride,
+            address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
+            *(address(a) for a in (v.y.samples, v.y.weights, v.x.start, v.x.weights)),
+            *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
+            big_w, big_h, s.width,
+        )  # fmt: skip
+        records, means = s.encoder.records, s.encoder.means
+        outputs = (
+            *(address(a) for a in (s.past, s.rest, past.classes)), records.shape[1], address(records),
+            means.shape[2], address(means),
+        )  # fmt: skip
+
+        def gather(box: Box, worker: int) -> None:
+            lines = address(v.lines[worker])
+            self._gather(*inputs, *box, lines, *s.scratch[worker].gathering, *outputs)
+
+        depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
+
+        def leave(box: Box, _: int) -> None:
+            self._surfaces(depths, eroded, w, h, read.stride, box.y0, box.y1, to)
+
+        boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
+        self.bands.together("gather", Job(boxes, gather, 2), Job([Box(0, h, 0, 1)], leave))
+
+    def _compose(
+        self,
+        space: _Space,
+        view: View,
+        left: ClassifierHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        """The last layers, and the picture that they make of what was gathered."""
+        s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
+        (_, h), (big_w, big_h) = left.render, s.display
+        decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
+        pitches = address(e.pitches)
+        layers = (
+            address(e.records), e.records.shape[1] * e.records.shape[2],
+            hidden.weights, hidden.blocks, hidden.scale, hidden.bias,
+        )  # fmt: skip
+        last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
+        gathered = (
+            address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
+            read.wide, h, *(address(a) for a in (v.x.near, v.y.near, v.x.windows, v.y.windows)),
+        )  # fmt: skip
+        outputs = (
+            big_w, big_h, abs(left.exposure), c["samples"], c["contraction"],
+            address(left.pixels), address(image), *weight.arguments,
+            (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
+        )  # fmt: skip
+
+        def finish(box: Box, worker: int) -> None:
+            seen, decoded, said, mixed, columns, out = s.scratch[worker].finishing
+            self._finish(
+                *e.kept, pitches, seen, seen, decoder.weights, decoder.scale, decoder.bias,
+                decoded, decoded, *layers, said, said, *last, mixed, *gathered, columns, out, *outputs, *box,
+            )  # fmt: skip
+
+        self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)

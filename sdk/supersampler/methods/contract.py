@@ -1,0 +1,124 @@
+"""Whether what a model.json says is a model that this runtime drives: docs/contract.md, tensor by tensor."""
+
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, NoReturn
+
+from supersampler.errors import ModelError
+from supersampler.methods.gbuffers import GBUFFERS
+
+if TYPE_CHECKING:
+    from supersampler.methods.model_file import ModelInfo, TensorInfo
+
+Shape = tuple[int | str, ...]
+_RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
+_HALF, _PREVIOUS = ("half_height", "half_width"), ("previous_height", "previous_width")
+_INPUTS: Mapping[str, tuple[str, Shape]] = {
+    "color": ("float32", (1, 3, *_RENDER)),
+    "depth": ("float32", (1, 1, *_RENDER)),
+    "motion": ("float32", (1, 2, *_RENDER)),
+    "jitter": ("float32", (1, 2)),
+    "exposure": ("float32", (1,)),
+    "display_size": ("int64", (2,)),
+    **{
+        name: ("float32", (1, place.channels, *(_DISPLAY if place.of_display else _RENDER)))
+        for name, place in GBUFFERS.items()
+    },
+}
+_OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
+_MAPS = {"class_map", "weight", "count"}  # what a Result has room for
+
+
+def check_contract(info: "ModelInfo") -> None:
+    """Raise ModelError where a tensor or map is none that this runtime knows what to do with."""
+    for tensor in info.inputs:
+        wanted = _INPUTS.get(tensor.name)
+        if wanted is None:
+            _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(_INPUTS)}")
+        if (tensor.type, tensor.shape) != wanted:
+            _refuse(info, f"input {tensor.name!r}", _text(tensor), f"{wanted[1]} {wanted[0]}")
+    if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (_DISPLAY, _RENDER)]:
+        _refuse(info, "image", _text(info.image), f"{(1, 3, *_DISPLAY)} or {(1, 3, *_RENDER)} float32")
+    history = [h.input.name for h in info.history]
+    _check_unique(info, "inputs and history", [*(tensor.name for tensor in info.inputs), *history])
+    outputs = [info.image.name, *(h.output for h in info.history), *(tensor.name for tensor in info.told)]
+    _check_unique(info, "image, history's outputs and told", outputs)
+    if info.extrapolates:
+        _check_extrapolation(info)
+    else:
+        _check_upscaling(info)
+    _check_told(info)
+
+
+def check_drawn(info: "ModelInfo", drawn: "ModelInfo") -> None:
+    """Raise ModelError unless the model in a model's folder steps on the same history to the same image."""
+    tensors = [(m.history, m.image.shape, {t.name for t in m.told}) for m in (info, drawn)]
+    if not drawn.only_drawn or tensors[0] != tensors[1]:
+        want = f"true, with history, image and told as in {info.folder / 'model.json'}"
+        _refuse(drawn, "only_drawn", repr(drawn.only_drawn), want)
+
+
+def _check_upscaling(info: "ModelInfo") -> None:
+    if "color" not in (tensor.name for tensor in info.inputs):
+        _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
+    known = {*_RENDER, *_DISPLAY, *_HALF, *_PREVIOUS}
+    for tensor in (h.input for h in info.history):
+        if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.carry":
+            _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
+
+
+def _check_extrapolation(info: "ModelInfo") -> None:
+    """Its history is what frames had, by the names of its inputs; of what was earlier after what is later."""
+    inputs = {tensor.name for tensor in info.inputs}
+    if "color" in inputs or "step.onnx" not in info.files:
+        _refuse(info, "inputs and files", "with 'color' or without 'step.onnx'", "neither: it draws colour")
+    before: set[str] = set()
+    for tensor in (h.input for h in info.history):
+        own = tensor.name.removeprefix("history.")
+        later = own.removeprefix("earlier_")
+        known = f"gbuffer_{own}" in inputs or own in _OF_FRAMES or (later != own and later in before)
+        if tensor.name == own or not known or tensor.type != "float32" or tensor.shape[:1] != (1,):
+            want = (
+                f"float32, 'history.' and one of {', '.join(sorted(_OF_FRAMES))}, a G-buffer, 'earlier_' ..."
+            )
+            _refuse(info, f"history {tensor.name!r}", _text(tensor), want)
+        before.add(own)
+
+
+def _check_told(info: "ModelInfo") -> None:
+    for tensor in info.told:
+        named = tensor.shape[2:]
+        if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (_DISPLAY, _HALF):
+            _refuse(
+                info, f"told {tensor.name!r}", _text(tensor), f"(1, k, ...) float32 of {_DISPLAY} or {_HALF}"
+            )
+        if tensor.name == "weight" and tensor.shape != (1, 1, *_DISPLAY):
+            _refuse(info, "told 'weight'", _text(tensor), f"{(1, 1, *_DISPLAY)} float32")
+    shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.told}
+    for name, where in info.maps.items():
+        shape = shapes.get(where.output, ())
+        channels = shape[1] if len(shape) == 4 else 0
+        if name not in _MAPS or not isinstance(channels, int) or where.first + where.channels > channels:
+            got = f"channels {where.first} to {where.first + where.channels} of {where.output!r}"
+            want = f"{', '.join(sorted(_MAPS))}, of channels that a told or history tensor has"
+            _refuse(info, f"map {name!r}", got, want)
+
+
+def _check_unique(info: "ModelInfo", what: str, names: Iterable[str]) -> None:
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            _refuse(info, what, f"{name!r} twice", "each name once")
+        seen.add(name)
+
+
+def _named(tensor: "TensorInfo") -> set[str]:
+    return {extent for extent in tensor.shape if isinstance(extent, str)}
+
+
+def _text(tensor: "TensorInfo") -> str:
+    return f"{tensor.shape} {tensor.type}"
+
+
+def _refuse(info: "ModelInfo", what: str, got: str, want: str) -> NoReturn:
+    path = info.folder / "model.json"
+    raise ModelError(f"{path}: {what}: {got}; want {want}. Export the model again.")

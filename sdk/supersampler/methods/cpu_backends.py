@@ -1,0 +1,97 @@
+"""Which models run as kernels on this processor."""
+
+import os
+import warnings
+from collections.abc import Mapping
+
+from supersampler.backends.base import Executor
+from supersampler.backends.cpu.threads import Bands
+from supersampler.errors import BackendWarning, KernelError
+from supersampler.methods.classifier.cpu import ClassifierHost
+from supersampler.methods.cpu_checks import check_constants, has_known_history
+from supersampler.methods.extrapolation.cpu import GuidedWarpHost
+from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.taa.cpu import TaaHost
+from supersampler.methods.taau.cpu import TaauHost
+
+_SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
+_HOSTS: Mapping[str, type[ClassifierHost] | type[TaaHost] | type[TaauHost]] = {
+    "classifier": ClassifierHost,
+    "taa": TaaHost,
+    "taau": TaauHost,
+}
+
+
+def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
+    """Return the CPU backend of a model; None where it has no kernels, or they cannot be compiled.
+
+    Args:
+        info: the model.
+        threads: how many; 0 takes every core that this process may use.
+        required: raise instead of falling back to ONNX Runtime.
+
+    Raises:
+        KernelError: kernels cannot be compiled, and are required.
+
+    Warns:
+        BackendWarning: kernels cannot be compiled; once in a process.
+    """
+    kernels = _kernels_of(info)
+    if kernels is None or not has_known_history(info, kernels):
+        return None
+    check_constants(info, kernels)
+    try:
+        return _HOSTS[kernels](info, Bands(threads or len(_cores())))
+    except KernelError as error:
+        _fall_back(error, required=required)
+        return None
+
+
+def host_drawing(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpHost | None:
+    """Return what extrapolates unshaded frames on the CPU; see `host_executor`."""
+    kernels = "guided-warp"
+    if (
+        info.method != kernels
+        or not GuidedWarpHost.draws(info.config)
+        or not has_known_history(info, kernels)
+    ):
+        return None
+    check_constants(info, kernels)
+    try:
+        return GuidedWarpHost(info, Bands(threads or len(_cores())))
+    except KernelError as error:
+        _fall_back(error, required=required)
+        return None
+
+
+_warned: list[str] = []
+
+
+def _fall_back(error: KernelError, *, required: bool) -> None:
+    if required:
+        raise error
+    if not _warned:
+        _warned.append(str(error))
+        warnings.warn(
+            f"{error}. Steps run in ONNX Runtime instead: same images, several times slower, and tiles that "
+            "stand still are not reused. `pip install numba` brings the kernels back.",
+            BackendWarning,
+            stacklevel=2,
+        )
+
+
+def _kernels_of(info: ModelInfo) -> str | None:
+    if "network.npz" in info.files:
+        return "classifier"
+    if info.method == "taau":
+        return "taau"
+    config = info.config
+    if info.method == "taa" and config.get("gamma") is not None and _SALVIS.items() <= config.items():
+        return "taa"
+    return None
+
+
+def _cores() -> set[int]:
+    if hasattr(os, "sched_getaffinity"):
+        return os.sched_getaffinity(0)
+    return set(range(os.cpu_count() or 1))

@@ -1,0 +1,317 @@
+"""`guided-warp` on a processor; twin of `supersampler_model.methods.guided`, where the reasons are.
+
+Sixteen pixels of a row at a time. Where all of them lead to samples that lie side by side, as they do but for
+edges of things that move otherwise, samples are read sixteen at once.
+"""
+
+import numpy as np
+
+from supersampler.backends.cpu.kernels.colors import (
+    DARKNESS,
+    MAX_HALF,
+    clamped,
+    exponential,
+    logarithm,
+    quarantined,
+    usable,
+)
+from supersampler.backends.cpu.kernels.frame import FAR, LONGEST, motion_at, places_of
+from supersampler.backends.cpu.kernels.types import Floats, Words
+from supersampler.backends.cpu.layout import GUIDE
+from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.vector import (
+    absolute,
+    all_lanes,
+    floor,
+    gather,
+    load16,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    spread16,
+    store,
+    to_float,
+    to_int,
+)
+
+(
+    THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, THEN_JITTER, BEFORE_JITTER, SURFACE, DEPTH, DISTANCE, LEAST,
+    MOVED,
+) = 0, 1, 2, 3, 4, 6, 8, 10, 11, 12, 13, 14  # fmt: skip
+"""Of `numbers`; two for each jitter, across and down; four of GuidedWarpConfig; 0 where `before` is zeros."""
+FARTHEST, NOWHERE = 1e-30, 1e4
+STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
+SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
+
+
+@inner
+def known(value):
+    return absolute(value) <= MAX_HALF
+
+
+@inner
+def three_at(image, at, pixel, plane):
+    """Three channels, of which values are `pixel` apart from sample to sample, `plane` from each other."""
+    first = at * np.int32(pixel)
+    return (
+        gather(image, first),
+        gather(image, first + np.int32(plane)),
+        gather(image, first + np.int32(2 * plane)),
+    )
+
+
+@inner
+def reflected(base, normal, least):
+    """What a channel's colour is divided by; one at the sky."""
+    sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
+    return (
+        select(sky, 1.0, base[0] + least),
+        select(sky, 1.0, base[1] + least),
+        select(sky, 1.0, base[2] + least),
+    )
+
+
+@inner
+def told_at(base, normal, depth, at, pixel, plane, good, numbers):
+    """What sixteen `good` surfaces are told from, in standard deviations; and what all of them reflect."""
+    b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
+    d = gather(depth, at)
+    good = good & known(b[0]) & known(b[1]) & known(b[2]) & known(n[0]) & known(n[1]) & known(n[2])
+    good = good & (d >= 0.0) & (d <= 1e30)
+    b = (color_of(b[0]), color_of(b[1]), color_of(b[2]))
+    n = (side_of(n[0]), side_of(n[1]), side_of(n[2]))
+    far = select(good, logarithm(maximum(d, FARTHEST)) / numbers[DEPTH], NOWHERE)
+    s = numbers[SURFACE]
+    told = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, far)
+    return told, reflected(b, n, numbers[LEAST])
+
+
+@inner
+def color_of(value):
+    return select(known(value), clamped(value, 0.0, 1.0), 0.0)
+
+
+@inner
+def side_of(value):
+    return select(known(value), clamped(value, -1.0, 1.0), 0.0)
+
+
+def enter(
+    color: Floats, base: Floats, normal: Floats, depth: Floats, numbers: Floats, w: int, h: int, stride: int,
+    y0: int, y1: int, samples: Floats,
+):  # fmt: skip
+    """Rows y0 to y1 of a shaded frame, whose images are planes: (GUIDED, h, stride) told from, and light."""
+    size = h * stride
+    for y in range(y0, y1):
+        for x in range(0, w, 16):
+            at, to = places_of(x, y, w), y * stride + x
+            r, g, b = three_at(color, at, 1, w * h)
+            told, share = told_at(base, normal, depth, at, 1, w * h, usable(r, g, b), numbers)
+            for c, value in enumerate(told):
+                store(samples, c * size + to, value)
+            store(samples, GUIDE * size + to, quarantined(r) / share[0])
+            store(samples, (GUIDE + 1) * size + to, quarantined(g) / share[1])
+            store(samples, (GUIDE + 2) * size + to, quarantined(b) / share[2])
+
+
+@inner
+def led_to(place, jitter, other, size, other_size):
+    """Where a pixel's motion leads, in another frame: 0 is the place of its first sample."""
+    return (place + (jitter + np.float32(0.5))) * other_size / size - (other + np.float32(0.5))
+
+
+@inner
+def usable_at(plane, at):
+    value = gather(plane, at)
+    return select(absolute(value) <= LONGEST, clamped(value, -FAR, FAR), 0.0)
+
+
+@inner
+def between(plane, first, x, y, w, h):
+    """Usable motion, of a plane (h, w) that begins at `first`, at a place: linear; the border beyond it."""
+    x, y = clamped(x, 0.0, np.float32(w - 1)), clamped(y, 0.0, np.float32(h - 1))
+    left, top = floor(x), floor(y)
+    s, t = x - left, y - top
+    column, row = to_int(left), to_int(top)
+    right, start = minimum(column + np.int32(1), np.int32(w - 1)), np.int32(first)
+    here, below = row * np.int32(w) + start, minimum(row + np.int32(1), np.int32(h - 1)) * np.int32(w) + start
+    upper = usable_at(plane, here + column) * (1.0 - s) + usable_at(plane, here + right) * s
+    lower = usable_at(plane, below + column) * (1.0 - s) + usable_at(plane, below + right) * s
+    return upper * (1.0 - t) + lower * t
+
+
+@inner
+def back_to_shaded(motion, before, at, column, row, w, h, n):
+    """Motion of sixteen pixels and, from where it leads, back to the shaded frame."""
+    wide, high = np.float32(w), np.float32(h)
+    mx, my = motion_at(motion, at)
+    if n[MOVED] == 0.0:
+        return mx, my
+    x = led_to(column + mx, n[JITTER], n[BEFORE_JITTER], wide, n[BEFORE_W])
+    y = led_to(my + row, n[JITTER + 1], n[BEFORE_JITTER + 1], high, n[BEFORE_H])
+    before_w, before_h = int(n[BEFORE_W]), int(n[BEFORE_H])
+    across = between(before, 0, x, y, before_w, before_h) * wide / n[BEFORE_W]
+    down = between(before, before_w * before_h, x, y, before_w, before_h) * high / n[BEFORE_H]
+    return clamped(mx + across, -FAR, FAR), clamped(my + down, -FAR, FAR)
+
+
+@inner
+def taken(samples, c, size, at, first, together):
+    """A plane's values at sixteen samples, the first of which is `first`."""
+    return load16(samples, c * size + first) if together else gather(samples, at + np.int32(c * size))
+
+
+@inner
+def squared(value):
+    return value * value
+
+
+@inner
+def apart(own, samples, size, at, first, together):
+    """How far sixteen surfaces are from sixteen samples."""
+    total = squared(own[0] - taken(samples, 0, size, at, first, together))
+    for c in range(1, GUIDE):
+        total = total + squared(own[c] - taken(samples, c, size, at, first, together))
+    return total
+
+
+@inner
+def inside(place, count):
+    """The column or row of a place, that of the border beyond it."""
+    return to_int(clamped(place, 0.0, np.float32(count - 1)))
+
+
+@inner
+def swapped(kept, other):
+    """The one with the lesser key, and the other; samples are key, -log of the weight, and place."""
+    first = other[0] < kept[0]
+    return (
+        (
+            select(first, other[0], kept[0]),
+            select(first, other[1], kept[1]),
+            select(first, other[2], kept[2]),
+        ),
+        (
+            select(first, kept[0], other[0]),
+            select(first, kept[1], other[1]),
+            select(first, kept[2], other[2]),
+        ),
+    )
+
+
+@inner
+def pushed(least, sample):
+    """The four least of four, in order, and another."""
+    a, sample = swapped(least[0], sample)
+    b, sample = swapped(least[1], sample)
+    c, sample = swapped(least[2], sample)
+    d, sample = swapped(least[3], sample)
+    return a, b, c, d
+
+
+@inner
+def key_of(off, number):
+    return minimum(floor(off * STEPS), MOST) * NUMBERS + number
+
+
+@inner
+def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, room):
+    """The samples around sixteen places that weigh most.
+
+    What is farther off than the fourth of them could be, however like its surface is, is not looked at.
+    """
+    left, top = floor(x + 0.5), floor(y + 0.5)
+    at = to_int(top) * np.int32(stride) + to_int(left)
+    store(room, 0, at)
+    first = room[0]
+    row, column, reach = first // stride, first % stride, strides[rings - 1]
+    together = (
+        all_lanes(at == ramp16() + np.int32(first))
+        and row >= reach and row < h - reach and column >= reach and column + 15 < w - reach
+    )  # fmt: skip
+    away = maximum(absolute(left - x), absolute(top - y))
+    none = spread16(np.float32(3e38))
+    least = (none, none, at), (none, none, at), (none, none, at), (none, none, at)
+    middle = at
+    for ring in range(rings):
+        if ring:
+            near = (away * -1.0 + np.float32(strides[ring])) / sigma
+            if all_lanes(floor(squared(near) * (0.5 * SURELY * STEPS)) * NUMBERS >= least[3][0]):
+                break
+        for k in range(8 * ring + 1 if ring else 0, 8 * ring + 9):
+            u, v = left + across[k], top + down[k]
+            step = int(down[k]) * stride + int(across[k])
+            at = middle + np.int32(step) if together else inside(v, h) * np.int32(stride) + inside(u, w)
+            off = apart(own, samples, size, at, first + step, together)
+            u, v = (u - x) / sigma, (v - y) / sigma
+            off = (off + (u * u + v * v)) * 0.5
+            least = pushed(least, (key_of(off, np.float32(k)), off, at))
+    return least
+
+
+@inner
+def light_at(least, samples, size):
+    """Mean light of the chosen samples."""
+    p, q, r, s = least[0][1], least[1][1], least[2][1], least[3][1]
+    best = minimum(minimum(minimum(p, q), r), s)
+    p, q, r, s = exponential(best - p), exponential(best - q), exponential(best - r), exponential(best - s)
+    total, at = p + q + r + s, (least[0][2], least[1][2], least[2][2], least[3][2])
+    return (
+        mean_of(samples, GUIDE * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE + 1) * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE + 2) * size, at, (p, q, r, s)) / total,
+    )
+
+
+@inner
+def mean_of(samples, plane, at, share):
+    start = np.int32(plane)
+    total = gather(samples, at[0] + start) * share[0] + gather(samples, at[1] + start) * share[1]
+    return total + gather(samples, at[2] + start) * share[2] + gather(samples, at[3] + start) * share[3]
+
+
+@inner
+def shown(light, share):
+    """A channel of a colour: `bounded`."""
+    value = minimum(light * share, MAX_HALF)
+    return select(value >= DARKNESS, value, 0.0)
+
+
+def draw(
+    base: Floats, normal: Floats, depth: Floats, motion: Floats, before: Floats, samples: Floats,
+    numbers: Floats, across: Floats, down: Floats, strides: Words, rings: int, w: int, h: int, stride: int,
+    room: Words, line: Floats, y0: int, y1: int, total: Floats, image: Floats,
+):  # fmt: skip
+    """Rows y0 to y1 of a frame (h, w) whose images are interleaved, and its motion back to the shaded one.
+
+    before: planes (2, h'', w'') of the frame before; samples: as `enter` makes them, of rows of `stride`;
+    across, down, strides: of the samples around; total: planes (2, h, w); room, line: scratch of a thread.
+    """
+    n = numbers
+    then_w, then_h = int(n[THEN_W]), int(n[THEN_H])
+    size, pixels = then_h * stride, w * h
+    for y in range(y0, y1):
+        for x in range(0, w, 16):
+            at = places_of(x, y, w)
+            column, row = to_float(at - np.int32(y * w)), np.float32(y)
+            mx, my = back_to_shaded(motion, before, at, column, row, w, h, n)
+            px = led_to(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
+            py = led_to(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
+            px, py = clamped(px, 0.0, n[THEN_W] - 1.0), clamped(py, 0.0, n[THEN_H] - 1.0)
+            every = at >= np.int32(0)
+            own, share = told_at(base, normal, depth, at, 3, 1, every, n)
+            least = four_least(
+                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings, n[DISTANCE],
+                room,
+            )  # fmt: skip
+            light = light_at(least, samples, size)
+            for c, value in enumerate(
+                (mx, my, shown(light[0], share[0]), shown(light[1], share[1]), shown(light[2], share[2]))
+            ):
+                store(line, 16 * c, value)
+            for i in range(min(16, w - x)):
+                to = y * w + x + i
+                total[to], total[pixels + to] = line[i], line[16 + i]
+                for c in range(3):
+                    image[3 * to + c] = line[16 * (2 + c) + i]

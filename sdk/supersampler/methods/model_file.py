@@ -1,0 +1,352 @@
+"""model.json: what a model folder holds, which tensors its graph takes, and how far it is trusted."""
+
+import hashlib
+import json
+import math
+import re
+import reprlib
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+from supersampler.conventions.ratios import only_ratio
+from supersampler.errors import ModelError, shown
+from supersampler.frame import Size
+from supersampler.io.json_fields import Field, read_fields
+from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods.contract import check_contract, check_drawn
+from supersampler.methods.gbuffers import GBUFFERS
+
+CONTRACT = 1
+"""Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
+DRAWN = "drawn"
+"""Folder in a model's folder, of what steps on frames whose colour was drawn."""
+DRAWN_FILE = f"{DRAWN}/model.json"
+"""How `files` names it: the one name with a folder."""
+MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
+"""Bytes of a model's file, and of model.json, at most."""
+_MANY, _CHANNELS = 100, 1024  # items of a list or object; numbers of a pixel
+_FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
+_SHA256 = re.compile("[0-9a-f]{64}")
+
+
+@dataclass(frozen=True)
+class TensorInfo:
+    """One input, output or history tensor of a graph.
+
+    Attributes:
+        name: its name in the graph.
+        type: numpy's name of its element type.
+        shape: numbers, and names for what varies: render_width, display_height, previous_width, ...
+    """
+
+    name: str
+    type: str
+    shape: tuple[int | str, ...]
+
+    def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
+        """Its shape at the given (width, height) sizes."""
+        named = extents(render=render, display=display, previous=previous)
+        return tuple(named[n] if isinstance(n, str) else n for n in self.shape)
+
+    def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
+        """What an array of it must be, of a history at the given sizes."""
+        shape = self.shape_for(render=render, display=display, previous=previous)
+        return ArraySpec(self.type, shape, values_of(self.name))
+
+    def spec_of_frames(self) -> ArraySpec:
+        """What an array of it must be, of a past that holds frames as they came: of any size and pixels."""
+        return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
+
+
+@dataclass(frozen=True)
+class HistoryInfo:
+    """One history tensor: goes in under `input.name`, comes out under `output`, all zeros for no past."""
+
+    input: TensorInfo
+    output: str
+
+
+@dataclass(frozen=True)
+class MapInfo:
+    """Where a map for people to look at is: `channels` of the output tensor `output`, from `first` on."""
+
+    output: str
+    first: int
+    channels: int
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """What model.json says; see `supersampler info MODEL`."""
+
+    folder: Path
+    contract: int
+    method: str
+    source: str
+    ratios: tuple[float, float]
+    inputs: tuple[TensorInfo, ...]
+    history: tuple[HistoryInfo, ...]
+    image: TensorInfo
+    told: tuple[TensorInfo, ...]
+    maps: Mapping[str, MapInfo]
+    files: Mapping[str, str]
+    multiply_adds: float  # of what is learned, per pixel of the display
+    config: Mapping[str, Any]
+    parity: Mapping[str, Any]
+    licence: str
+    attributions: tuple[str, ...]
+    versions: Mapping[str, str]
+    only_drawn: bool  # steps on frames whose colour was drawn alone, for the model whose folder this is in
+
+    @property
+    def drawn(self) -> Path | None:
+        """Folder of the model that steps on frames whose colour was drawn; None where this one does."""
+        return self.folder / DRAWN if DRAWN_FILE in self.files else None
+
+    @property
+    def steps(self) -> Mapping[str, Path]:
+        """Graphs of the whole recurrent step, by the precision of what is learned."""
+        names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
+        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
+
+    @property
+    def gbuffers(self) -> tuple[str, ...]:
+        """Names of the inputs that are G-buffers, as in `supersampler.methods.gbuffers`."""
+        return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Whether it upscales nothing, but draws frames that were not shaded: its image is of render size."""
+        return _of_render_size(self.image.shape)
+
+    @property
+    def takes(self) -> list[TensorInfo]:
+        """All that its graph takes."""
+        return [*self.inputs, *(h.input for h in self.history)]
+
+    @property
+    def gives(self) -> list[TensorInfo]:
+        """All that its graph gives; a history as long and wide as it goes in, but for the sizes' names."""
+        left = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
+        return [self.image, *left, *self.told]
+
+    @property
+    def only_ratio(self) -> float | None:
+        """The ratio of display to render size that it draws at; None where there is a range of them."""
+        return only_ratio(self.ratios)
+
+    @property
+    def carry_path(self) -> Path:
+        """The graph that blends what frames carry along."""
+        return self.folder / "carry.onnx"
+
+
+def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
+    """Return what the names in shapes stand for at the given (width, height) sizes."""
+    return {
+        "render_width": render[0],
+        "render_height": render[1],
+        "display_width": display[0],
+        "display_height": display[1],
+        "half_width": (display[0] + 1) // 2,
+        "half_height": (display[1] + 1) // 2,
+        "previous_width": previous[0],
+        "previous_height": previous[1],
+    }
+
+
+def model_names() -> list[str]:
+    """Names of the models that ship with this package, for `Upscaler(name)`."""
+    return _names(extrapolate=False)
+
+
+def extrapolation_names() -> list[str]:
+    """Names of those that draw frames that were not shaded, for `Upscaler(extrapolation=name)`."""
+    return _names(extrapolate=True)
+
+
+def _names(*, extrapolate: bool) -> list[str]:
+    read = {name: json.loads(path.read_text("utf-8")) for name, path in _described().items()}
+    return sorted(n for n, data in read.items() if _of_render_size(data["image"]["shape"]) is extrapolate)
+
+
+def _described() -> dict[str, Path]:
+    """Each shipped model's model.json, by the model's name."""
+    return {path.parent.name: path for path in _shipped().glob("*/model.json")}
+
+
+def _of_render_size(shape: Sequence[int | str]) -> bool:
+    return tuple(shape[2:]) == ("render_height", "render_width")
+
+
+def find_model(name_or_path: str | Path) -> Path:
+    """Folder of a shipped model by name, or of any model by path.
+
+    Raises:
+        ModelError: neither exists.
+    """
+    path = Path(name_or_path)
+    with suppress(OSError):  # of a name that no folder can have
+        if (path / "model.json").is_file():
+            return path
+    if str(name_or_path) in _described():
+        return shipped_model(str(name_or_path))
+    known = ", ".join([*model_names(), *extrapolation_names()])
+    raise ModelError(
+        f"no model {shown(str(name_or_path))}: it is neither one of {known} "
+        "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
+    )
+
+
+def shipped_model(name: str) -> Path:
+    """Folder of a model that ships, whatever lies in the working directory by that name."""
+    return _shipped() / name
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is one of this package's, which are trusted."""
+    return path.resolve().is_relative_to(_shipped().resolve())
+
+
+def read_model_info(folder: Path) -> ModelInfo:
+    """Read and check `folder`/model.json and the files it names, which lie in the folder.
+
+    Raises:
+        ModelError: it is damaged, or of a contract that this runtime does not drive.
+    """
+    try:
+        info = _described_in(folder)
+        for name, digest in info.files.items():
+            _check_file(folder, name, digest)
+        if info.drawn is not None:
+            check_drawn(info, _described_in(info.drawn))
+    except (OSError, ValueError) as error:  # the latter of paths that no system has
+        if isinstance(error, ModelError):
+            raise
+        raise ModelError(f"{folder}: cannot be read ({error}). Copy the whole folder again.") from error
+    return info
+
+
+def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
+    """Read the description of a model that upscales; see `find_model` and `read_model_info`.
+
+    Raises:
+        ModelError: as those; or it upscales nothing by itself.
+    """
+    info = read_model_info(find_model(name_or_path))
+    if info.extrapolates:
+        raise ModelError(
+            f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
+            f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
+        )
+    if info.only_drawn:
+        raise ModelError(
+            f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
+            f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
+        )
+    return info
+
+
+def sha256(path: Path) -> str:
+    """Hex digest of a file."""
+    with path.open("rb") as file:
+        return hashlib.file_digest(file, "sha256").hexdigest()
+
+
+def _check_file(folder: Path, name: str, digest: str) -> None:
+    path = folder / name
+    if not path.is_file():
+        raise ModelError(f"{folder}: {name} is missing. Export or copy the whole folder again.")
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise ModelError(f"{path}: is a link out of the folder. Copy the file itself there.")
+    if path.stat().st_size > MAX_FILE:
+        raise ModelError(f"{path}: is {path.stat().st_size} bytes; want at most {MAX_FILE}.")
+    if sha256(path) != digest:
+        raise ModelError(f"{path}: its content is not what model.json describes (sha256 differs)")
+
+
+def _described_in(folder: Path) -> ModelInfo:
+    """What model.json says, checked by itself."""
+    path = folder / "model.json"
+    data = read_fields(path, MAX_DESCRIPTION)
+    contract = data["contract"].value
+    if type(contract) is not int or contract != CONTRACT:
+        raise ModelError(
+            f"{path}: model contract is {reprlib.repr(contract)}; this runtime drives {CONTRACT}. "
+            "Export the method again with this version of `supersampler export`."
+        )
+    info = _parse(folder, data)
+    check_contract(info)
+    return info
+
+
+def _parse(folder: Path, data: Field) -> ModelInfo:
+    network, only_drawn = data.optional("network"), data.optional("only_drawn")
+    products = None if network is None else network["multiply_adds"]
+    return ModelInfo(
+        folder=folder,
+        contract=data["contract"].value,
+        method=data["method"].text(80),
+        source=data["source"].text(),
+        ratios=_ratios(data["ratios"]),
+        inputs=tuple(_tensor(item) for item in data["inputs"].items(_MANY)),
+        history=tuple(
+            HistoryInfo(_tensor(item), item["output"].text(80)) for item in data["history"].items(_MANY)
+        ),
+        image=_tensor(data["image"]),
+        told=tuple(_tensor(item) for item in data["told"].items(_MANY)),
+        maps={name: _map(item) for name, item in data["maps"].members(_MANY).items()},
+        files={_file_name(item, name): _digest(item) for name, item in data["files"].members(_MANY).items()},
+        multiply_adds=0.0 if products is None else products.number(0.0, 1e12),
+        config={name: item.value for name, item in data["config"].members(_MANY).items()},
+        parity={name: item.value for name, item in data["parity"].members(_MANY).items()},
+        licence=data["licence"].text(),
+        attributions=tuple(item.text() for item in data["attributions"].items(1000)),
+        versions={name: item.text(200) for name, item in data["versions"].members(_MANY).items()},
+        only_drawn=only_drawn is not None and only_drawn.flag(),
+    )
+
+
+def _ratios(data: Field) -> tuple[float, float]:
+    numbers = [item.number(1.0, 64.0) for item in data.items(2)]
+    if len(numbers) != 2 or numbers[0] > numbers[1]:
+        data.refuse("[least, largest]")
+    return numbers[0], numbers[1]
+
+
+def _tensor(data: Field) -> TensorInfo:
+    shape = tuple(
+        item.text(40) if isinstance(item.value, str) else item.whole(1, _CHANNELS)
+        for item in data["shape"].items(4)
+    )
+    if math.prod(extent for extent in shape if isinstance(extent, int)) > _CHANNELS:
+        data["shape"].refuse(f"numbers whose product is at most {_CHANNELS}")
+    if data["type"].value not in ("float32", "int64"):
+        data["type"].refuse("'float32' or 'int64'")
+    return TensorInfo(data["name"].text(80), data["type"].value, shape)
+
+
+def _map(data: Field) -> MapInfo:
+    first, channels = data["first"].whole(0, _CHANNELS), data["channels"].whole(1, _CHANNELS)
+    return MapInfo(data["output"].text(80), first, channels)
+
+
+def _file_name(data: Field, name: str) -> str:
+    if name != DRAWN_FILE and not _FILE_NAME.fullmatch(name):
+        want = f"plain names of files in the folder, or {DRAWN_FILE!r}"
+        raise ModelError(f"{data.path}: files has {reprlib.repr(name)}; want {want}. Export the model again.")
+    return name
+
+
+def _digest(data: Field) -> str:
+    if not isinstance(data.value, str) or not _SHA256.fullmatch(data.value):
+        data.refuse("a SHA-256 of 64 hex digits")
+    return str(data.value)
+
+
+def _shipped() -> Path:
+    return Path(str(resources.files("supersampler"))) / "models"

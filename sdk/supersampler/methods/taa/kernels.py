@@ -1,0 +1,187 @@
+"""`taa` on a processor, in one pass over the display; twin of `methods.taa` with Salvi's defaults."""
+
+import numpy as np
+
+from supersampler.backends.cpu.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
+from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
+from supersampler.backends.cpu.kernels.types import Floats, Words
+from supersampler.backends.cpu.kernels.warp import aim, cubic4, followed, on_screen
+from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
+from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
+from supersampler.backends.cpu.simd.vector import (
+    absolute,
+    gather,
+    load16,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    square_root,
+    store,
+    to_float,
+)
+
+(EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
+"""Of `numbers`; ALPHA is 1 where there is no past."""
+
+
+def enter(
+    color: Floats, motion: Floats, exposure: float, w: int, stride: int, y0: int, y1: int, planes: Floats,
+):  # fmt: skip
+    """Rows y0 to y1 as planes (h, 5, PAD + stride + PAD): toned YCoCg, motion; ends repeat the border."""
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        for x in range(0, w, 16):
+            at = places_of(x, y, w)
+            r, g, b = color_at(color, at)
+            r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
+            luma, orange, green = ycocg(r, g, b)
+            mx, my = motion_at(motion, at)
+            for c, value in enumerate((luma, orange, green, mx, my)):
+                store(planes, (5 * y + c) * wide + PAD + x, value)
+        for c in range(5):
+            repeat_ends(planes, (5 * y + c) * wide + PAD, w)
+
+
+def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1: int, box: Floats):
+    """Rows y0 to y1 of (h, TAA_BOX, stride): what 3x3 samples allow, and the longest of their motions."""
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        above, here, below = (
+            5 * max(y - 1, 0) * wide + PAD,
+            5 * y * wide + PAD,
+            5 * min(y + 1, h - 1) * wide + PAD,
+        )
+        for x in range(0, w, 16):
+            for c in range(3):
+                low = high = load16(planes, here + c * wide + x)
+                first = second = low * 0.0
+                for row in (above, here, below):
+                    for column in range(-1, 2):
+                        v = load16(planes, row + c * wide + x + column)
+                        low, high = minimum(v, low), maximum(v, high)
+                        first, second = first + v, second + v * v
+                mean = first * (1.0 / 9.0)
+                reach = square_root(maximum(second * (1.0 / 9.0) - mean * mean, 0.0)) * gamma
+                store(box, (TAA_BOX * y + c) * stride + x, maximum(mean - reach, low))
+                store(box, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + reach, high))
+            mx, my = load16(planes, here + 3 * wide + x), load16(planes, here + 4 * wide + x)
+            length = mx * mx + my * my
+            for row in (above, here, below):
+                for column in range(-1, 2):
+                    u, v = (
+                        load16(planes, row + 3 * wide + x + column),
+                        load16(planes, row + 4 * wide + x + column),
+                    )
+                    other = u * u + v * v
+                    longer = other > length
+                    length = select(longer, other, length)
+                    mx, my = select(longer, u, mx), select(longer, v, my)
+            store(box, (TAA_BOX * y + 6) * stride + x, mx)
+            store(box, (TAA_BOX * y + 7) * stride + x, my)
+
+
+@inner
+def upsampled(planes, c, wide, column, row, across, down):
+    """Linear interpolation of a plane between two columns and two rows."""
+    a, b = row[0] + np.int32(c * wide), row[1] + np.int32(c * wide)
+    upper = gather(planes, a + column[0]) * across[0] + gather(planes, a + column[1]) * across[1]
+    lower = gather(planes, b + column[0]) * across[0] + gather(planes, b + column[1]) * across[1]
+    return upper * down[0] + lower * down[1]
+
+
+@inner
+def enters(color, sample, low, high):
+    """Where the segment from `color` to `sample` enters and leaves a slab."""
+    step = sample - color
+    step = select(absolute(step) < 1e-6, 1e-6, step)
+    near, far = (low - color) / step, (high - color) / step
+    return minimum(near, far), maximum(near, far)
+
+
+@inner
+def clip_to_sample(past, sample, low, high):
+    """Cut the segment from the past to the sample where it enters the box; see `rectification`."""
+    a, b = enters(past[0], sample[0], low[0], high[0])
+    c, d = enters(past[1], sample[1], low[1], high[1])
+    e, f = enters(past[2], sample[2], low[2], high[2])
+    first, last = maximum(maximum(a, c), e), minimum(minimum(b, d), f)
+    meets = (first <= last) & (first <= 1.0) & (last >= 0.0)
+    along = minimum(maximum(first, 0.0), 1.0)
+    y, o, g = (low[0] + high[0]) * 0.5, (low[1] + high[1]) * 0.5, (low[2] + high[2]) * 0.5
+    over = maximum(
+        maximum(beyond(past[0], y, low[0], high[0]), beyond(past[1], o, low[1], high[1])),
+        beyond(past[2], g, low[2], high[2]),
+    )
+    cut = 1.0 / maximum(over, 1.0)
+    return (
+        select(meets, past[0] + along * (sample[0] - past[0]), y + (past[0] - y) * cut),
+        select(meets, past[1] + along * (sample[1] - past[1]), o + (past[1] - o) * cut),
+        select(meets, past[2] + along * (sample[2] - past[2]), g + (past[2] - g) * cut),
+    )
+
+
+@inner
+def beyond(value, center, low, high):
+    return absolute(value - center) / maximum((high - low) * 0.5, 1e-5)
+
+
+def step_rows(
+    planes: Floats, box: Floats, stride: int, history: Floats, lefts: Words, rights: Words,
+    left_weights: Floats, right_weights: Floats, columns_near: Words, tops: Words, bottoms: Words,
+    top_weights: Floats, bottom_weights: Floats, rows_near: Words, numbers: Floats, big_w: int, big_h: int,
+    width: int, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
+    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+):  # fmt: skip
+    """Rows y0 to y1 and columns x0 to x1 of the picture; history and left (H, W, TAA_PIXEL)."""
+    w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
+    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        rows = np.int32(tops[y] * 5 * wide + PAD), np.int32(bottoms[y] * 5 * wide + PAD)
+        down = top_weights[y], bottom_weights[y]
+        for x in range(x0, x1, 16):
+            lane = to_float(ramp16() + np.int32(x))
+            at = load16(columns_near, x) + np.int32(rows_near[y] * TAA_BOX * stride)
+            mx = gather(box, at + np.int32(6 * stride)) * scale_x
+            my = gather(box, at + np.int32(7 * stride)) * scale_y
+            px, py = followed(lane, y, mx, my, w_big, h_big)
+            on = on_screen(px, py, w_big, h_big)
+            aim(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
+            for i in range(16):
+                store(warped, 4 * i, cubic4(history, slots, weights, i))
+            q = load_columns4(warped, 0)
+            r, g, b = toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e)
+            past = ycocg(r, g, b)
+            column = load16(lefts, x), load16(rights, x)
+            across = load16(left_weights, x), load16(right_weights, x)
+            sample = (
+                upsampled(planes, 0, wide, column, rows, across, down),
+                upsampled(planes, 1, wide, column, rows, across, down),
+                upsampled(planes, 2, wide, column, rows, across, down),
+            )
+            s = np.int32(stride)
+            low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
+            at = at + s * np.int32(3)
+            high = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
+            past = clip_to_sample(past, sample, low, high)
+            share = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
+            r, g, b = rgb(
+                past[0] + share * (sample[0] - past[0]),
+                past[1] + share * (sample[1] - past[1]),
+                past[2] + share * (sample[2] - past[2]),
+            )
+            r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), e)
+            if tells:
+                store(weight, y * width + x, 1.0 - share)
+            zero = lane * 0.0
+            found = transposed((
+                r, g, b, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
+            ))  # fmt: skip
+            for i in range(16):
+                store(out, 16 * i, found[i])
+            for i in range(min(16, x1 - x)):
+                pixel = 3 * (y * big_w + x + i)
+                for c in range(3):
+                    left[pixel + c] = image[pixel + c] = out[16 * i + c]

@@ -1,0 +1,218 @@
+"""`taau` on a processor, in one pass over the display."""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.executor import Host
+from supersampler.backends.cpu.frame_preprocess import READING, Planes, View, Weight, bordered
+from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
+from supersampler.backends.cpu.memory import address
+from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.backends.cpu.threads import Bands, Box
+from supersampler.backends.cpu.tile_reuse import SKIPPING
+from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.tiles import Tiles
+from supersampler.backends.cpu.workspaces import Workspaces
+from supersampler.backends.plan import held_bytes
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.model_file import ModelInfo
+
+KERNELS = "methods.taau.kernels"
+CONSTANTS = (  # in the order of kernels.taau
+    "frame_sharpness", "history_sharpness", "gamma_still", "gamma_moving", "gamma_speed", "gamma_time",
+    "spread_samples", "spread_step", "forget", "samples", "blur_cost", "speed_cost", "settled",
+    "depth_margin", "depth_ramp", "change_deviation", "change_relative", "change_ramp",
+)  # fmt: skip
+
+
+@dataclass(eq=False)
+class TaauHistory:
+    """What one frame leaves for the next.
+
+    Attributes:
+        render: size of that frame.
+        pixels: (H, W, TAAU_PIXEL).
+        surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
+        trail: what tells which tiles may stay as they are.
+        jitter: of that frame.
+        exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
+    """
+
+    render: Size
+    pixels: Float32
+    surface: Float32
+    trail: Trail
+    jitter: tuple[float, float] = (0.0, 0.0)
+    exposure: float = 0.0
+
+
+class _Space(View):
+    """Buffers for frames of one size; `scratch`: what one thread works on."""
+
+    def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
+        super().__init__(render, display, filters, threads)
+        self.width = up_to(display[0], LANES)
+        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
+        self.scratch = [
+            (
+                self.lines[worker],
+                np.zeros((10, LANES), np.int32),
+                np.zeros((10, LANES), np.float32),
+                np.zeros((LANES, 8), np.float32),
+                np.zeros((LANES, 8), np.float32),
+            )
+            for worker in range(threads)
+        ]
+
+
+class TaauHost(Host):
+    """Runs `taau`; see `Executor`.
+
+    Args:
+        info: the model.
+        bands: threads.
+    """
+
+    precision = "fp32"
+
+    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+        kernels = load_kernels(f"{KERNELS}.step_rows", f"{KERNELS}.shade", *SKIPPING, *READING)
+        super().__init__(kernels, bands)
+        self._config = c = info.config
+        self._filters = [
+            Filter(gaussian(c["frame_sigma"]), False),
+            Filter(catmull_rom, False),
+            Filter(gaussian(c["moment_sigma"]), False),
+            Filter(gaussian(c["sample_sigma"]), True),
+        ]
+        self._step, self._shade = (
+            kernels[f"{KERNELS}.step_rows"],
+            kernels[f"{KERNELS}.shade"],
+        )
+        self._spaces = Workspaces(self._space)
+
+    def zeros(self, display: Size, render: Size) -> TaauHistory:
+        """See `Executor`."""
+        (w, h), (big_w, big_h) = render, display
+        pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
+        surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
+        return TaauHistory(render, pixels, surface, Trail(display))
+
+    def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
+        """See `Executor`."""
+        return buffers.render == render and buffers.pixels.shape[1::-1] == display
+
+    def step(
+        self,
+        frame: Frame,
+        display: Size,
+        past: TaauHistory,
+        left: TaauHistory,
+        image: Float32,
+        told: Collection[str],
+        *,
+        tolerance: float | None,
+    ) -> Mapping[str, Float32]:
+        """See `Executor`."""
+        planes, weight = Planes.of(frame), Weight(told, display)
+        tiles = self._skipping.begin(
+            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+        )
+        if tiles.any:
+            exposure = self._reader.exposure(frame, planes.color, past.exposure)
+            left.jitter, left.exposure = frame.jitter, exposure
+            with self._spaces.borrow(frame.size, display) as space:
+                space.look(frame.jitter)
+                self._reader.read(planes, abs(exposure), space.samples)
+                self._leave(space, left)
+                self._draw(space, past, left, image, weight, tiles)
+        else:
+            left.jitter, left.exposure = past.jitter, past.exposure
+            left.surface[:] = past.surface
+        kept = [(TILE, past.pixels, left.pixels)]
+        self._skipping.end(
+            tiles, past.trail, left.trail, kept, image,
+            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+        )  # fmt: skip
+        return weight.told()
+
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        space = self._space(render, display)
+        working = space.most_bytes() + self._skipping.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
+
+    def tensor(self, buffers: TaauHistory, name: str) -> Float32:
+        """See `Executor`."""
+        w = buffers.render[0]
+        tensors = {
+            "history.color": buffers.pixels[None, ..., :3].transpose(0, 3, 1, 2),
+            "history.samples": buffers.pixels[None, ..., 3:].transpose(0, 3, 1, 2),
+            "history.surface": buffers.surface[None, :, PAD : PAD + w, :3].transpose(0, 3, 1, 2),
+            "history.jitter": np.array([buffers.jitter]),
+            "history.exposure": np.array([buffers.exposure]),
+        }
+        return np.ascontiguousarray(tensors[name], np.float32)
+
+    def load(self, buffers: TaauHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.trail.load(tensors)
+        buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
+        buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
+        buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
+        x, y = (float(j) for j in tensors["history.jitter"][0])
+        buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
+
+    def _space(self, render: Size, display: Size) -> _Space:
+        return _Space(render, display, self._filters, self.bands.threads)
+
+    def _leave(self, space: _Space, left: TaauHistory) -> None:
+        """What the next frame wants to know of this one's surfaces."""
+        read, (w, h) = space.samples, left.render
+        color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
+        self.bands.run(
+            "read",
+            h,
+            lambda y0, y1, worker: self._shade(
+                color, eroded, w, h, read.stride, y0, y1, address(space.shades[worker]), to
+            ),
+        )
+
+    def _draw(
+        self,
+        space: _Space,
+        past: TaauHistory,
+        left: TaauHistory,
+        image: Float32,
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        s, read, c = space, space.samples, self._config
+        (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
+        exposure, before = abs(left.exposure), abs(past.exposure)
+        change = exposure / before if before > 0.0 else 1.0
+        numbers = np.array(
+            [
+                exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
+                *(c[name] for name in CONSTANTS),
+            ],
+            np.float32,
+        )  # fmt: skip
+        inputs = (
+            *(address(a) for a in (read.color, read.front, left.surface)), read.stride,
+            address(past.pixels), address(past.surface), past.surface.shape[1],
+            *(address(a) for a in (s.y.samples, s.y.weights, s.x.start, s.x.weights)),
+            *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
+            big_w, big_h, s.width,
+        )  # fmt: skip
+        outputs = address(left.pixels), address(image), *weight.arguments
+
+        def draw(box: Box, worker: int) -> None:
+            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
+
+        self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)

@@ -1,0 +1,265 @@
+"""`taau` on a processor, in one pass over the display; twin of `methods.taau`."""
+
+import numpy as np
+
+from supersampler.backends.cpu.kernels.colors import (
+    DARKNESS,
+    clamped,
+    largest,
+    linear_of,
+    quarantined,
+    rgb,
+    toned,
+    ycocg,
+)
+from supersampler.backends.cpu.kernels.filters import (
+    filter_across,
+    filter_all_across,
+    filter_all_down,
+    filter_down,
+    span,
+)
+from supersampler.backends.cpu.kernels.frame import fours, opened_at, repeat_ends
+from supersampler.backends.cpu.kernels.types import Floats, Words
+from supersampler.backends.cpu.kernels.warp import (
+    aim,
+    around,
+    followed,
+    hidden,
+    mean_of,
+    on_screen,
+    warp5,
+)
+from supersampler.backends.cpu.layout import FILTERED, PAD, SAMPLED, TAAU_PIXEL
+from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.shuffles import (
+    first_third,
+    gather4,
+    last_third,
+    load_columns8,
+    rows8,
+    second_third,
+)
+from supersampler.backends.cpu.simd.vector import (
+    absolute,
+    floor,
+    load4,
+    load16,
+    maximum,
+    minimum,
+    ramp16,
+    select,
+    square_root,
+    store,
+    to_float,
+)
+
+NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
+(
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
+    FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
+    SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
+    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP,
+) = range(28)  # fmt: skip
+"""Of `numbers`: exposure; sizes of this frame, the display and the frame before, and its jitter; by how much
+the exposure has changed; TaauConfig."""
+
+
+@inner
+def sum3(line, at):
+    """Sums of three neighbours."""
+    return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
+
+
+def shade(
+    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
+    surface: Floats,
+):  # fmt: skip
+    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`.
+
+    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
+    repeat the border.
+    """
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        above, below = max(y - 1, 0), min(y + 1, h - 1)
+        for x in range(0, w, 16):
+            luma = square = seen = load16(eroded, 0) * 0.0
+            for row in (above, y, below):
+                at = SAMPLED * row * wide + PAD + x
+                luma, square = luma + load16(samples, at + 4 * wide), square + load16(samples, at + 7 * wide)
+                seen = seen + load16(samples, at + 3 * wide)
+            store(line, PAD + x, luma)
+            store(line, wide + PAD + x, square)
+            store(line, 2 * wide + PAD + x, seen)
+        for c in range(3):
+            first = c * wide + PAD
+            line[first - 1], line[first + w] = line[first], line[first + w - 1]
+        here = y * wide + PAD
+        for x in range(0, w, 16):
+            seen = sum3(line, 2 * wide + PAD + x)
+            scale = 1.0 / maximum(seen, 9e-6)
+            mean = sum3(line, PAD + x) * scale
+            deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
+            fours(surface, 4 * (here + x), opened, mean, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+        repeat_ends(surface, here, w, 4)
+
+
+@inner
+def present_of(p, q, sharpness):
+    """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
+    a, b = 1.0 / maximum(p[3], 1e-6), 1.0 / maximum(p[7], 1e-6)
+    sharp = select(p[7] > 0.9, sharpness, p[3] * 0.0)
+    r, g, e = p[0] * a, p[1] * a, p[2] * a
+    frame = ycocg(
+        r + sharp * (p[4] * b - r),
+        g + sharp * (p[5] * b - g),
+        e + sharp * (p[6] * b - e),
+    )
+    a = 1.0 / maximum(q[3], 1e-6)
+    sample = ycocg(q[0] * a, q[1] * a, q[2] * a)
+    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > UNSEEN
+    mean = p[8] * a, p[9] * a, p[10] * a
+    spread = (
+        deviation(select(seen, p[11] * a, 1.0), mean[0]),
+        deviation(select(seen, p[12] * a, 1.0), mean[1]),
+        deviation(select(seen, p[13] * a, 1.0), mean[2]),
+    )
+    return frame, sample, minimum(q[3], 1.0), mean, spread
+
+
+@inner
+def deviation(square, mean):
+    return square_root(maximum(square - mean * mean, 0.0))
+
+
+@inner
+def light_changed(numbers, mean, spread, mean_before, spread_before):
+    """`change_of_light`: 1 where the mean of a neighbourhood moved by more than jitter explains."""
+    noise = maximum(spread, spread_before) * numbers[CHANGE_DEVIATION]
+    noise = noise + maximum(mean, mean_before) * numbers[CHANGE_RELATIVE] + NOTICEABLE
+    moved = absolute(mean - mean_before)
+    return clamped((moved / noise - 1.0) / numbers[CHANGE_RAMP], 0.0, 1.0)
+
+
+@inner
+def clipped(color, mean, spread, gamma, floor_):
+    """`clip_to_center`, and how far outside of its box a colour was, in half extents."""
+    y, o, g = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
+    over = largest(
+        absolute(y) / maximum(spread[0] * gamma + floor_, 1e-5),
+        absolute(o) / maximum(spread[1] * gamma + floor_, 1e-5),
+        absolute(g) / maximum(spread[2] * gamma + floor_, 1e-5),
+    )
+    cut = 1.0 / maximum(over, 1.0)
+    return (mean[0] + y * cut, mean[1] + o * cut, mean[2] + g * cut), over
+
+
+@inner
+def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
+    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the past's weight."""
+    n = numbers
+    frame, sample, confidence, mean, spread = present
+    gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
+    root = square_root(power)
+    rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
+    inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
+    limit = n[SAMPLES] / (blur * n[BLUR_COST] + speed * n[SPEED_COST] + 1.0)
+    holds = surface * unchanged
+    samples = minimum(count * holds * inside, limit)
+    weight = confidence / maximum(samples + confidence, 1e-6)
+    known, settled = samples > UNKNOWN, minimum(samples / n[SETTLED], 1.0)
+    y = select(known, mixed(rectified[0], mixed(frame[0], sample[0], settled), weight), frame[0])
+    o = select(known, mixed(rectified[1], mixed(frame[1], sample[1], settled), weight), frame[1])
+    g = select(known, mixed(rectified[2], mixed(frame[2], sample[2], settled), weight), frame[2])
+    r, e, b = rgb(y, o, g)
+    color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
+
+    off = minimum(absolute(sample[0] - past[0]), root + n[SPREAD_STEP])
+    rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
+    left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
+    left = select(known, holds * left, 0.0)
+    return color, samples + confidence, left, select(known, 1.0 - weight, 0.0)
+
+
+@inner
+def mixed(a, b, share):
+    return a + share * (b - a)
+
+
+def step_rows(
+    samples: Floats, front: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
+    old_wide: int, rows: Words, down: Floats, starts: Words, across: Floats, lefts: Words,
+    columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int,
+    line: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
+    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+):  # fmt: skip
+    """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
+
+    samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history
+    (H, W, TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image,
+    weight (where `tells`): what comes out.
+    """
+    old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
+    w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
+    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
+    wide = stride + 2 * PAD
+    for y in range(y0, y1):
+        filter_all_down(samples, rows, down, big_h, y, starts, x0, x1, wide, line)
+        near, (first, last) = 4 * (3 * big_h + y), span(starts, x0, x1)
+        filter_down(samples, 0, 4, rows, down, y, near, wide, first, last, line, FILTERED * wide)
+        for x in range(x0, x1, 16):
+            lane = to_float(ramp16() + np.int32(x))
+            depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+            mx, my = mx * scale_x, my * scale_y
+            px, py = followed(lane, y, mx, my, w_big, h_big)
+            on = on_screen(px, py, w_big, h_big)
+            aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
+            warp5(history, slots, weights, warped)
+            q = load_columns8(warped, 0)
+            e = numbers[EXPOSURE]
+            past = ycocg(*toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e))
+            # the surface that the past shows, and its light
+            sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
+            sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
+            shares = around(sx, sy, old_w, old_h, old_wide, slots)
+            a, b = gather4(before, slots, 0, 4, 0), gather4(before, slots, 0, 4, 4)
+            c, d = gather4(before, slots, 16, 4, 0), gather4(before, slots, 16, 4, 4)
+            depths = a[0], b[0], c[0], d[0]
+            cover = hidden(depth, shares, depths, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
+            same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
+            mean = mean_of((a[1], b[1], c[1], d[1]), shares)
+            spread = mean_of((a[2], b[2], c[2], d[2]), shares)
+            dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
+            _, now, spread_now, _ = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
+            changed = light_changed(
+                numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
+            )
+            tx, ty = px - floor(px), py - floor(py)
+            sums = filter_all_across(line, wide, starts, across, width, x)
+            sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
+            color, count, power, kept = blend(
+                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
+                same, 1.0 - changed, square_root(mx * mx + my * my),
+                (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
+            )  # fmt: skip
+            if tells:
+                store(weight, y * width + x, kept)
+            zero = power * 0.0
+            r, g, b = color
+            pairs = rows8((r, g, b, count, power, zero, zero, zero))
+            for i in range(8):
+                store(out, 16 * i, pairs[i])
+            pixel = y * big_w + x
+            for i in range(min(16, x1 - x)):
+                store(left, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
+                left[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]
+            if x1 - x >= 16:
+                store(image, 3 * pixel, first_third(r, g, b))
+                store(image, 3 * pixel + 16, second_third(r, g, b))
+                store(image, 3 * pixel + 32, last_third(r, g, b))
+            else:
+                for i in range(x1 - x):
+                    for c in range(3):
+                        image[3 * (pixel + i) + c] = out[8 * i + c]
