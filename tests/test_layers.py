@@ -16,6 +16,23 @@ PACKAGES = {
     "supersampler_export": "export",
     "supersampler_bench": "bench",
 }
+FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor and those below it
+    ("errors",),
+    ("arguments",),
+    ("frame",),
+    ("conventions",),
+    ("io",),
+    ("methods.array_spec", "methods.gbuffers", "methods.model_file", "methods.contract"),
+    ("backends",),
+    ("methods",),
+    ("history", "validation"),
+    ("model",),
+    ("aux_outputs", "extrapolation", "presets", "state", "planning"),
+    ("recording",),
+    ("upscaler",),
+    ("recording.replay",),
+    ("cli",),
+)
 RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", "rich"}  # a runtime install
 
 
@@ -45,6 +62,62 @@ def test_a_package_imports_only_those_below_it(package: str) -> None:
     above = set(names[names.index(package) + 1 :])
     everything = {name for file in ROOT.glob("*/supersampler*/**/*.py") for _, name in imported(file)}
     assert imports_outside(package, everything - above) == []
+
+
+def floor_of(module: str) -> int:
+    """Floor of a module, by the longest name among FLOORS that it is or lies in."""
+    named = [
+        (len(n), floor)
+        for floor, names in enumerate(FLOORS)
+        for n in names
+        if f"{module}.".startswith(f"{n}.")
+    ]
+    assert named, f"{module} is on no floor"
+    return max(named)[1]
+
+
+def modules_imported(file: Path) -> Iterator[tuple[int, str]]:
+    """Yield (line, module of the SDK) of each import statement, but those for type checkers alone."""
+    tree = ast.parse(file.read_text(encoding="utf-8"))
+    for_types = {
+        id(inner)
+        for node in ast.walk(tree)
+        if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+        for inner in ast.walk(node)
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ImportFrom) and id(node) not in for_types:
+            module = str(node.module)
+            if module.startswith("supersampler."):
+                yield node.lineno, module.removeprefix("supersampler.")
+
+
+def test_inside_the_sdk_imports_point_down() -> None:
+    sdk = ROOT / "sdk" / "supersampler"
+    upwards = []
+    for file in sorted(sdk.rglob("*.py")):
+        module = ".".join(file.relative_to(sdk).with_suffix("").parts).removesuffix(".__init__")
+        if module in ("__init__", "__main__"):
+            continue
+        upwards += [
+            f"{file.relative_to(ROOT)}:{line} imports {name}"
+            for line, name in modules_imported(file)
+            if floor_of(name) > floor_of(module)
+        ]
+    assert upwards == []
+
+
+def test_few_modules_lie_at_the_root_of_the_sdk() -> None:
+    modules = {file.stem for file in (ROOT / "sdk" / "supersampler").glob("*.py")} - {"__init__", "__main__"}
+    assert len(modules) <= 12, sorted(modules)
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_every_folder_says_what_lives_there(package: str) -> None:
+    top = ROOT / PACKAGES[package] / package
+    for folder in {file.parent for file in top.rglob("*.py")} - {top}:
+        text = ast.get_docstring(ast.parse((folder / "__init__.py").read_text(encoding="utf-8"))) or ""
+        assert len(text.splitlines()) >= 2, f"{folder.relative_to(ROOT)}/__init__.py"
 
 
 def test_the_sdk_imports_its_runtime_dependencies_and_nothing_else() -> None:

@@ -25,7 +25,7 @@ FEATURES = ((), ("avx2",), ("avx2", "avxvnni"), ("avx2", "avx512f", "avx512vnni"
 def have_only(monkeypatch: pytest.MonkeyPatch, features: Collection[str]) -> None:
     if not all(isa.has(feature) for feature in features):
         pytest.skip("this processor has it not")
-    monkeypatch.setattr(processor, "has", lambda feature: feature in features)
+    monkeypatch.setattr(isa, "has", lambda feature: feature in features)
 
 
 def run(function: Callable[..., None], kinds: list[Any], *arrays: Any) -> None:

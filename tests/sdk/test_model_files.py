@@ -18,11 +18,11 @@ from onnx import TensorProto, helper
 from noise import noise
 from supersampler import Model, ModelError, Upscaler
 from supersampler.backends.cpu.layout import SEEN
-from supersampler.backends.cpu.network_file import read_network
 from supersampler.backends.onnx.graph_file import refusal_of
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
 from supersampler.io.json_fields import read_fields
+from supersampler.methods.classifier.network_file import read_network
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import MAX_DESCRIPTION, find_model, read_model_info
 

@@ -31,7 +31,7 @@ GUIDE, GUIDED = 7, 10
 CLASSIFIER_PIXEL = 8
 """Values of a pixel that go from frame to frame: linear RGB, count, range, and two of room."""
 SEEN = 16
-"""Bytes that the network sees of a pixel: see kernels.classifier_seen."""
+"""Bytes that the network sees of a pixel: see methods.classifier.kernels.network_inputs."""
 RECORD = 18
 """Words of four packed pixels: SEEN, and two at half size."""
 PAST = 3

@@ -9,7 +9,6 @@ from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import Host
 from supersampler.backends.cpu.frame_preprocess import READING, Planes, View, Weight, bordered
-from supersampler.backends.cpu.int8_network import LEVEL, ByteNetwork, Encoder
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
@@ -21,6 +20,7 @@ from supersampler.backends.cpu.tiles import Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import ModelInfo
 

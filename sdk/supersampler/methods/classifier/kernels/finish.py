@@ -2,13 +2,17 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.network import concatenate_row, pointwise_row, pointwise_row_of_two
 from supersampler.backends.cpu.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.backends.cpu.layout import RECORD, SEEN
 from supersampler.backends.cpu.simd.device_function import inner
 from supersampler.backends.cpu.simd.shuffles import load_columns
 from supersampler.backends.cpu.simd.vector import dot4, load16, spread16, store, to_float, to_int
 from supersampler.methods.classifier.kernels.compose import factor, make_compose_row
+from supersampler.methods.classifier.kernels.network import (
+    concatenate_row,
+    pointwise_row,
+    pointwise_row_of_two,
+)
 from supersampler.methods.classifier.variant import Variant
 
 WIDE = 16  # words of what the hidden layer gives

@@ -6,7 +6,6 @@ a vector holds one pixel's channels instead. Rows end in padding up to a multipl
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels import classifier_seen as see
 from supersampler.backends.cpu.kernels.colors import (
     clamped,
     largest,
@@ -44,6 +43,7 @@ from supersampler.backends.cpu.simd.vector import (
     stream,
     to_float,
 )
+from supersampler.methods.classifier.kernels import network_inputs as see
 from supersampler.methods.classifier.kernels.network_inputs import complete, put, recall
 from supersampler.methods.classifier.variant import Variant
 

@@ -9,11 +9,11 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RECORD, TILE
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.network_file import KEPT, read_network
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.threads import Bands, Box
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.frame import Size
+from supersampler.methods.classifier.network_file import KEPT, read_network
 from supersampler.methods.model_file import ModelInfo
 
 Bytes = NDArray[np.uint8]
@@ -23,7 +23,7 @@ ROOM = 16  # pixels after a row: kernels do several at once
 SIX = 6  # so many; they write nothing beyond a row that is at least as long
 
 
-LEVEL = "backends.cpu.kernels.encode.level"
+LEVEL = "methods.classifier.kernels.encode.level"
 
 
 class Layer:

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.network import SIX, clear, depthwise_row, pointwise_row, pool_row
 from supersampler.backends.cpu.kernels.types import Bytes, Floats, Words
 from supersampler.backends.cpu.layout import RECORD
 from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.methods.classifier.kernels.network import SIX, clear, depthwise_row, pointwise_row, pool_row
 from supersampler.methods.classifier.kernels.network_inputs import around_row
 
 
