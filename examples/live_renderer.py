@@ -24,7 +24,7 @@ from supersampler import Frame, SupersamplerError, Upscaler, display_transform, 
 from supersampler.cli.arguments import parse_size
 from supersampler.io.display import ExposureMeter, to_uint8
 from supersampler.io.images import write_png
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
 
 Picture = NDArray[np.uint8]

@@ -8,7 +8,7 @@ import torch
 from supersampler import Frame, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
-from supersampler_model.method import Method
+from supersampler_model.methods.base import Method
 
 Shaded = Callable[[int], Frame]
 """Every frame of a scene, with its colour."""

@@ -15,10 +15,10 @@ from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.model_file import find_model
 from supersampler_export.folder import write_model_folder
-from supersampler_model.color import bounded, quarantine
-from supersampler_model.method import DISPLAY, Method, render_size_of
-from supersampler_model.method import Size as Extent
-from supersampler_model.sampling import grid_of, linear, resample, taps
+from supersampler_model.methods.base import DISPLAY, Method, render_size_of
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.ops.color import bounded, quarantine
+from supersampler_model.ops.sampling import grid_of, linear, resample, taps
 
 RATIO = 2
 WANTED = ("gbuffer_base_color", "gbuffer_display_base_color", "gbuffer_display_normal")

@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import halton_jitter
-from supersampler_model.data.analytic import EXTENT, Values, places
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.description import Description, SequenceEntry
 from supersampler_model.data.dataset.frame_file import Drawn, write_drawn, write_training_frame
+from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
 
 DISPLAY = (64, 36)

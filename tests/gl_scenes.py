@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler_model.data.camera import Camera
-from supersampler_model.data.environment import Environment, directions
-from supersampler_model.data.lights import Point, Spot, Sun
-from supersampler_model.data.mesh import Mesh, Skin, tangents_of
-from supersampler_model.data.procedural.transforms import turned_by
-from supersampler_model.data.scene import Instance, Material, Particles, Scene, Texture
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.environment import Environment, directions
+from supersampler_model.data.scenes.lights import Point, Spot, Sun
+from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
+from supersampler_model.data.scenes.procedural.transforms import turned_by
+from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene, Texture
 
 Values = NDArray[np.float64]
 

@@ -18,7 +18,7 @@ from supersampler.io.images import write_exr
 from supersampler.io.shot import (
     Shot,
 )
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (64, 36), (128, 72)
 JITTER = (0.25, -0.375)

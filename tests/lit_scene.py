@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler_model.data.analytic import EXTENT, FAR, NEAR, Values, Vector, grey, grids, places
+from supersampler_model.data.scenes.analytic import EXTENT, FAR, NEAR, Values, Vector, grey, grids, places
 
 Field = Callable[[Values, Values], Values]
 """(x, y), units, to (..., 3): base colour or light."""

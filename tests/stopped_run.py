@@ -5,7 +5,7 @@ from pathlib import Path
 
 import torch
 
-from supersampler_model.train.trainer import Trainer
+from supersampler_model.training.trainer import Trainer
 
 
 def assert_goes_on_exactly(trainer: Callable[[Path], Trainer], folder: Path) -> None:

@@ -15,8 +15,8 @@ from OpenImageIO import ImageBuf
 
 from supersampler import Shot, ShotWriter, Upscaler, display_transform, halton_jitter, shipped_shot
 from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 EXAMPLES = Path(__file__).parents[1] / "examples"

@@ -1,1 +1,4 @@
-"""Measurement: quality against references, by one command, so that no number is typed by hand."""
+"""Measurement: quality, speed and stability against references, by one command.
+
+Every number in README and docs is written from here; one-off studies live in bench/studies.
+"""

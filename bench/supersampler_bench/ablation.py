@@ -13,9 +13,9 @@ import torch
 from supersampler_bench import ablation_classifier, ablation_gbuffer
 from supersampler_bench.record import Record, write_json
 from supersampler_model.data.dataset import open_dataset
-from supersampler_model.train.task import Task
-from supersampler_model.train.trainer import Plan, Trainer
-from supersampler_model.train.validate import validate, validation_entries
+from supersampler_model.training.task import Task
+from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.validate import validate, validation_entries
 
 BATCH, AVERAGE = 4, 100
 CHANCE = "from another seed"  # ends the name of a variant that says what differences mean nothing

@@ -4,12 +4,12 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier_inputs import INPUTS
-from supersampler_model.methods.classifier_paper import PaperClassifier, PaperConfig
-from supersampler_model.methods.classifier_small import SmallClassifier, SmallConfig
-from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.task import Task
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network_inputs import INPUTS
+from supersampler_model.methods.classifier.small import SmallClassifier, SmallConfig
+from supersampler_model.methods.classifier_paper.model import PaperClassifier, PaperConfig
+from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.task import Task
 
 ALL_SEEN = ClassifierConfig(inputs=INPUTS)
 """What each variant but those of other widths differs from in one thing; the default does, too."""

@@ -6,14 +6,14 @@ from typing import Any
 
 from torch import Tensor
 
-from supersampler_model.method import render_size_of
-from supersampler_model.methods.gbuffer import GBufferConfig
-from supersampler_model.methods.gbuffer_buffers import Gathered, History, Surfaces
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer4
-from supersampler_model.methods.gbuffer_surfaces import matte
-from supersampler_model.sampling import View
-from supersampler_model.train.gbuffer_task import GBufferTask, GBufferWeights
-from supersampler_model.train.task import Task
+from supersampler_model.methods.base import render_size_of
+from supersampler_model.methods.gbuffer.buffers import Gathered, History, Surfaces
+from supersampler_model.methods.gbuffer.model import GBufferConfig
+from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer4
+from supersampler_model.methods.gbuffer.surfaces import matte
+from supersampler_model.ops.sampling import View
+from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
+from supersampler_model.training.task import Task
 
 ALONE = ("base_color", "normal", "roughness", "metallic", "specular")  # without these, depth is
 

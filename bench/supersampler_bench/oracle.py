@@ -11,11 +11,11 @@ from torch import Tensor
 from supersampler.backends.onnx.session import frame_inputs, planes_of
 from supersampler.frame import Float32, Size
 from supersampler.io.shot import ShotFrame
-from supersampler_model import method
-from supersampler_model.color import bounded, inverse_tone, tone
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.methods.classifier_buffers import History
-from supersampler_model.sampling import View
+from supersampler_model.methods import base as method
+from supersampler_model.methods.classifier.buffers import History
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.color import bounded, inverse_tone, tone
+from supersampler_model.ops.sampling import View
 
 
 class Oracle:

@@ -19,13 +19,13 @@ from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
 from supersampler_bench.rendered_frame import rendered_frame
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.specs import SequenceSpec
-from supersampler_model.method import Method
-from supersampler_model.method import Size as Extent
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.trained import load_trained, shipped_weights
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
 """(render, display); the second is odd, at a ratio of 1.5."""

@@ -16,9 +16,9 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler_bench.record import Record, machine_name
 from supersampler_export.graph import example_arguments
-from supersampler_model.method import Size as Extent
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.gbuffer import GBuffer
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.gbuffer.model import GBuffer
 
 PARTS = {
     "gather": "samples, warps, masks",

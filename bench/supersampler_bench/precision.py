@@ -18,7 +18,7 @@ from supersampler_bench.metrics import psnr, tpsnr
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record
 from supersampler_bench.rendered_frame import rendered_frame
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec

@@ -9,9 +9,9 @@ from pathlib import Path
 from supersampler.errors import ShotError
 from supersampler.io.atomic import replacing
 from supersampler_bench.public_shots import DRAWN, TestShots, read_drawn, shot_folder
-from supersampler_model.data.gl.context import Graphics, open_graphics
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.processes import OnFrame, run_parts
+from supersampler_model.data.renderer.context import Graphics, open_graphics
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
 

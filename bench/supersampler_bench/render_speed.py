@@ -21,10 +21,10 @@ from supersampler_model.data.dataset import (
     render_sequence,
 )
 from supersampler_model.data.dataset.workers import render_dataset
-from supersampler_model.data.gl.context import open_graphics
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import Reference, Surfaces
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.context import open_graphics
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import TRAIN_FAMILIES
 
 RATIO = 2.0

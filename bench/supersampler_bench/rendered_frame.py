@@ -1,9 +1,9 @@
 """A frame of a scene as benches hand it to an `Upscaler`, rendered just now."""
 
 from supersampler.frame import Frame, Size
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import frame_of
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.scene import Scene
 
 
 def rendered_frame(

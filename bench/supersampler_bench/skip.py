@@ -15,7 +15,7 @@ from supersampler.model import Skip
 from supersampler_bench.public_shots import TEST_SHOTS
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.rendered_frame import rendered_frame
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import HeldSequence
 from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec

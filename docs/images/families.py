@@ -13,8 +13,8 @@ from supersampler.io.atomic import replacing
 from supersampler.io.display import to_uint8
 from supersampler.io.images import encode_jpeg
 from supersampler_model.data.class_map import overlay
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
 
 SIZE = (240, 135)

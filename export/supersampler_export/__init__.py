@@ -1,1 +1,4 @@
-"""From torch methods to the model folders that the SDK drives. Needs the `train` extra."""
+"""From torch methods to model folders for the SDK: ONNX, fp16, int8, parity. Needs the `train` extra.
+
+No operation of a method is defined here.
+"""

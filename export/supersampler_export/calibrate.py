@@ -9,8 +9,8 @@ from torch import Tensor, nn
 
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.io.shot import shipped_shot
-from supersampler_model.method import Size
-from supersampler_model.methods.classifier import Classifier
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.classifier.model import Classifier
 
 SCALES, FRAMES = (1.5, 2.5), 10
 SHARE = 0.9999

@@ -8,9 +8,9 @@ from rich.console import Console
 
 from supersampler.errors import ArgumentError
 from supersampler_export.folder import write_model_folder
-from supersampler_model.method import Method
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.trained import load_trained, shipped_weights
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 

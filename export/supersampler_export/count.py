@@ -12,7 +12,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
 from supersampler.methods.model_file import extents
-from supersampler_model.method import DISPLAY, HALF, RENDER, Fused
+from supersampler_model.methods.base import DISPLAY, HALF, RENDER, Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)

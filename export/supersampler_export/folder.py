@@ -30,8 +30,8 @@ from supersampler_export.parity import (
     check_fused,
     check_parity,
 )
-from supersampler_model.method import RENDER, TENSORS, Fused, Method, Shape
-from supersampler_model.methods.carry import Carry
+from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.base import RENDER, TENSORS, Fused, Method, Shape
 
 _FILES = {
     "carry.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
-from supersampler_model.method import (
+from supersampler_model.methods.base import (
     BETWEEN,
     CHANNELS,
     DISPLAY,

@@ -5,7 +5,7 @@ import copy
 from torch import Tensor, nn
 from torch.nn.utils.fusion import fuse_conv_bn_eval
 
-from supersampler_model.method import Method
+from supersampler_model.methods.base import Method
 
 
 class InHalf(nn.Module):

@@ -8,9 +8,9 @@ import numpy as np
 
 from supersampler_export.calibrate import calibrated
 from supersampler_export.quantize import BLOCK, KEPT, quantised
-from supersampler_model.method import Method
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.networks.classifier import CLASSES, ClassifierNetwork
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network import CLASSES, ClassifierNetwork
 
 CONSTANTS = (
     "network", "sample_sigma", "moment_sigma", "kernel_sigma", "gamma", "history_sharpness", "samples",

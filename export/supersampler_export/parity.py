@@ -11,8 +11,8 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_export.graph import ExportError, example_inputs, history_name, traced_sizes
-from supersampler_model.color import tone
-from supersampler_model.method import Fused, Method, Size
+from supersampler_model.methods.base import Fused, Method, Size
+from supersampler_model.ops.color import tone
 
 Sizes = Sequence[tuple[Size, Size]]
 """Pairs of (render, display)."""

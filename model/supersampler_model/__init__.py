@@ -1,1 +1,4 @@
-"""The methods as torch modules, and later their data, losses and training. Needs the `train` extra."""
+"""The methods as torch modules, their training data, losses and training. Needs the `train` extra.
+
+The definition of what each method computes; `supersampler` runs what `supersampler_export` makes of it.
+"""

@@ -16,7 +16,7 @@ from supersampler.frame import Float32
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.color_video_vdp import Clips
 from supersampler_bench.quality import measure_quality
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 
 class Metric:

@@ -16,7 +16,7 @@ from supersampler_bench import metrics, quality
 from supersampler_bench.quality import measure_quality
 from supersampler_bench.scores import BORDER, MASKED, METRICS, FrameScores, MeanScores, MethodScores
 from supersampler_bench.table import cells, coverage
-from supersampler_model.data.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
+from supersampler_model.data.scenes.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()

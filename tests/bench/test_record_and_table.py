@@ -31,7 +31,7 @@ from supersampler_bench.table import (
     markdown_table,
     update_block,
 )
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
 

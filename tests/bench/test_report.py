@@ -24,8 +24,8 @@ from supersampler_bench.pictures import split_view
 from supersampler_bench.record import Record, read_record, setting, write_json
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.tables import RESULTS, find_all, read_records
-from supersampler_model.data.analytic import Plane, checker
 from supersampler_model.data.errors import GraphicsError
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 ROOT = Path(__file__).parents[2]
 PNG = "data:image/png;base64,"

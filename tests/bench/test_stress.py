@@ -20,7 +20,7 @@ from supersampler_bench.stress.scenario import Figure, Scenario, Session, Subjec
 from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
 from supersampler_bench.stress.subjects import subjects
-from supersampler_model.data.analytic import EXTENT, places
+from supersampler_model.data.scenes.analytic import EXTENT, places
 
 DISPLAY: Size = (48, 32)
 Mend = Callable[[Float32], Float32]

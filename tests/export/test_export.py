@@ -34,11 +34,11 @@ from supersampler_export.parity import (
     compare,
     sizes_of,
 )
-from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.classifier_paper import PaperClassifier
-from supersampler_model.methods.spatial import Bilinear
-from supersampler_model.trained import Trained, save_trained
+from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.classifier_paper.model import PaperClassifier
+from supersampler_model.methods.spatial.model import Bilinear
+from supersampler_model.methods.weights_file import Trained, save_trained
 
 
 @pytest.mark.parametrize("name", shipped_methods())

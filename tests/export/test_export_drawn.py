@@ -16,12 +16,12 @@ from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
 from supersampler_export.half import in_half
 from supersampler_export.host import host_network
-from supersampler_model.method import Method, Size
-from supersampler_model.methods.classifier import ClassifierConfig
-from supersampler_model.methods.extrapolate import DrawnExtrapolate, Extrapolate
-from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.networks.classifier import NetworkConfig
-from supersampler_model.trained import load_trained, shipped_weights
+from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.classifier.model import ClassifierConfig
+from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(

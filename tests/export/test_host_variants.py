@@ -18,9 +18,9 @@ from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
 from supersampler_export.host import host_network
-from supersampler_model.method import Size as ModelSize
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.networks.classifier import NetworkConfig
+from supersampler_model.methods.base import Size as ModelSize
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network import NetworkConfig
 
 VARIANTS = [
     Variant(corrected=False, rectified=False, own_motion=False),

@@ -9,7 +9,7 @@ import numpy as np
 
 from fuzzing import damaged, examples, replaced, run_apart
 from gltf_files import GltfFile, cube, glb, strip
-from supersampler_model.data.gltf import GltfScene
+from supersampler_model.data.scenes.gltf import GltfScene
 
 
 def with_damaged_image(file: GltfFile, rng: np.random.Generator) -> bytes:

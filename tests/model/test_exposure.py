@@ -8,7 +8,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from supersampler.io.display import followed_exposure, usable_exposure
-from supersampler_model.color import exposure_for
+from supersampler_model.ops.color import exposure_for
 
 
 def test_exposure_is_given_or_measured_and_adapts() -> None:

@@ -12,13 +12,13 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler_model.method import Method, Size
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.methods.extrapolate import DrawnExtrapolate, Extrapolate, surface_of
-from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.sampling import View
-from supersampler_model.trained import Trained, load_trained, shipped_weights
+from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate, surface_of
+from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
+from supersampler_model.ops.sampling import View
 
 RENDER, DISPLAY = (40, 23), (80, 46)
 SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky=5.0)

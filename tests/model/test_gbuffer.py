@@ -9,13 +9,13 @@ import torch
 from torch import Tensor
 
 from supersampler_bench import metrics
-from supersampler_model.color import tone
-from supersampler_model.method import Method, Size
-from supersampler_model.methods.gbuffer import GBuffer
-from supersampler_model.methods.gbuffer_buffers import Surfaces
-from supersampler_model.methods.gbuffer_depth import DepthGBuffer
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer, SmallGBuffer4
-from supersampler_model.methods.gbuffer_surfaces import (
+from supersampler_model.methods.base import Method, Size
+from supersampler_model.methods.gbuffer.buffers import Surfaces
+from supersampler_model.methods.gbuffer.depth import DepthGBuffer
+from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.network import GBufferNetwork, GBufferNetworkConfig
+from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer.surfaces import (
     LEAST,
     changed_light,
     gradients,
@@ -26,8 +26,8 @@ from supersampler_model.methods.gbuffer_surfaces import (
     relative_depth,
     usable_surfaces,
 )
-from supersampler_model.networks.gbuffer import GBufferNetwork, GBufferNetworkConfig
-from supersampler_model.train.structure import dissimilarity
+from supersampler_model.ops.color import tone
+from supersampler_model.training.structure import dissimilarity
 
 BOTH = [SmallGBuffer, SmallGBuffer4]
 

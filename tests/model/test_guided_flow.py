@@ -13,11 +13,12 @@ from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
 from supersampler_export.half import InHalf
-from supersampler_model.data.analytic import EXTENT, places
-from supersampler_model.method import Method
-from supersampler_model.method import Size as Extent
-from supersampler_model.methods.guided import surface_of
-from supersampler_model.methods.guided_flow import (
+from supersampler_model.data.scenes.analytic import EXTENT, places
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.extrapolation.flow_network import moved
+from supersampler_model.methods.extrapolation.guided import surface_of
+from supersampler_model.methods.extrapolation.guided_flow import (
     Gathered,
     GuidedFlow,
     GuidedFlowConfig,
@@ -25,8 +26,7 @@ from supersampler_model.methods.guided_flow import (
     motions_of,
     past_of,
 )
-from supersampler_model.methods.guided_warp import GuidedWarp
-from supersampler_model.networks.flow import moved
+from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedFlow.inputs()]

@@ -12,10 +12,10 @@ from lit_scene import LitScene, even
 from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32, Size
-from supersampler_model.data.analytic import EXTENT, places
-from supersampler_model.method import Size as Extent
-from supersampler_model.methods.guided import back_to_shaded, numbers_of_least, samples_at
-from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.data.scenes.analytic import EXTENT, places
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.extrapolation.guided import back_to_shaded, numbers_of_least, samples_at
+from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 
 SIZE = (64, 36)
 INPUTS = ["color", *GuidedWarp.inputs()]

@@ -7,7 +7,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
-from supersampler_model.color import (
+from supersampler_model.methods.base import Size
+from supersampler_model.ops.color import (
     TONES,
     ToneSpace,
     from_ycocg,
@@ -17,8 +18,7 @@ from supersampler_model.color import (
     valid,
     ycocg,
 )
-from supersampler_model.method import Size
-from supersampler_model.motion import (
+from supersampler_model.ops.motion import (
     closest_of_four,
     covered,
     longest,
@@ -27,8 +27,15 @@ from supersampler_model.motion import (
     read_cubic,
     without_thin,
 )
-from supersampler_model.rectification import Box, clamp_to, clip_to_center, clip_to_sample, moments, overshoot
-from supersampler_model.sampling import catmull_rom, grid_of, linear, neighbours, resample, taps
+from supersampler_model.ops.rectification import (
+    Box,
+    clamp_to,
+    clip_to_center,
+    clip_to_sample,
+    moments,
+    overshoot,
+)
+from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, neighbours, resample, taps
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)

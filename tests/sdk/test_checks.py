@@ -13,7 +13,7 @@ from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import shipped_shot
 from supersampler.validation import FrameChecker
-from supersampler_model.data.analytic import DiscOverPlane, Plane, checker, zone_plate
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
 DISPLAY = (640, 360)
 

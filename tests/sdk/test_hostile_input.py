@@ -10,7 +10,7 @@ import pytest
 from noise import noise
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
 from supersampler.frame import Float32
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY = (32, 18), (64, 36)
 METHODS = ["bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"]

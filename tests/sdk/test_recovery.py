@@ -16,7 +16,7 @@ from supersampler_bench.stress.compare import Off, off
 from supersampler_bench.stress.scenario import Session, Subject
 from supersampler_bench.stress.scenes import STILL
 from supersampler_bench.stress.subjects import subjects
-from supersampler_model.data.analytic import DiscOverPlane, Scene
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Scene
 
 DISPLAY, WARM, CLEAN = (32, 24), 10, 30
 WITH_KERNELS = ["taa", "taau", "classifier", "classifier-small", "classifier+guided-warp"]

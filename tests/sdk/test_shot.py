@@ -17,7 +17,7 @@ from supersampler import ArgumentError, Frame, FrameError, ShotError
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter, copy_shot, shipped_shot
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY_SIZE = (16, 9), (32, 18)
 SCENE = Plane(checker, (2.0, -1.0))

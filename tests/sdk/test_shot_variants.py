@@ -8,7 +8,7 @@ import pytest
 from supersampler import ArgumentError, Frame, ShotError
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter, copy_shot, open_source
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 DISPLAY_SIZE = (32, 18)
 SIZES = {"2x": (16, 9), "4x": (8, 5)}

@@ -1,1 +1,4 @@
-"""Stress: methods are run for long and treated badly; what they promise is measured against a bound."""
+"""Stress: long runs and hostile frames, each measured against a bound that follows from a promise.
+
+Scenarios in families; `runner` runs them, `page` and `table` show them.
+"""

@@ -10,7 +10,7 @@ import numpy as np
 
 from supersampler import Frame, halton_jitter, jitter_phase_count, shipped_shot
 from supersampler.frame import Float32, Size
-from supersampler_model.data.analytic import (
+from supersampler_model.data.scenes.analytic import (
     FAR,
     NEAR,
     Plane,

@@ -19,7 +19,7 @@ from supersampler_bench.stress.scenario import (
     Trial,
 )
 from supersampler_bench.stress.scenes import PERIOD, frames_of, moving, still
-from supersampler_model.data.analytic import (
+from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
     Plane,

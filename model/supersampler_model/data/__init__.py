@@ -1,1 +1,4 @@
-"""The data that everything learns from: what is drawn, and the renderer that draws it with exact truth."""
+"""Training and test data: scenes, the renderer that draws them with exact truth, labels, datasets.
+
+Nothing here knows a method.
+"""

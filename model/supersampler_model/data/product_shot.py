@@ -5,11 +5,11 @@ from pathlib import Path
 
 import numpy as np
 
-from supersampler_model.data.camera import Camera
-from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.procedural.paths import drift, vector
-from supersampler_model.data.procedural.plaza import plaza
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.procedural.paths import drift, vector
+from supersampler_model.data.scenes.procedural.plaza import plaza
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot
 

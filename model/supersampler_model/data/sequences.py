@@ -6,12 +6,12 @@ from zlib import crc32
 
 import numpy as np
 
-from supersampler_model.data.camera import Camera
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.gltf.compose import Composition
-from supersampler_model.data.procedural import TEST, TRAIN
-from supersampler_model.data.procedural.paths import camera_path
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.gltf.compose import Composition
+from supersampler_model.data.scenes.procedural import TEST, TRAIN
+from supersampler_model.data.scenes.procedural.paths import camera_path
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 
 __all__ = ["GLTF", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]

@@ -12,9 +12,9 @@ from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label
 from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
 _BYTES = ("base_color", "roughness", "metallic", "specular")  # in [0, 1]; engines store eight bits too

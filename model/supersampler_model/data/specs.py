@@ -7,7 +7,7 @@ import numpy as np
 
 from supersampler_model.data.checks import check_number
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.scenes.scene import Scene
 
 GLTF = "gltf"
 """The family of sequences that are composed of glTF files."""

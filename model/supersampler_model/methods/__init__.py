@@ -1,21 +1,24 @@
-"""One file per method; `METHODS` finds them by name."""
+"""One folder for each method: `model.py` has its three stages, `network.py` what is learned.
+
+`METHODS` and `LEARNED` find them by name. Losses and data live in `training` and `data`.
+"""
 
 from collections.abc import Mapping
 
-from supersampler_model.method import Method
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.methods.classifier_paper import PaperClassifier
-from supersampler_model.methods.classifier_small import SmallClassifier
-from supersampler_model.methods.extrapolate import Extrapolate
-from supersampler_model.methods.gbuffer import GBuffer, GBuffer4
-from supersampler_model.methods.gbuffer_depth import DepthGBuffer
-from supersampler_model.methods.gbuffer_small import SmallGBuffer, SmallGBuffer4
-from supersampler_model.methods.guided_flow import GuidedFlow
-from supersampler_model.methods.guided_warp import GuidedWarp
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier_paper.model import PaperClassifier
+from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
+from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
+from supersampler_model.methods.extrapolation.joint import Extrapolate
+from supersampler_model.methods.gbuffer.depth import DepthGBuffer
+from supersampler_model.methods.gbuffer.model import GBuffer, GBuffer4
+from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.methods.spatial import Bicubic, Bilinear
-from supersampler_model.methods.taa import Taa
-from supersampler_model.methods.taau import Taau
+from supersampler_model.methods.spatial.model import Bicubic, Bilinear
+from supersampler_model.methods.taa.model import Taa
+from supersampler_model.methods.taau.model import Taau
 
 METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Taa, Taau, GuidedWarp)}
 """Methods without anything learned."""

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from typing import Any, Self
 
 from supersampler.errors import ArgumentError
-from supersampler_model.method import Method
-from supersampler_model.trained import Trained
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.weights_file import Trained
 
 
 class LearnedMethod(Method):

@@ -13,7 +13,7 @@ from supersampler.errors import SupersamplerError
 
 TOOLS = {
     "render": "supersampler_model.data.cli",
-    "train": "supersampler_model.train.cli",
+    "train": "supersampler_model.training.cli",
     "export": "supersampler_export.cli",
     "bench": "supersampler_bench.cli",
 }

@@ -1,4 +1,7 @@
-"""Other people's frames to ours and back: docs/conventions.md shows how, with the source of each preset."""
+"""Other engines' frames to ours and back: units, signs, axes, jitter, depth; see docs/conventions.md.
+
+Numbers and arrays in, numbers and arrays out: no file is read here.
+"""
 
 from supersampler.conventions.conventions import Conventions
 from supersampler.conventions.converter import Converter

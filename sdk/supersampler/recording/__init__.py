@@ -1,4 +1,7 @@
-"""Recordings: all that an Upscaler was asked, in one file, for `supersampler replay`. docs/replay.md."""
+"""Recordings: every call of an Upscaler in one file, for `supersampler replay`; docs/replay.md.
+
+The recorder serves `Upscaler`; what reads a recording back is above it.
+"""
 
 from supersampler.recording.calls import Call, CloseCall, LoadStateCall, ResetCall, Setup, StepCall
 from supersampler.recording.outcome import Outcome

@@ -2,7 +2,7 @@
 
 import pytest
 
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer.renderer import Renderer
 
 DISPLAY = (160, 90)
 

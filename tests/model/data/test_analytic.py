@@ -5,7 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from supersampler_bench.metrics import psnr
-from supersampler_model.data.analytic import (
+from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
     NEAR,

@@ -10,7 +10,6 @@ import pytest
 from gl_scenes import Yard
 from gltf_files import cube, strip
 from supersampler import ArgumentError, Upscaler, display_transform, halton_jitter
-from supersampler_model.data.camera import Camera
 from supersampler_model.data.dataset import (
     Dataset,
     Description,
@@ -26,8 +25,9 @@ from supersampler_model.data.dataset import (
 from supersampler_model.data.dataset.description import shares
 from supersampler_model.data.dataset.info import rows
 from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 DISPLAY = (96, 54)

@@ -13,9 +13,9 @@ import pytest
 
 from gl_scenes import Yard
 from supersampler_model.data.errors import GraphicsError
-from supersampler_model.data.gl import context
-from supersampler_model.data.gl.context import Backend, Graphics
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer import context
+from supersampler_model.data.renderer.context import Backend, Graphics
+from supersampler_model.data.renderer.renderer import Renderer
 
 FOUND = importlib.util.find_spec
 APT = "apt-get install libegl1 libgl1 libegl-mesa0 libgl1-mesa-dri"
@@ -25,8 +25,8 @@ WITHOUT_EGL = """
 import sys
 import numpy as np
 from gl_scenes import Yard
-from supersampler_model.data.gl import context
-from supersampler_model.data.gl.renderer import Renderer
+from supersampler_model.data.renderer import context
+from supersampler_model.data.renderer.renderer import Renderer
 
 context.find_library = lambda _: None
 graphics = context.open_graphics()
@@ -36,7 +36,7 @@ np.save(sys.argv[1], Renderer((160, 90), samples=4, graphics=graphics).reference
 WITHOUT_OPENGL = """
 import sys
 import pytest
-from supersampler_model.data.gl import context
+from supersampler_model.data.renderer import context
 
 def missing():
     raise Exception("hidden")

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from gl_scenes import Yard, unlit
 from supersampler import halton_jitter
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.rendered import Reference, Surfaces
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.scene import Scene
 
 Values = NDArray[np.float64]
 Mask = NDArray[np.bool_]

@@ -9,10 +9,10 @@ import pytest
 from gl_scenes import box, moved
 from gltf_files import GltfFile, cube, noise, strip
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.gltf import GltfScene
-from supersampler_model.data.mesh import tangents_of
-from supersampler_model.data.procedural.transforms import turned_by
-from supersampler_model.data.scene import Instance, Material, Texture
+from supersampler_model.data.scenes.gltf import GltfScene
+from supersampler_model.data.scenes.mesh import tangents_of
+from supersampler_model.data.scenes.procedural.transforms import turned_by
+from supersampler_model.data.scenes.scene import Instance, Material, Texture
 from supersampler_model.data.values import Matrix
 
 STILL = np.eye(4)

@@ -12,11 +12,11 @@ from OpenImageIO import ImageOutput, ImageSpec
 from gl_scenes import box, plane
 from gltf_files import GltfFile, cube, strip
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.gltf import GltfError, GltfScene, compose
-from supersampler_model.data.gltf.folder import read_folder
-from supersampler_model.data.gltf.ground import Ground, triangles_of
-from supersampler_model.data.gltf.motions import Course, to_and_fro
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.gltf import GltfError, GltfScene, compose
+from supersampler_model.data.scenes.gltf.folder import read_folder
+from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
+from supersampler_model.data.scenes.gltf.motions import Course, to_and_fro
 from supersampler_model.data.sequences import SequenceSpec, make_sequence
 
 FRAMES = 12

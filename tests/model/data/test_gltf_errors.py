@@ -13,8 +13,8 @@ import pytest
 
 from gltf_files import GltfFile, cube, glb, png, strip
 from supersampler_model.data.errors import DataError
-from supersampler_model.data.gltf import GltfError, GltfScene
-from supersampler_model.data.gltf.lighting import panorama
+from supersampler_model.data.scenes.gltf import GltfError, GltfScene
+from supersampler_model.data.scenes.gltf.lighting import panorama
 
 Break = Callable[[GltfFile], Any]
 CUBE = r"mesh 0 'Cube', primitive 0"

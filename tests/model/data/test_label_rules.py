@@ -13,7 +13,6 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
-from supersampler_model.data.analytic import FAR, NEAR
 from supersampler_model.data.labels import (
     Alias,
     Evidence,
@@ -26,6 +25,7 @@ from supersampler_model.data.labels import (
     toned,
 )
 from supersampler_model.data.labels.rules import aliasing, box_overlap, color_varies, opened, plane_slope
+from supersampler_model.data.scenes.analytic import FAR, NEAR
 
 Mask = NDArray[np.bool_]
 FILL = {"depth": 0.05, "color": 0.5, "normal": 0.0, "motion": 0.0}

@@ -7,7 +7,17 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler_model.data.analytic import (
+from supersampler_model.data.labels import (
+    Alias,
+    Ghost,
+    Labels,
+    LabelThresholds,
+    Sample,
+    label,
+    statistics_of,
+)
+from supersampler_model.data.labels.rules import aliasing
+from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
     DiscOverPlane,
@@ -25,16 +35,6 @@ from supersampler_model.data.analytic import (
     thin_lines,
     zone_plate,
 )
-from supersampler_model.data.labels import (
-    Alias,
-    Ghost,
-    Labels,
-    LabelThresholds,
-    Sample,
-    label,
-    statistics_of,
-)
-from supersampler_model.data.labels.rules import aliasing
 
 Mask = NDArray[np.bool_]
 SIZE = (128, 72)

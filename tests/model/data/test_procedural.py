@@ -7,12 +7,12 @@ import numpy as np
 import pytest
 
 from supersampler import display_transform
-from supersampler_model.data.camera import Camera
-from supersampler_model.data.gl.renderer import Renderer
-from supersampler_model.data.mesh import Mesh
-from supersampler_model.data.procedural import casters, lighting, materials, paths, shapes, textures
-from supersampler_model.data.procedural.stage import Stage
-from supersampler_model.data.scene import Instance, Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.mesh import Mesh
+from supersampler_model.data.scenes.procedural import casters, lighting, materials, paths, shapes, textures
+from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.scene import Instance, Scene
 from supersampler_model.data.sequences import (
     TEST_FAMILIES,
     TRAIN_FAMILIES,

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from supersampler_model.data.errors import SceneError
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
 
 FAMILIES = (*TRAIN_FAMILIES, *TEST_FAMILIES)

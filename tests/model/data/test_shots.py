@@ -8,10 +8,10 @@ import pytest
 from gl_scenes import Yard
 from supersampler import ArgumentError, halton_jitter
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import label
 from supersampler_model.data.product_shot import Plaza
-from supersampler_model.data.scene import Scene
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.scenes.scene import Scene
 from supersampler_model.data.sequences import Sequence, SequenceSpec
 from supersampler_model.data.shots import ShotForm, render_shot, variant_name
 

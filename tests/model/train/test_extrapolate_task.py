@@ -17,19 +17,19 @@ from supersampler.cli import app
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
-from supersampler_model.method import Size
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.methods.extrapolate import Extrapolate
-from supersampler_model.networks.classifier import NetworkConfig
-from supersampler_model.train.extrapolate_task import ExtrapolateTask
-from supersampler_model.train.hidden_windows import RenderCut, hidden_set
-from supersampler_model.train.task import State, Stepped
-from supersampler_model.train.tasks import TASKS
-from supersampler_model.train.trainer import Plan, Trainer
-from supersampler_model.train.validate import validate, validation_entries
-from supersampler_model.train.walk import Walk
-from supersampler_model.train.windows import Place, Sample
-from supersampler_model.trained import Trained, load_trained, shipped_weights
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.extrapolation.joint import Extrapolate
+from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
+from supersampler_model.training.crops import Place, Sample
+from supersampler_model.training.extrapolate_task import ExtrapolateTask
+from supersampler_model.training.task import State, Stepped
+from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.unshaded_crops import RenderCut, hidden_set
+from supersampler_model.training.validate import validate, validation_entries
+from supersampler_model.training.walk import Walk
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)

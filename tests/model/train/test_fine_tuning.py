@@ -9,12 +9,12 @@ import torch
 from supersampler import halton_jitter
 from supersampler.errors import ShotError
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_model.data.analytic import DiscOverPlane
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.shots import UNKNOWN, dataset_of_shots
-from supersampler_model.train.trainer import Plan, Trainer
-from supersampler_model.train.validate import validate
+from supersampler_model.data.scenes.analytic import DiscOverPlane
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.shots import UNKNOWN, dataset_of_shots
+from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.validate import validate
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 

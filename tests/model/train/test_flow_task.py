@@ -21,10 +21,10 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
-from supersampler_model.method import Size
-from supersampler_model.methods.guided_flow import GuidedFlow
-from supersampler_model.train.flow_task import FlowTask
-from supersampler_model.train.flow_windows import (
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
+from supersampler_model.methods.weights_file import load_trained
+from supersampler_model.training.flow_crops import (
     HALVED,
     WHOLE,
     Found,
@@ -34,10 +34,10 @@ from supersampler_model.train.flow_windows import (
     changing_light,
     draw_light,
 )
-from supersampler_model.train.frame_inputs import frame_inputs
-from supersampler_model.train.tasks import TASKS
-from supersampler_model.train.validate import validate, validation_entries
-from supersampler_model.trained import load_trained
+from supersampler_model.training.flow_task import FlowTask
+from supersampler_model.training.frame_inputs import frame_inputs
+from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.validate import validate, validation_entries
 
 SIZE = 16
 

@@ -7,12 +7,12 @@ import pytest
 import torch
 
 from gbuffer_sets import gbuffer_data
-from supersampler_model.methods.gbuffer import GBufferConfig
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
-from supersampler_model.train.gbuffer_task import GBufferTask, reflective_of
-from supersampler_model.train.tasks import TASKS
-from supersampler_model.train.trainer import Plan, Trainer
-from supersampler_model.train.windows import Sample
+from supersampler_model.methods.gbuffer.model import GBufferConfig
+from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler_model.training.crops import Sample
+from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
+from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.trainer import Plan, Trainer
 
 RATIO, SIZE = 2, 24
 

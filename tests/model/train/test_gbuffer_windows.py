@@ -13,13 +13,13 @@ from torch.nn import functional as F
 from gbuffer_sets import DISPLAY, gbuffer_data
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
-from supersampler_model.train.gbuffer_windows import (
+from supersampler_model.training.crops import Place, Sample
+from supersampler_model.training.gbuffer_crops import (
     GBufferCut,
     draw_gbuffer_cut,
     gbuffer_set,
     gbuffer_stream,
 )
-from supersampler_model.train.windows import Place, Sample
 
 RATIO = 2
 ACROSS = torch.tensor([-1.0, 1.0])

@@ -3,8 +3,8 @@
 import pytest
 import torch
 
-from supersampler_model.train.class_loss import ClassifierWeights, class_loss, shares_of
-from supersampler_model.train.losses import picture_loss
+from supersampler_model.training.class_loss import ClassifierWeights, class_loss, shares_of
+from supersampler_model.training.losses import picture_loss
 
 WEIGHTS = ClassifierWeights()
 EVEN = torch.ones(1, 1, 8, 8)

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import nn
 
-from supersampler_model.train.optimizer import Muon, is_matrix, orthogonalised
+from supersampler_model.training.optimizer import Muon, is_matrix, orthogonalised
 
 
 @pytest.mark.parametrize("shape", [(8, 8), (4, 20), (20, 4)])

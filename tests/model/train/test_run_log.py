@@ -8,7 +8,7 @@ import pytest
 from typer.testing import CliRunner
 
 from supersampler.cli import app
-from supersampler_model.train.run_log import RunLog
+from supersampler_model.training.run_log import RunLog
 
 
 def rows(folder: Path) -> list[dict[str, str]]:

@@ -12,14 +12,14 @@ from torch.nn import functional as F
 from gbuffer_sets import gbuffer_data
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.method import DISPLAY, Method
-from supersampler_model.train.frame_inputs import frame_inputs
-from supersampler_model.train.gbuffer_windows import gbuffer_set, gbuffer_stream
-from supersampler_model.train.losses import PictureWeights
-from supersampler_model.train.task import State, Stepped, Task
-from supersampler_model.train.trainer import Plan, Trainer
-from supersampler_model.train.validate import validate, validation_entries
-from supersampler_model.train.windows import Sample, Stream
+from supersampler_model.methods.base import DISPLAY, Method
+from supersampler_model.training.crops import Sample, Stream
+from supersampler_model.training.frame_inputs import frame_inputs
+from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
+from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.task import State, Stepped, Task
+from supersampler_model.training.trainer import Plan, Trainer
+from supersampler_model.training.validate import validate, validation_entries
 
 PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
 

@@ -11,16 +11,16 @@ import torch
 from stopped_run import assert_goes_on_exactly
 from supersampler import halton_jitter
 from supersampler.errors import ArgumentError
-from supersampler_model.data.analytic import DiscOverPlane
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.description import Description, SequenceEntry
 from supersampler_model.data.dataset.frame_file import write_training_frame
+from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.data.specs import SequenceSpec
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.train.checkpoint import load_checkpoint
-from supersampler_model.train.class_loss import ClassifierWeights
-from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.trainer import Plan, Trainer
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.training.checkpoint import load_checkpoint
+from supersampler_model.training.class_loss import ClassifierWeights
+from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.trainer import Plan, Trainer
 
 DISPLAY, RENDER = (64, 48), (32, 24)
 PLAN = Plan(steps=6, batch=2, frames=2, size=32, average=4, settle=0.0)

@@ -7,13 +7,13 @@ import pytest
 import torch
 
 from supersampler import halton_jitter
-from supersampler_model.data.analytic import DiscOverPlane
 from supersampler_model.data.dataset import TrainingFrame
-from supersampler_model.method import Size
-from supersampler_model.methods.classifier import Classifier
-from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.frame_inputs import frame_inputs
-from supersampler_model.train.windows import FIREFLIES, Cut, with_fireflies
+from supersampler_model.data.scenes.analytic import DiscOverPlane
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.crops import FIREFLIES, Cut, with_fireflies
+from supersampler_model.training.frame_inputs import frame_inputs
 
 DISPLAY = (96, 64)
 FRAMES = 3

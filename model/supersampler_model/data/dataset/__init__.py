@@ -1,4 +1,7 @@
-"""Training sets on disk: rendered sequences with truth and labels, resumable, read by memory map."""
+"""Training sets on disk: rendered sequences with truth and labels, resumable, read by memory map.
+
+Described by a file of scene specs; crops are taken by `training`.
+"""
 
 from supersampler_model.data.dataset.description import (
     Dataset,

@@ -8,7 +8,7 @@ import numpy as np
 
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset.description import Description, SequenceEntry, Split
-from supersampler_model.data.gltf.folder import Folder, read_folder
+from supersampler_model.data.scenes.gltf.folder import Folder, read_folder
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec
 
 RATIOS = (1.0, 1.5, 2.0, 3.0, 4.0)

@@ -13,9 +13,9 @@ from supersampler_model.data.dataset.frame_file import (
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.labels import LabelThresholds, label
 from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
 
 SAME = 0.01

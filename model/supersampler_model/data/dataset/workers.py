@@ -8,8 +8,8 @@ from pathlib import Path
 from supersampler.io.atomic import remove_partial_files
 from supersampler_model.data.dataset.description import Dataset, open_dataset
 from supersampler_model.data.dataset.produce import render_sequence
-from supersampler_model.data.gl.renderer import Renderer
 from supersampler_model.data.processes import OnFrame, run_parts
+from supersampler_model.data.renderer.renderer import Renderer
 
 _FRAMES = re.compile(r"\d{4,}(\.[\d.e+]+x)?\.safetensors")
 

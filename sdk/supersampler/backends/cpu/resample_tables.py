@@ -1,6 +1,6 @@
 """Where rows and columns of a display look in a frame, and with what weights: one axis at a time.
 
-Twins of `supersampler_model.sampling.positions`, `nearest` and `taps`, in the same single precision.
+Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, in the same single precision.
 """
 
 from collections.abc import Callable, Sequence

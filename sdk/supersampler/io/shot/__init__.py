@@ -1,4 +1,7 @@
-"""Shots on disk: sequences of rendered frames, read lazily, written whole. docs/shots.md is the format."""
+"""Shots on disk: sequences of rendered frames, read lazily, written whole; docs/shots.md is the format.
+
+Importers of other programs' files live here, too; conventions are applied by `conventions`.
+"""
 
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender

@@ -1,4 +1,4 @@
-"""`guided-warp` on a processor; twin of `supersampler_model.methods.guided`, where the reasons are.
+"""Kernels of `guided-warp`; supersampler_model.methods.extrapolation.guided defines and explains them.
 
 Sixteen pixels of a row at a time. Where all of them lead to samples that lie side by side, as they do but for
 edges of things that move otherwise, samples are read sixteen at once.

@@ -1,4 +1,4 @@
-"""Colours as three vectors, a channel each; twins of `supersampler_model.color`."""
+"""Colours as three vectors, a channel each; twins of `supersampler_model.ops.color`."""
 
 from typing import Any
 

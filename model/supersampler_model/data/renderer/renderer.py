@@ -1,0 +1,315 @@
+"""Draws scenes: jittered frames, G-buffers, and references of many samples a pixel with their statistics.
+
+Forward shading in one pass into several targets. All samples of a pixel of the reference are drawn at once,
+as one large picture, part by part so that it fits into memory, and averaged on the GPU.
+"""
+
+from collections.abc import Iterator
+from math import ceil, isqrt
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from supersampler import mip_bias
+from supersampler_model.data.errors import SceneError
+from supersampler_model.data.rendered import Float16, Float32, Reference, Rendered, Surfaces
+from supersampler_model.data.renderer.assets import Assets
+from supersampler_model.data.renderer.context import Graphics, open_graphics
+from supersampler_model.data.renderer.draws import Draws
+from supersampler_model.data.renderer.programs import BLOCKS, SAMPLERS, build
+from supersampler_model.data.renderer.targets import ShadowMap, Target
+from supersampler_model.data.renderer.uniforms import SHADOW_SIZE, Raster, columns, lights_block, view_block
+from supersampler_model.data.scenes.scene import Particles, Scene
+
+Size = tuple[int, int]
+LARGEST = 4096  # samples a side of what is drawn at once for a reference: 0.5 GB
+_SURFACES = ((4, "f4"), (4, "f2"), (4, "f2"), (4, "f2"))
+_FORMATS = {
+    "COLOR_AND_SURFACES": (*_SURFACES, (4, "f2")),
+    "SURFACES": _SURFACES,
+    "SAMPLES": ((4, "f4"), (4, "f2")),
+}
+_COLOR_AT = {"COLOR_AND_SURFACES": 4, "SAMPLES": 0}
+_RESOLVED = ((4, "f4"), (4, "f4"), (4, "f4"), (1, "f4"))
+
+
+class Programs(NamedTuple):
+    """What draws one kind of target."""
+
+    rigid: Any
+    skinned: Any
+    sky: Any
+    particle: Any
+
+
+class Renderer:
+    """Draws one moment of a scene after the other; use it from the thread that made it.
+
+    >>> renderer = Renderer((640, 360))
+    >>> rendered = renderer.render(scene, (320, 180), jitter=(0.25, -0.1))
+    """
+
+    def __init__(self, display_size: Size, *, samples: int = 64, graphics: Graphics | None = None) -> None:
+        """Compile the shaders.
+
+        Args:
+            display_size: (width, height) of the reference.
+            samples: a pixel of the reference, a square number; they lie on a regular grid.
+            graphics: a context to share; None opens one.
+
+        Raises:
+            GraphicsError: there is no OpenGL.
+            SceneError: `samples` is no square number, or a size is not positive.
+        """
+        if samples < 1 or isqrt(samples) ** 2 != samples:
+            raise SceneError("samples", got=samples, want="a square number, as 16 or 64")
+        self._side = isqrt(samples)
+        self.display_size = _checked("display_size", display_size)
+        self._graphics = graphics or open_graphics()
+        self._gl = self._graphics.gl
+        self._targets: dict[str, Target] = {}
+        self._scene: Scene | None = None
+        with self._gl:
+            self._assets = Assets(self._gl)
+            self._build()
+
+    def _build(self) -> None:
+        gl = self._gl
+        self._programs: dict[tuple[str, ...], Programs] = {}
+        self._shadow_programs = tuple(
+            build(gl, ("blocks", "skin", "shadow_vert"), ("material", "shadow_frag"), defines)
+            for defines in ((), ("SKINNED",))
+        )
+        self._resolve = build(gl, ("blocks", "screen_vert"), ("resolve_frag",))
+        self._resolve["side"].value = self._side
+        self._screens: dict[Any, Any] = {}
+        self._sun_map = ShadowMap(self._graphics, SHADOW_SIZE)
+        self._spot_map = ShadowMap(self._graphics, SHADOW_SIZE // 2)
+        view_bytes = 3 * 64 + 5 * 16
+        self._view = gl.buffer(reserve=view_bytes, dynamic=True)
+
+    def render(
+        self, scene: Scene, render_size: Size, *, jitter: tuple[float, float], reset: bool = False
+    ) -> Rendered:
+        """Draw all of one frame."""
+        color, surfaces = self.frame(scene, render_size, jitter=jitter)
+        return Rendered(
+            color=color,
+            render=surfaces,
+            display=self.display(scene),
+            reference=self.reference(scene),
+            jitter=jitter,
+            reset=reset,
+            exposure=scene.camera.exposure,
+        )
+
+    def frame(
+        self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]
+    ) -> tuple[Float16, Surfaces]:
+        """Draw the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
+
+        Args:
+            scene: what is seen.
+            render_size: (width, height), at most the display size.
+            jitter: (x, y) render pixels.
+        """
+        width, height = _checked("render_size", render_size)
+        ratio = (self.display_size[0] / width * self.display_size[1] / height) ** 0.5
+        raster = Raster.of_frame(render_size, jitter, 2.0 ** mip_bias(ratio, "log2"))
+        with self._gl:
+            target = self._draw(scene, "COLOR_AND_SURFACES", "frame", raster)
+            return _part(target.read(4), slice(3)), _surfaces(target)
+
+    def display(self, scene: Scene) -> Surfaces:
+        """Draw the surfaces at display size, at pixel centres."""
+        with self._gl:
+            return _surfaces(self._draw(scene, "SURFACES", "display", Raster.of_frame(self.display_size)))
+
+    def reference(self, scene: Scene) -> Reference:
+        """Draw the truth at display size."""
+        width, height = self.display_size
+        mean, least, most = (np.empty((height, width, 4), np.float32) for _ in range(3))
+        spread = np.empty((height, width, 1), np.float32)
+        with self._gl:
+            for place, raster in self._parts():
+                drawn = self._draw(scene, "SAMPLES", "samples", raster)
+                part = self._resolved(drawn)
+                for whole, index in zip((mean, least, most, spread), range(4), strict=True):
+                    whole[place] = part.read(index)
+        return Reference(
+            color=_part(mean, slice(3)),
+            color_min=_part(least, slice(3)),
+            color_max=_part(most, slice(3)),
+            depth_min=_part(least, 3),
+            depth_max=_part(most, 3),
+            normal_spread=_part(spread, 0),
+            normal_mapped_spread=_part(mean, 3),
+        )
+
+    def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
+        """Yield parts of the reference, no larger than LARGEST samples a side, and where they go."""
+        (width, height), side = self.display_size, self._side
+        across, down = (_even_step(extent, LARGEST // side) for extent in (width, height))
+        for top in range(0, height, down):
+            for left in range(0, width, across):
+                w, h = min(across, width - left), min(down, height - top)
+                raster = Raster(
+                    size=(w * side, h * side),
+                    corner=(left / width, top / height),
+                    extent=(w / width, h / height),
+                    pixels=self.display_size,
+                    filter_width=side,
+                )
+                yield (slice(top, top + h), slice(left, left + w)), raster
+
+    def _draw(self, scene: Scene, kind: str, role: str, raster: Raster) -> Target:
+        """Draw into the target of `role`, all of the passes."""
+        self._prepare(scene)
+        gl, target = self._gl, self._target(role, raster.size, _FORMATS[kind], depth=True)
+        self._view.write(view_block(scene, self.display_size[0] / self.display_size[1], raster))
+        self._view.bind_to_uniform_block(BLOCKS["View"])
+        self._lights.bind_to_uniform_block(BLOCKS["Lights"])
+        self._panorama.use(SAMPLERS["environment"])
+        self._sun_map.texture.use(SAMPLERS["sun_shadow"])
+        self._spot_map.texture.use(SAMPLERS["spot_shadow"])
+
+        programs = self._programs_for(kind, scene)
+        target.framebuffer.use()
+        target.framebuffer.clear(depth=0.0)
+        gl.enable_only(gl.DEPTH_TEST)
+        gl.depth_func = ">="  # reversed; the sky, at 0, passes where nothing is
+        self._draws.surfaces(programs.rigid, programs.skinned)
+        gl.enable_only(gl.DEPTH_TEST)
+        self._screen(programs.sky)
+        if kind in _COLOR_AT and self._particles is not None:
+            self._draw_particles(target, programs.particle, _COLOR_AT[kind])
+        return target
+
+    def _programs_for(self, kind: str, scene: Scene) -> Programs:
+        lights = (("SUN", scene.sun), ("SPOT", scene.spot))
+        variant = (kind, *(name for name, light in lights if light is not None and kind != "SURFACES"))
+        if variant not in self._programs:
+            self._programs[variant] = _programs(self._gl, *variant)
+        return self._programs[variant]
+
+    def _draw_particles(self, target: Target, program: Any, attachment: int) -> None:
+        gl, framebuffer = self._gl, target.framebuffer
+        nothing, color = (False,) * 4, (True, True, True, False)  # alpha may hold the depth
+        framebuffer.color_mask = tuple(
+            color if index == attachment else nothing for index in range(len(target.textures))
+        )
+        framebuffer.depth_mask = False
+        framebuffer.use()
+        gl.enable_only(gl.DEPTH_TEST | gl.BLEND)
+        gl.blend_func = gl.ONE, gl.ONE_MINUS_SRC_ALPHA
+        content = [(self._particles, "4f4 4f4/i", "sphere", "particle")]
+        array = gl.vertex_array(program, content, mode=gl.TRIANGLE_STRIP)
+        array.render(vertices=4, instances=self._particles.size // 32)
+        framebuffer.color_mask = tuple((True,) * 4 for _ in target.textures)
+        framebuffer.depth_mask = True
+
+    def _resolved(self, drawn: Target) -> Target:
+        size = (drawn.size[0] // self._side, drawn.size[1] // self._side)
+        target = self._target("resolved", size, _RESOLVED, depth=False)
+        target.framebuffer.use()
+        self._gl.enable_only(self._gl.NOTHING)
+        drawn.textures[0].use(SAMPLERS["sample_colors"])
+        drawn.textures[1].use(SAMPLERS["sample_normals"])
+        self._screen(self._resolve)
+        return target
+
+    def _prepare(self, scene: Scene) -> None:
+        """Upload what is new in `scene`, and draw its shadows."""
+        if scene is self._scene:
+            return
+        self._scene = None  # until all of the new one is there
+        self._gl.gc()  # what belonged to scenes that are gone
+        self._draws = Draws(self._gl, self._assets, scene)
+        self._panorama, irradiance = self._assets.environment(scene.environment)
+        height = scene.environment.pixels.shape[0]
+        levels = int(np.log2(height))
+        self._lights = self._gl.buffer(lights_block(scene, irradiance, height, levels))
+        particles = sorted_particles(scene.particles, scene)
+        self._particles: Any = self._gl.buffer(particles.tobytes()) if len(particles) else None
+        for light, shadow in ((scene.sun, self._sun_map), (scene.spot, self._spot_map)):
+            if light is not None:
+                self._draw_shadows(shadow, light.matrix())
+        self._scene = scene
+
+    def _draw_shadows(self, shadow: ShadowMap, matrix: Any) -> None:
+        shadow.framebuffer.use()
+        shadow.framebuffer.clear(depth=1.0)
+        self._gl.enable_only(self._gl.DEPTH_TEST)
+        self._gl.depth_func = "<="
+        for program in self._shadow_programs:
+            program["world_to_light"].write(columns(matrix))
+        self._draws.shadows(*self._shadow_programs)
+
+    def _target(self, role: str, size: Size, formats: tuple[tuple[int, str], ...], *, depth: bool) -> Target:
+        if role not in self._targets or self._targets[role].size != size:
+            self._targets[role] = Target(self._graphics, size, formats, depth=depth)
+        return self._targets[role]
+
+    def _screen(self, program: Any) -> None:
+        if program not in self._screens:
+            self._screens[program] = self._gl.vertex_array(program, [])
+        self._screens[program].render(self._gl.TRIANGLES, vertices=3)
+
+
+def _even_step(extent: int, most: int) -> int:
+    """Return the size of parts of `extent`, no larger than `most`, that are alike where they can be."""
+    return ceil(extent / ceil(extent / max(most, 1)))
+
+
+def sorted_particles(groups: tuple[Particles, ...], scene: Scene) -> Float32:
+    """Return (n, 8) centre, radius and colour of all particles, the farthest first."""
+    if not groups:
+        return np.zeros((0, 8), np.float32)
+    parts = [np.concatenate([g.centers, g.radii[:, None], g.colors], axis=1) for g in groups]
+    rows = np.concatenate(parts).astype(np.float32)
+    along = rows[:, :3].astype(np.float64) @ scene.camera.view()[2, :3]  # backwards: least is farthest
+    return np.ascontiguousarray(rows[np.argsort(along, kind="stable")])
+
+
+def _programs(gl: Any, kind: str, *lights: str) -> Programs:
+    lighting = () if kind == "SURFACES" else ("lighting",)
+    fragment = ("blocks", "material", "outputs", *lighting, "surface_frag")
+    vertex = ("blocks", "skin", "surface_vert")
+    particle = None
+    if kind in _COLOR_AT:
+        defines = (f"COLOR {_COLOR_AT[kind]}",)
+        particle = build(gl, ("blocks", "particle_vert"), ("particle_frag",), defines)
+    return Programs(
+        rigid=build(gl, vertex, fragment, (kind, *lights)),
+        skinned=build(gl, vertex, fragment, (kind, *lights, "SKINNED")),
+        sky=build(
+            gl, ("blocks", "screen_vert"), ("blocks", "material", "outputs", *lighting, "sky_frag"), (kind,)
+        ),
+        particle=particle,
+    )
+
+
+def _surfaces(target: Target) -> Surfaces:
+    motion, smooth, normal, base = (target.read(index) for index in range(4))
+    return Surfaces(
+        depth=_part(motion, 2),
+        motion=_part(motion, slice(2)),
+        previous_depth=_part(motion, 3),
+        base_color=_part(base, slice(3)),
+        normal=_part(normal, slice(3)),
+        smooth_normal=_part(smooth, slice(3)),
+        roughness=_part(normal, 3),
+        metallic=_part(base, 3),
+        specular=_part(smooth, 3),
+    )
+
+
+def _part(image: Any, channels: slice | int) -> Any:
+    """Copy channels of (h, w, c) into an array of their own."""
+    return np.ascontiguousarray(image[..., channels])
+
+
+def _checked(name: str, size: Size) -> Size:
+    if len(size) != 2 or min(size) < 1:
+        raise SceneError(name, got=size, want="(width, height), each at least 1")
+    return size

@@ -1,0 +1,224 @@
+"""Sequences composed at random of the glTF files in a folder, with procedural things among them.
+
+A file of a room's size is the stage and stands still, smaller ones stand on it, each moving in its own way;
+some sequences have a bare floor for a stage. Wires, fences, leaves, mirrors, movers and particles join them.
+Camera, lights, exposure and a cut are drawn too. All of it follows from the files and the seed.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+from zlib import crc32
+
+import numpy as np
+
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.environment import Environment
+from supersampler_model.data.scenes.gltf.accessors import Values
+from supersampler_model.data.scenes.gltf.clutter import add_clutter
+from supersampler_model.data.scenes.gltf.errors import GltfError
+from supersampler_model.data.scenes.gltf.folder import (
+    PANORAMA,
+    digest_of,
+    ground_of,
+    is_stage,
+    read_folder,
+    standing,
+)
+from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
+from supersampler_model.data.scenes.gltf.lighting import Lighting, panorama
+from supersampler_model.data.scenes.gltf.motions import Course, Flicker, Prop, Walk
+from supersampler_model.data.scenes.gltf.scene import GltfScene
+from supersampler_model.data.scenes.procedural import materials, shapes
+from supersampler_model.data.scenes.procedural.fixtures import hills, skyline
+from supersampler_model.data.scenes.procedural.paths import vector
+from supersampler_model.data.scenes.procedural.stage import Stage
+from supersampler_model.data.scenes.scene import Instance, Scene
+from supersampler_model.data.specs import Sequence, SequenceSpec
+
+PROPS = 6  # from files, in one sequence, at most
+_KEPT = 0.3, 1.9  # metres: heights of props that are not resized
+_ROOM = 0.3, 0.9  # metres that are left to a prop, at least and at most
+_APART = 1.0  # metres that a camera keeps from what stands there, if there is a way
+_TRIES = 16
+_BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
+
+
+class Drawn(NamedTuple):
+    """What the files of a sequence hold."""
+
+    stage: GltfScene | None
+    props: list[GltfScene]
+    surroundings: Environment | None
+
+
+class Composition(Sequence):
+    """A sequence of a folder's files.
+
+    What does not come from them, as a bare floor does not, is made as it is for the procedural families.
+    """
+
+    def __init__(self, spec: SequenceSpec) -> None:
+        """Read the files of a spec whose family is GLTF.
+
+        Raises:
+            GltfError: one of them is broken, or not the one that the spec was drawn with.
+        """
+        self.spec = spec
+        rng = np.random.default_rng([spec.seed, crc32(spec.family.encode())])
+        drawn = _read(spec)
+        ground = None if drawn.stage is None else ground_of(drawn.stage)
+        self._ground = ground or Ground(triangles_of((_floor(),)))
+        self._focus = self._ground.spot(rng)
+        self._lighting = Lighting(rng, self._focus, drawn.surroundings)
+        self._made = Stage(environment=self._lighting.environment)
+        self._stage = () if drawn.stage is None else standing(drawn.stage)
+        if drawn.stage is None:
+            _add_floor(rng, self._made)
+        count = int(rng.integers(2, PROPS + 1)) if drawn.props else 0
+        self._props = [self._prop(drawn.props[index % len(drawn.props)], rng) for index in range(count)]
+        taken = add_clutter(rng, self._made, self._ground, self._focus)
+        taken += [prop.course.at_share(share) for prop in self._props for share in (0.0, 0.5, 1.0)]
+        self._walks = [self._walk(rng, np.array([self._focus, *taken])) for _ in range(2)]
+        cuts = spec.frames > 5 and rng.random() < 0.5
+        self._cut = int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0
+        self._exposure = Flicker(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
+
+    def scene(self, index: int) -> Scene:
+        """See `Sequence.scene`."""
+        self.check_index(index)
+        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
+        camera, lights = self._camera(index, index), self._lighting.at(now)
+        camera_before = camera if self.cut(index) else self._camera(index, index - 1)
+        made = self._made.scene(now, before, camera, camera_before)
+        of_files = (instance for prop in self._props for instance in prop.instances(now, before))
+        return replace(
+            made,
+            instances=(*self._stage, *of_files, *made.instances),
+            sun=lights.sun,
+            spot=lights.spot,
+            points=(*lights.points, *made.points),
+        )
+
+    def cut(self, index: int) -> bool:
+        """See `Sequence.cut`."""
+        return index in (0, self._cut)
+
+    def exposure(self, index: int) -> float:
+        """See `Sequence.exposure`; it is always given."""
+        return self._lighting.exposure * self._exposure.at(index / self.spec.frame_rate)
+
+    def _camera(self, shot: int, index: int) -> Camera:
+        """Return the camera of frame `index` in the shot that frame `shot` belongs to."""
+        walk = self._walks[int(0 < self._cut <= shot)]
+        eye, target = walk.at(index / self.spec.frame_rate)
+        return Camera(
+            position=vector(eye), target=vector(target), fov_y=walk.fov_y, exposure=self.exposure(index)
+        )
+
+    def _prop(self, model: GltfScene, rng: np.random.Generator) -> Prop:
+        low, high = model.bounds
+        height = float(high[1] - low[1])
+        size = 1.0
+        if not _KEPT[0] <= height <= _KEPT[1]:
+            size = rng.uniform(0.5, 1.2) / max(float((high - low).max()), 1e-6)
+        start = self._ground.near(rng, self._focus, 0.0, 2.0)
+        self._ground.take(
+            start, float(np.clip(0.6 * size * np.ptp(model.bounds, axis=0)[[0, 2]].max(), *_ROOM))
+        )
+        end = self._ground.near(rng, start, 1.0, 5.0)
+        kind = rng.integers(4)  # still, spinning, sliding, hopping along
+        slides = kind >= 2 and self._ground.clear(start, end)
+        return Prop(
+            model=model,
+            size=size,
+            course=Course(start, end if slides else start, rng.uniform(0.5, 6.0), rng.uniform(0.0, 2.0)),
+            yaw=rng.uniform(0.0, 2.0 * np.pi),
+            spin=rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 5.0) if kind in (1, 3) else 0.0,
+            hop=rng.uniform(0.2, 0.8) if kind == 3 else 0.0,
+            clip=int(rng.integers(max(1, len(model.clips)))),
+            glow=Flicker(rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random(), bool(rng.integers(2))),
+        )
+
+    def _path(self, rng: np.random.Generator, taken: Values) -> tuple[Values, Values]:
+        """Return from where to where a camera walks: in sight of the props, past them and not through them.
+
+        Args:
+            rng: of the places.
+            taken: (n, 3) what it keeps away from, as far as there is room.
+        """
+        best, found = -np.inf, (self._focus, self._focus)
+        for _ in range(_TRIES):
+            start = self._ground.near(rng, self._focus, 1.5, 5.0)
+            end = self._ground.near(rng, start, 0.5, 4.0)
+            if not self._ground.clear(start, end):
+                end = start
+            line = start + np.linspace(0.0, 1.0, 9)[:, None] * (end - start)
+            apart = float(np.hypot(*(line[:, None] - taken)[..., [0, 2]].T).min())
+            if apart > best and (self._ground.clear(start, self._focus) or not np.isfinite(best)):
+                best, found = apart, (start, end)
+            if best > _APART:
+                break
+        return found
+
+    def _walk(self, rng: np.random.Generator, taken: Values) -> Walk:
+        start, end = self._path(rng, taken)
+        eyes = np.array([0.0, rng.uniform(0.5, 1.8), 0.0])
+        target = self._focus + np.array([0.0, rng.uniform(0.3, 1.0), 0.0])
+        pan = (rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6)) if rng.random() < 0.5 else (0.0, 0.0)
+        course = Course(start + eyes, end + eyes, rng.uniform(0.2, 3.0), rng.uniform(0.0, 2.0))
+        return Walk(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))
+
+
+def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float = 30.0) -> Composition:
+    """Draw a sequence from the files (.glb, .gltf) in a folder and below, with its panoramas (.hdr) if any.
+
+    Args:
+        folder: with files in metres, y up.
+        seed: the same files and seed are the same sequence.
+        frames: how many, 1 or more.
+        frame_rate: frames a second.
+
+    Raises:
+        SceneError: there is no file in the folder.
+        GltfError: one of the files is broken or not supported.
+    """
+    return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
+
+
+def _read(spec: SequenceSpec) -> Drawn:
+    stage, props, surroundings = None, [], None
+    for name, digest in spec.files:
+        path = Path(spec.folder or "", name)
+        if path.suffix.lower() == PANORAMA:
+            _expect(path, digest, digest_of(path))
+            surroundings = panorama(path)
+            continue
+        model = GltfScene(path)
+        _expect(path, digest, model.digest)
+        if is_stage(model):
+            stage = model
+        else:
+            props.append(model)
+    return Drawn(stage, props, surroundings)
+
+
+def _expect(path: Path, wanted: str, found: str) -> None:
+    if found != wanted:
+        problem = "is not the file that this sequence was drawn with; put that one back, or begin another set"
+        raise GltfError(path, "", problem)
+
+
+def _floor() -> Instance:
+    """Return the part of a bare floor on which things stand."""
+    return Instance(mesh=shapes.plane(_BARE, _BARE), material=materials.glow((0, 0, 0), 0), model=np.eye(4))
+
+
+def _add_floor(rng: np.random.Generator, stage: Stage) -> None:
+    """Add a floor to the horizon, and what closes that."""
+    if rng.random() < 0.5:
+        stage.put(shapes.plane(70.0, 70.0, 0.5), materials.tiles(rng, 8, float(rng.random())))
+        skyline(rng, stage)
+    else:
+        stage.put(shapes.plane(70.0, 70.0, 0.35), materials.ground(rng, (0.36, 0.36, 0.28), 0.7))
+        hills(rng, stage, (0.25, 0.33, 0.15))

@@ -1,0 +1,192 @@
+"""A glTF file: its JSON, and the bytes that it refers to."""
+
+import base64
+import binascii
+import hashlib
+import json
+import re
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from typing import Any, Literal, TypeAlias
+from urllib.parse import unquote, urlsplit
+
+from supersampler.errors import ShotError
+from supersampler.io.atomic import check_inside
+from supersampler_model.data.scenes.gltf.errors import MalformedError, at
+
+Json: TypeAlias = dict[str, Any]
+
+LARGEST_FILE = 1 << 31  # bytes
+LARGEST_JSON = 1 << 28  # bytes; data URIs are in it
+LARGEST_IMAGES = 1 << 31  # bytes of all that are decoded
+LARGEST_ARRAYS = 1 << 23  # numbers that arrays may come to, however small the file
+ARRAYS_A_BYTE = 32  # numbers more for each byte read: several primitives may share an array
+UNDERSTOOD = {"KHR_mesh_quantization", "KHR_materials_emissive_strength", "KHR_texture_transform"}
+_HEADER, _CHUNK = 12, 8  # bytes
+_OUTSIDE = re.compile(r"[\\:\x00-\x1f]")  # of other systems' paths; a scheme ends in a colon, too
+_JSON, _BINARY = b"JSON", b"BIN\0"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Document:
+    """A file that has been read; buffers are read when something refers to them.
+
+    Attributes:
+        content: the JSON.
+        binary: the buffer inside a .glb, empty where there is none.
+    """
+
+    path: Path
+    content: Json
+    binary: bytes
+    _buffers: dict[int, bytes] = field(default_factory=dict)
+    _read: list[bytes] = field(default_factory=list)  # SHA-256 of each file, in order
+    _sizes: dict[str, int] = field(default_factory=lambda: {"read": 0, "arrays": 0, "images": 0})
+
+    def digest(self) -> str:
+        """Return the SHA-256, in hexadecimal, of what has been read: the file, and those beside it."""
+        return hashlib.sha256(b"".join(self._read)).hexdigest()
+
+    def item(self, kind: str, index: Any) -> Json:
+        """Return one of the file's `kind`, as "meshes"."""
+        items = self.content.get(kind, [])
+        if type(index) is not int or not 0 <= index < len(items):
+            raise MalformedError(f"{kind} {index!r} is referred to, and there are {len(items)}")
+        item = items[index]
+        if not isinstance(item, dict):
+            raise MalformedError(f"{kind} {index} is no object")
+        return item
+
+    def name(self, kind: str, index: int) -> str:
+        """Return how messages call an item: "mesh 0 'Chair'"."""
+        label = self.item(kind, index).get("name")
+        single = {"meshes": "mesh"}.get(kind, kind.removesuffix("s"))
+        return f"{single} {index}" + (f" {label!r}" if label else "")
+
+    def view(self, index: Any) -> tuple[bytes, int]:
+        """Return the bytes of a buffer view, and its stride, 0 if packed."""
+        view = self.item("bufferViews", index)
+        data = self._buffer(view["buffer"])
+        start, length, stride = (_count(view, name) for name in ("byteOffset", "byteLength", "byteStride"))
+        if start + length > len(data):
+            raise MalformedError(f"bufferView {index} ends at byte {start + length} of {len(data)}")
+        return data[start : start + length], stride
+
+    def claim(self, kind: Literal["arrays", "images"], count: int) -> None:
+        """Count numbers that room is to be made for; more than the file can be meant to hold are refused."""
+        self._sizes[kind] += count
+        most = LARGEST_ARRAYS + ARRAYS_A_BYTE * self._sizes["read"] if kind == "arrays" else LARGEST_IMAGES
+        if self._sizes[kind] > most:
+            raise MalformedError(f"all {kind} come to more than {most} numbers")
+
+    def load(self, uri: Any) -> bytes:
+        """Return what a buffer's or an image's URI stands for: data of its own, or a file beside this.
+
+        Files are read from the folder of this one and below, whatever links and names like `..` lead to.
+        """
+        if not isinstance(uri, str):
+            raise MalformedError(f"the URI {uri!r} is no text")
+        if uri.startswith("data:"):
+            head, _, text = uri.partition(",")
+            if not head.endswith(";base64"):
+                raise MalformedError(f"the data URI {head!r} is not in base64")
+            try:
+                return base64.b64decode(text, validate=True)
+            except binascii.Error as error:
+                raise MalformedError(f"a data URI is damaged ({error})") from error
+        data = _content(self._beside(uri), repr(uri))
+        self._count(data)
+        return data
+
+    def _beside(self, uri: str) -> Path:
+        """Return the file of a relative URI, once it is sure that it lies in the folder of this one."""
+        name = unquote(uri, errors="strict")
+        path = PurePosixPath(name)
+        outside = path.is_absolute() or ".." in path.parts or _OUTSIDE.search(name)
+        if urlsplit(uri).netloc or not path.name or outside:
+            raise MalformedError(f"{uri!r} is elsewhere; only files in the folder of this one are read")
+        try:
+            check_inside(self.path.parent, [self.path.parent / name])
+        except ShotError as error:
+            raise MalformedError(f"{uri!r} is elsewhere, by a link; copy the file to this one") from error
+        return self.path.parent / name
+
+    def _count(self, data: bytes) -> None:
+        self._read.append(hashlib.sha256(data).digest())
+        self._sizes["read"] += len(data)
+
+    def _buffer(self, index: Any) -> bytes:
+        buffer = self.item("buffers", index)
+        if index not in self._buffers:
+            with at(f"buffer {index}"):
+                inside = index == 0 and "uri" not in buffer
+                data = self.binary if inside else self.load(buffer["uri"])
+                length = _count(buffer, "byteLength")
+                if len(data) < length:
+                    raise MalformedError(f"it has {len(data)} of {length} bytes; the file may be cut off")
+                self._buffers[index] = data[:length]
+        return self._buffers[index]
+
+
+def open_document(path: Path) -> Document:
+    """Read a .glb or .gltf file."""
+    data = _content(path, "it")
+    text, binary = _chunks(data) if data[:4] == b"glTF" else (data, b"")
+    if len(text) > LARGEST_JSON:
+        raise MalformedError(f"its JSON has {len(text)} bytes; want at most {LARGEST_JSON}")
+    try:
+        content = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise MalformedError(f"it is neither .glb nor .gltf: its JSON does not parse ({error})") from error
+    if not isinstance(content, dict):
+        raise MalformedError("its JSON is no object")
+    version = content["asset"]["version"]
+    if not str(version).startswith("2."):
+        raise MalformedError(f"its version is {version}; only glTF 2.0 is read")
+    missing = sorted(set(content.get("extensionsRequired", [])) - UNDERSTOOD)
+    if missing:
+        raise MalformedError(f"it requires {', '.join(missing)}, which is not supported; export it without")
+    document = Document(path, content, binary)
+    document._count(data)
+    return document
+
+
+def _content(path: Path, name: str) -> bytes:
+    """Return the bytes of a regular file; `name` is what messages call it."""
+    try:
+        if path.exists() and not path.is_file():  # a pipe, say, which never ends
+            raise MalformedError(f"{name} is no regular file")
+        with path.open("rb") as file:
+            data = file.read(LARGEST_FILE + 1)
+    except OSError as error:
+        raise MalformedError(f"{name} cannot be read ({error.strerror})") from error
+    if len(data) > LARGEST_FILE:
+        raise MalformedError(f"{name} is larger than {LARGEST_FILE >> 20} MiB")
+    return data
+
+
+def _chunks(data: bytes) -> tuple[bytes, bytes]:
+    """Return the JSON and the binary chunk of a .glb."""
+    if (version := int.from_bytes(data[4:8], "little")) != 2:
+        raise MalformedError(f"its container's version is {version}; only glTF 2.0 is read")
+    if (length := int.from_bytes(data[8:12], "little")) > len(data):
+        raise MalformedError(f"it has {len(data)} of {length} bytes; the file is cut off")
+    chunks: dict[bytes, bytes] = {}
+    place = _HEADER
+    while place + _CHUNK <= length:
+        size = int.from_bytes(data[place : place + 4], "little")
+        kind, start = data[place + 4 : place + _CHUNK], place + _CHUNK
+        if start + size > length:
+            raise MalformedError(f"its chunk {kind!r} ends beyond the file")
+        chunks.setdefault(kind, data[start : start + size])
+        place = start + size
+    if _JSON not in chunks:
+        raise MalformedError("it has no JSON chunk")
+    return chunks[_JSON], chunks.get(_BINARY, b"")
+
+
+def _count(item: Json, name: str) -> int:
+    value = item.get(name, 0)
+    if type(value) is not int or value < 0:
+        raise MalformedError(f"{name} is {value!r}; want a whole number from 0 on")
+    return value

@@ -1,0 +1,198 @@
+"""Materials of a glTF file: metallic and roughness, normals, occlusion, emission, holes."""
+
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from supersampler_model.data.scenes.gltf.document import Document, Json
+from supersampler_model.data.scenes.gltf.errors import MalformedError, at
+from supersampler_model.data.scenes.gltf.images import image_of
+from supersampler_model.data.scenes.scene import Material, Texture
+from supersampler_model.data.values import Color, Pixels
+
+_BLACK = 16  # of 255
+_TRANSFORM = "KHR_texture_transform"
+
+
+class Coordinates(NamedTuple):
+    """How a vertex's place in a texture is found: uv = scale * TEXCOORD_<of> + offset."""
+
+    of: int = 0
+    offset: tuple[float, float] = (0.0, 0.0)
+    scale: tuple[float, float] = (1.0, 1.0)
+
+
+class Surface(NamedTuple):
+    """A material.
+
+    Attributes:
+        material: None where nothing of it is to be seen.
+        coordinates: of all its textures; None if it has none.
+    """
+
+    material: Material | None
+    coordinates: Coordinates | None
+
+
+class Materials:
+    """The materials of a file. Images and textures that several share are made once.
+
+    BLEND, which the renderer does not draw, is MASK at 0.5: what is more transparent than that is left out.
+    An occlusion map that is black all over, as where an exporter had none to put into that channel, is too.
+    """
+
+    def __init__(self, document: Document) -> None:
+        self._document = document
+        self._surfaces: dict[int | None, Surface] = {}
+        self._images: dict[int, Pixels] = {}
+        self._textures: dict[tuple[Any, ...], Texture] = {}
+
+    def surface(self, index: int | None) -> Surface:
+        """Return material `index`, or what glTF has where a primitive names none."""
+        if index not in self._surfaces:
+            if index is None:
+                self._surfaces[index] = self._made({})
+            else:
+                content = self._document.item("materials", index)
+                with at(self._document.name("materials", index)):
+                    self._surfaces[index] = self._made(content)
+        return self._surfaces[index]
+
+    def _made(self, content: Json) -> Surface:
+        pbr = content.get("pbrMetallicRoughness", {})
+        base, normal = pbr.get("baseColorTexture"), content.get("normalTexture")
+        metallic, emissive = pbr.get("metallicRoughnessTexture"), content.get("emissiveTexture")
+        glow = _emission(content)
+        coordinates = _shared({"baseColorTexture": base, "normalTexture": normal,
+                               "metallicRoughnessTexture": metallic,
+                               "emissiveTexture": emissive if any(glow) else None})  # fmt: skip
+        occlusion = content.get("occlusionTexture")
+        if occlusion is not None:
+            coordinates = coordinates or _coordinates(occlusion)
+            if _coordinates(occlusion) != coordinates:
+                occlusion = None  # a light map of its own; the renderer reads it from the ORM texture
+        color = self._plain(base, srgb=True) if base else None
+        factor = [float(value) for value in pbr.get("baseColorFactor", (1.0, 1.0, 1.0, 1.0))]
+        cutoff, visible = _cutoff(content, factor[3], color)
+        if not visible:
+            return Surface(None, coordinates)
+        made = Material(
+            base_color=(factor[0], factor[1], factor[2]),
+            roughness=_number(pbr, "roughnessFactor", 1.0),
+            metallic=_number(pbr, "metallicFactor", 1.0),
+            emissive=glow,
+            base_color_texture=color,
+            normal_texture=self._normals(normal) if normal else None,
+            orm_texture=self._orm(metallic, occlusion),
+            emissive_texture=self._plain(emissive, srgb=True) if emissive and any(glow) else None,
+            alpha_cutoff=cutoff,
+            double_sided=bool(content.get("doubleSided", False)),
+        )
+        return Surface(made, coordinates)
+
+    def _plain(self, info: Json, *, srgb: bool) -> Texture:
+        source = self._source(info)
+        return self._texture(("plain", source, srgb), lambda: self._image(source), srgb=srgb)
+
+    def _normals(self, info: Json) -> Texture:
+        source, scale = self._source(info), _number(info, "scale", 1.0)
+        if scale == 1.0:
+            return self._plain(info, srgb=False)
+
+        def scaled() -> Pixels:
+            normals = self._image(source)[..., :3] / 127.5 - 1.0
+            normals = normals * (scale, scale, 1.0)
+            normals /= np.maximum(np.linalg.norm(normals, axis=-1, keepdims=True), 1e-6)
+            return np.asarray((127.5 * normals + 127.5).round(), np.uint8)
+
+        return self._texture(("normals", source, scale), scaled, srgb=False)
+
+    def _orm(self, metallic: Json | None, occlusion: Json | None) -> Texture | None:
+        """Return occlusion, roughness and metallic in one texture, of the size of the latter two."""
+        if metallic is None and occlusion is None:
+            return None
+        rest = None if metallic is None else self._source(metallic)
+        shade = None if occlusion is None else self._source(occlusion)
+        strength = 0.0 if occlusion is None else _number(occlusion, "strength", 1.0)
+
+        def combined() -> Pixels:
+            images = [None if source is None else self._image(source) for source in (rest, shade)]
+            height, width = next(image.shape[:2] for image in images if image is not None)
+            orm = np.full((height, width, 3), 255, np.uint8)
+            if images[0] is not None:
+                orm[..., 1:] = images[0][..., 1:3]
+            if images[1] is not None and np.percentile(images[1][..., 0], 99) >= _BLACK:
+                h, w = images[1].shape[:2]
+                red = images[1][np.arange(height) * h // height][:, np.arange(width) * w // width, 0]
+                orm[..., 0] = (255.0 - np.clip(strength, 0.0, 1.0) * (255.0 - red)).round()
+            return orm
+
+        return self._texture(("orm", rest, shade, strength), combined, srgb=False)
+
+    def _texture(self, key: tuple[Any, ...], pixels: Any, *, srgb: bool) -> Texture:
+        if key not in self._textures:
+            self._textures[key] = Texture(pixels=pixels(), srgb=srgb)
+        return self._textures[key]
+
+    def _image(self, source: int) -> Pixels:
+        if source not in self._images:
+            self._images[source] = image_of(self._document, source)
+        return self._images[source]
+
+    def _source(self, info: Json) -> int:
+        """Return the index of the image that a texture shows."""
+        texture = self._document.item("textures", info["index"])
+        if "source" not in texture:
+            kinds = ", ".join(texture.get("extensions", {})) or "nothing else"
+            raise MalformedError(f"texture {info['index']} has no PNG or JPEG image ({kinds})")
+        self._document.item("images", texture["source"])
+        return int(texture["source"])
+
+
+def _cutoff(content: Json, opacity: float, color: Texture | None) -> tuple[float | None, bool]:
+    """Return where the texture's opacity begins to count, None if it does not, and whether any of it does."""
+    mode = content.get("alphaMode", "OPAQUE")
+    if mode not in ("OPAQUE", "MASK", "BLEND"):
+        raise MalformedError(f"its alphaMode is {mode!r}; want OPAQUE, MASK or BLEND")
+    if mode == "OPAQUE":
+        return None, True
+    cutoff = 0.5 if mode == "BLEND" else _number(content, "alphaCutoff", 0.5)
+    if opacity < cutoff:
+        return None, False
+    if color is None or color.pixels.shape[2] != 4 or cutoff <= 0.0:
+        return None, True
+    least = cutoff / opacity  # the renderer compares the texture's opacity alone
+    return least, bool(color.pixels[..., 3].max() >= 255.0 * least)
+
+
+def _emission(content: Json) -> Color:
+    extensions = content.get("extensions", {})
+    strength = _number(extensions.get("KHR_materials_emissive_strength", {}), "emissiveStrength", 1.0)
+    red, green, blue = (strength * float(value) for value in content.get("emissiveFactor", (0.0, 0.0, 0.0)))
+    return red, green, blue
+
+
+def _shared(infos: dict[str, Json | None]) -> Coordinates | None:
+    """Return the coordinates that all these textures use; a mesh has one set of them."""
+    used = {name: _coordinates(info) for name, info in infos.items() if info is not None}
+    if len(set(used.values())) > 1:
+        kinds = "; ".join(f"{name}: {tuple(coordinates)}" for name, coordinates in used.items())
+        raise MalformedError(f"its textures are placed in different ways ({kinds}); only one is supported")
+    return next(iter(used.values()), None)
+
+
+def _coordinates(info: Json) -> Coordinates:
+    transform = info.get("extensions", {}).get(_TRANSFORM, {})
+    if transform.get("rotation", 0.0) != 0.0:
+        raise MalformedError(f"{_TRANSFORM} rotates a texture, which is not supported")
+    of = transform.get("texCoord", info.get("texCoord", 0))
+    u, v = (float(value) for value in transform.get("offset", (0.0, 0.0)))
+    across, down = (float(value) for value in transform.get("scale", (1.0, 1.0)))
+    return Coordinates(of, (u, v), (across, down))
+
+
+def _number(item: Json, name: str, default: float) -> float:
+    value = float(item.get(name, default))
+    if not np.isfinite(value):
+        raise MalformedError(f"its {name} is {value}; want a finite number")
+    return value

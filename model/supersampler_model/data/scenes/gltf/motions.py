@@ -1,0 +1,125 @@
+"""How what a composition shows moves: each a function of the time in seconds alone."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from supersampler_model.data.scenes.gltf.accessors import Values
+from supersampler_model.data.scenes.gltf.scene import GltfScene
+from supersampler_model.data.scenes.scene import Instance
+from supersampler_model.data.values import Matrix
+
+
+def to_and_fro(time: float, duration: float) -> float:
+    """Return a time in [0, duration] that runs forwards and backwards in turn, without a jump."""
+    if duration <= 0.0:
+        return 0.0
+    phase = time / duration % 2.0
+    return duration * min(phase, 2.0 - phase)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Course:
+    """There and back between two places (3,), slowing down at both, `speed` metres a second on average."""
+
+    start: Values
+    end: Values
+    speed: float
+    phase: float = 0.0
+
+    def at(self, time: float) -> Values:
+        """Return the place (3,)."""
+        length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
+        return self.at_share(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
+
+    def at_share(self, share: float) -> Values:
+        """Return the place (3,) at a share of the way."""
+        return np.asarray(self.start + share * (self.end - self.start))
+
+
+@dataclass(frozen=True, slots=True)
+class Flicker:
+    """A factor about 1: `depth` 0 is steady, 1 goes out; smooth, or on and off if `hard`."""
+
+    depth: float
+    rate: float  # a second
+    phase: float = 0.0
+    hard: bool = False
+
+    def at(self, time: float) -> float:
+        """Return the factor, > 0 unless `depth` is 1."""
+        wave = float(np.sin(2.0 * np.pi * (self.rate * time + self.phase)))
+        return 1.0 + self.depth * (float(np.sign(wave)) if self.hard else wave)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Walk:
+    """A hand-held camera that walks and looks at something.
+
+    Attributes:
+        course: of the eye.
+        target: (3,) metres, looked at.
+        pan: by how far, in radians, it turns away to both sides, and how often a second.
+        sway: metres, of the hand.
+        fov_y: degrees.
+    """
+
+    course: Course
+    target: Values
+    pan: tuple[float, float]
+    sway: float
+    fov_y: float
+
+    def at(self, time: float) -> tuple[Values, Values]:
+        """Return the eye's place (3,) and what it looks at (3,)."""
+        waves = np.sin(time * np.array([[5.1, 6.7, 4.3], [3.7, 7.9, 5.9]]) + np.arange(3.0))
+        eye, target = self.course.at(time) + self.sway * waves[0], self.target + self.sway * waves[1]
+        angle = self.pan[0] * np.sin(2.0 * np.pi * self.pan[1] * time)
+        x, y, z = target - eye
+        cos, sin = np.cos(angle), np.sin(angle)
+        return eye, eye + np.array([cos * x + sin * z, y, cos * z - sin * x])
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Prop:
+    """A file's content that stands on the ground and moves over it.
+
+    Attributes:
+        size: by what it is multiplied.
+        course: of the middle of its lower side.
+        spin: radians a second about the vertical, from `yaw` on.
+        hop: metres; how high it jumps, once a second.
+        clip: of the file, run to and fro.
+        glow: of what of it emits light.
+    """
+
+    model: GltfScene
+    size: float
+    course: Course
+    yaw: float
+    spin: float
+    hop: float
+    clip: int
+    glow: Flicker
+
+    def instances(self, now: float, before: float) -> tuple[Instance, ...]:
+        """Return what is to be drawn at a time, with where it was at another."""
+        clips = self.model.clips
+        duration = clips[self.clip].duration if clips else 0.0
+        return self.model.instances(
+            to_and_fro(now, duration), to_and_fro(before, duration), self.placed(now), self.placed(before),
+            clip=self.clip, emission=self.glow.at(now),
+        )  # fmt: skip
+
+    def placed(self, time: float) -> Matrix:
+        """Return the file's space to the world."""
+        low, high = self.model.bounds
+        angle = self.yaw + self.spin * time
+        matrix = np.eye(4)
+        matrix[[0, 2], [0, 2]] = np.cos(angle)
+        matrix[0, 2], matrix[2, 0] = np.sin(angle), -np.sin(angle)
+        matrix[:3, :3] *= self.size
+        foot = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
+        hop = self.hop * abs(np.sin(np.pi * time))
+        matrix[:3, 3] = self.course.at(time) + np.array([0.0, hop, 0.0]) - matrix[:3, :3] @ foot
+        return matrix

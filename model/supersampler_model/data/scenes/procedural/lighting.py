@@ -1,0 +1,249 @@
+"""Lights that move and pulse, and panoramas; all of time in seconds and a generator."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler_model.data.scenes.environment import Environment, directions
+from supersampler_model.data.scenes.lights import Point, Spot, Sun
+from supersampler_model.data.scenes.procedural.paths import Place, pendulum, vector
+from supersampler_model.data.values import Color, Vector
+
+Values = NDArray[np.float64]
+Rng = np.random.Generator
+Pulse = Callable[[float], float]
+"""Seconds to a factor >= 0, about 1 on average."""
+PULSES = ("throb", "flicker", "strobe", "fade")
+HEIGHT = 128  # of panoramas
+
+
+def steady(_: float) -> float:
+    """Return 1."""
+    return 1.0
+
+
+def pulse(rng: Rng, kind: str | None = None) -> Pulse:
+    """Return one of the PULSES, drawn if none is named."""
+    kind = kind or str(rng.choice(PULSES, p=(0.4, 0.25, 0.15, 0.2)))
+    phase, depth = float(rng.uniform(0.0, 6.3)), float(rng.uniform(0.5, 0.95))
+    rate = (
+        2.0 * np.pi * float(rng.uniform(*{"throb": (0.6, 2.5), "strobe": (1.5, 4.0)}.get(kind, (0.25, 0.6))))
+    )
+    if kind == "flicker":
+        levels, steps = rng.choice([0.1, 0.5, 1.0, 1.6], 97, p=(0.2, 0.15, 0.45, 0.2)), rng.uniform(8.0, 15.0)
+        return lambda t: float(levels[int(np.floor(t * steps)) % len(levels)])
+    if kind == "strobe":
+        return lambda t: 1.8 if np.sin(rate * t + phase) > 0.0 else 0.15
+    sharp = 3.0 if kind == "fade" else 1.0
+    return lambda t: float(1.0 + depth * np.tanh(sharp * np.sin(rate * t + phase)))
+
+
+def nervous(rng: Rng) -> Pulse:
+    """Return a pulse of a lamp that seldom keeps still: mostly one that throbs or flickers."""
+    return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
+
+
+def clouds(rng: Rng) -> Pulse:
+    """Return what broken clouds do to a sun: one or two edges a second, soft or as sudden as a frame."""
+    rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
+    sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), float(rng.uniform(0.5, 0.9))
+    return lambda t: float(1.15 - depth * (0.5 + 0.5 * np.tanh(sharp * np.sin(rates * t + phases).sum())))
+
+
+def lightning(rng: Rng) -> Pulse:
+    """Return what a thunderstorm does to a moon: bursts of some frames, many times its light."""
+    gap, first, strength = float(rng.uniform(0.4, 0.9)), float(rng.random()), float(rng.uniform(12.0, 30.0))
+    bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
+
+    def at(t: float) -> float:
+        count, age = divmod(t / gap + first, 1.0)
+        step = int(age * gap * 15.0)  # a level lasts two frames of 30 a second
+        burst = bursts[int(count) % len(bursts)]
+        return 1.0 + strength * float(burst[step]) if step < len(burst) else 1.0
+
+    return at
+
+
+def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
+    """Return a light's colour, `strength` at its brightest channel.
+
+    Args:
+        rng: of the colour.
+        strength: of the brightest channel.
+        warmth: from -1 (blue sky) over 0 (white) to 1 (candle); None is any hue.
+    """
+    if warmth is None:
+        hue = rng.uniform(0.0, 2.0 * np.pi)
+        rgb = 0.55 + 0.45 * np.cos(hue + np.array([0.0, 2.1, 4.2]))
+    else:
+        cold, warm = max(-warmth, 0.0), max(warmth, 0.0)
+        rgb = np.array([1.0 - 0.6 * cold, 1.0 - 0.25 * cold - 0.4 * warm, 1.0 - 0.8 * warm])
+    return vector(strength * rgb / rgb.max())
+
+
+def sunlight(
+    rng: Rng, strength: float, radius: float, *, elevation: tuple[float, float] = (25.0, 60.0),
+    pulsing: Pulse = steady, warmth: float | None = 0.3, center: Vector = (0.0, 0.0, 0.0),
+    azimuth: tuple[float, float] = (0.0, 6.3),
+) -> Callable[[float], Sun]:  # fmt: skip
+    """Return a sun whose shadows creep.
+
+    Args:
+        rng: of colour, direction and creeping.
+        strength: irradiance.
+        radius: what the shadow map covers about `center`, metres.
+        elevation: range, degrees.
+        pulsing: what clouds do to it.
+        warmth: see `tint`.
+        center: of the shadow map.
+        azimuth: range of where its light goes, radians: 0 is +x, pi / 2 is +z.
+    """
+    color, turn = tint(rng, strength, warmth), float(rng.uniform(*azimuth))
+    height, creep = np.radians(float(rng.uniform(*elevation))), float(rng.normal(0.0, 0.08))
+
+    def at(t: float) -> Sun:
+        angle = turn + creep * t
+        level = np.cos(height)
+        direction = (level * np.cos(angle), -np.sin(height), level * np.sin(angle))
+        return Sun(
+            direction=vector(direction),
+            color=vector(np.multiply(color, pulsing(t))),
+            center=center,
+            radius=radius,
+        )
+
+    return at
+
+
+def spotlight(
+    place: Place,
+    target: Place,
+    color: Color,
+    *,
+    outer: float = 32.0,
+    reach: float = 20.0,
+    pulsing: Pulse = steady,
+) -> Callable[[float], Spot]:
+    """Return a spot that moves along `place` and looks at `target`."""
+    return lambda t: Spot(
+        position=vector(place(t)),
+        target=vector(target(t)),
+        color=vector(np.multiply(color, pulsing(t))),
+        inner=0.55 * outer,
+        outer=outer,
+        reach=reach,
+    )
+
+
+def hanging(
+    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, outer: float = 57.0,
+    pulsing: Pulse = steady,
+) -> tuple[Place, Callable[[float], Spot]]:  # fmt: skip
+    """Return where a lamp is that swings on a cable, see `pendulum`, and its cone of light."""
+    place, top = pendulum(rng, pivot, length, extent), np.asarray(pivot, np.float64)
+    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=outer, pulsing=pulsing)
+
+
+def lamp(
+    place: Place, color: Color, *, reach: float = 8.0, pulsing: Pulse = steady
+) -> Callable[[float], Point]:
+    """Return a point light that moves along `place`."""
+    return lambda t: Point(
+        position=vector(place(t)), color=vector(np.multiply(color, pulsing(t))), reach=reach
+    )
+
+
+def at_rest(position: Sequence[float]) -> Place:
+    """Return a place that does not change."""
+    fixed = np.asarray(position, np.float64)
+    return lambda _: fixed
+
+
+def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5) -> Environment:
+    """Return a sky over a ground: radiances, and the clouds' brightness on top."""
+    around = directions(HEIGHT)
+    up = around[..., 1:2]
+    sky = np.array(horizon) + (np.array(zenith) - horizon) * np.clip(up, 0.0, 1.0) ** 0.5
+    waves = rng.normal(0.0, 1.0, (24, 3)) * np.exp(rng.uniform(0.5, 2.8, (24, 1)))
+    stretched = around / np.maximum(np.abs(up) + 0.25, 0.25)  # clouds lie in a plane: flatter far away
+    mist = (np.sin(stretched @ waves.T + rng.uniform(0.0, 6.3, 24)) / np.linalg.norm(waves, axis=1)).sum(
+        axis=-1
+    )
+    cover = np.clip(mist / mist.std() * 0.8 - 0.1, 0.0, 1.0)[..., None] * np.clip(up * 6.0, 0.0, 1.0)
+    sky = sky * (1.0 - 0.6 * cover) + cover * clouds * (np.array(horizon) + 0.5 * np.mean(horizon))
+    earth = np.array(ground) * (1.0 + 0.4 * np.sin(5.0 * around[..., :1] + 3.0 * around[..., 2:]))
+    blend = np.clip(up * 40.0 + 0.5, 0.0, 1.0)
+    return Environment(pixels=(blend * sky + (1.0 - blend) * earth).astype(np.float32))
+
+
+def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environment:
+    """Return a dim room with bright rectangles on its ceiling and upper walls: what metals mirror."""
+    around = directions(HEIGHT)
+    up = around[..., 1]
+    azimuth = np.arctan2(around[..., 0], -around[..., 2])
+    image = np.array(ambient) * (0.6 + 0.4 * up)[..., None]
+    for _ in range(panels):
+        middle, height = float(rng.uniform(-np.pi, np.pi)), float(rng.uniform(0.15, 0.85))
+        wide, tall = float(rng.uniform(0.08, 0.5)), float(rng.uniform(0.04, 0.18))
+        apart = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
+        inside = (apart < wide) & (np.abs(up - height) < tall)
+        image = image + inside[..., None] * np.array(tint(rng, strength, float(rng.uniform(-0.5, 0.5))))
+    return Environment(pixels=image.astype(np.float32))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Weather:
+    """The light of an hour outdoors, with an exposure that suits it.
+
+    Attributes:
+        sun: of the sun or the moon, from behind those who look along -z.
+        dark: whether lamps have to light the scene.
+    """
+
+    environment: Environment
+    exposure: float
+    sun: Callable[[float], Sun]
+    dark: bool
+
+
+HOURS = ("day", "stark", "dusk", "night")
+_SKIES: dict[str, tuple[Color, Color, Color]] = {  # radiances of zenith, horizon and ground
+    "day": ((0.11, 0.23, 0.52), (0.42, 0.47, 0.54), (0.1, 0.1, 0.08)),
+    "stark": ((0.04, 0.11, 0.32), (0.2, 0.24, 0.3), (0.05, 0.045, 0.04)),
+    "dusk": ((0.035, 0.05, 0.14), (0.34, 0.16, 0.08), (0.03, 0.025, 0.02)),
+    "night": ((0.002, 0.003, 0.01), (0.011, 0.011, 0.018), (0.003, 0.003, 0.003)),
+}
+_SUNS = {  # strength, warmth, range of elevation, exposure
+    "day": (6.5, 0.25, (28.0, 58.0), 0.75),
+    "stark": (9.0, 0.2, (22.0, 50.0), 0.6),
+    "dusk": (5.0, 0.65, (16.0, 30.0), 0.95),
+    "night": (0.22, -0.6, (30.0, 55.0), 2.4),
+}
+
+
+def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weather:
+    """Return one of the HOURS: dull or bright days, hard sun, dusk or night.
+
+    Args:
+        rng: of hour, clouds and colours.
+        radius: of what the sun's shadow map covers, metres.
+        center: of that.
+    """
+    hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
+    strength, warmth, elevation, exposure = _SUNS[hour]
+    if hour == "night":
+        pulsing = lightning(rng) if rng.random() < 0.3 else steady
+    else:
+        pulsing = clouds(rng) if rng.random() < 0.85 else steady
+    zenith, horizon, ground = _SKIES[hour]
+    return Weather(
+        environment=outdoors(rng, zenith, horizon, ground, clouds=float(rng.uniform(0.5, 1.1))),
+        exposure=exposure * float(rng.uniform(0.9, 1.15)),
+        sun=sunlight(
+            rng, strength, radius, elevation=elevation, pulsing=pulsing, warmth=warmth, center=center,
+            azimuth=(3.9, 5.5),
+        ),
+        dark=hour == "night",
+    )  # fmt: skip

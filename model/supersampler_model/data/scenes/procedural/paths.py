@@ -1,0 +1,228 @@
+"""What moves, as smooth functions of time in seconds, with rates and phases drawn from a generator."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.values import Matrices, Matrix, Vector
+
+Values = NDArray[np.float64]
+Rng = np.random.Generator
+Pose = Callable[[float], Matrix]
+Place = Callable[[float], Values]
+"""Seconds to (x, y, z), metres."""
+MOTIONS = ("still", "orbit", "dolly", "truck", "crane", "pan")
+_SHARES = (0.08, 0.22, 0.2, 0.22, 0.1, 0.18)
+_BRISK_SHARES = (0.05, 0.2, 0.15, 0.22, 0.1, 0.28)
+
+
+def vector(values: Values | Sequence[float]) -> Vector:
+    """Return three floats."""
+    x, y, z = (float(value) for value in values)
+    return x, y, z
+
+
+def drift(rng: Rng, amount: float, rate: float) -> Place:
+    """Return an aimless wandering about the origin: about `amount` metres at about `rate` hertz."""
+    waves = rng.normal(0.0, amount / 2.0, (4, 3))
+    rates, phases = 2.0 * np.pi * rate * rng.uniform(0.4, 1.6, (4, 3)), rng.uniform(0.0, 6.3, (4, 3))
+    return lambda t: np.asarray((waves * np.sin(rates * t + phases)).sum(axis=0))
+
+
+def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) -> Place:
+    """Return a way to and fro between two points, at most `speed` metres a second."""
+    a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
+    rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
+    phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first
+    return lambda t: a + (b - a) * (0.5 + 0.5 * np.sin(rate * t + phase))
+
+
+def pendulum(rng: Rng, pivot: Sequence[float], length: float, extent: float) -> Place:
+    """Return the way of what hangs `length` metres below `pivot` and swings up to about `extent` radians."""
+    rates = np.sqrt(9.8 / length) * rng.uniform(0.95, 1.05, 2)  # x and z
+    phases = rng.uniform(-1.0, 1.0, 2) + rng.choice([0.0, np.pi])
+    extents = extent * np.array([1.0, 0.4])[:: int(rng.choice([-1, 1]))]
+
+    def at(t: float) -> Values:
+        x, z = np.sin(extents * np.sin(rates * t + phases))
+        return np.asarray(pivot) + length * np.array([x, -np.sqrt(max(1.0 - x * x - z * z, 0.0)), z])
+
+    return at
+
+
+def circuit(rng: Rng, center: Sequence[float], extent: tuple[float, float], speed: float) -> Place:
+    """Return a level ellipse with half axes `extent` in x and z, at about `speed` metres a second."""
+    middle, turn = np.asarray(center, np.float64), float(rng.uniform(0.0, 6.3))
+    rate = speed / max(extent) * float(rng.choice([-1.0, 1.0]))
+
+    def at(t: float) -> Values:
+        angle = rate * t + turn
+        return np.asarray(middle + np.array([extent[0] * np.sin(angle), 0.0, extent[1] * np.cos(angle)]))
+
+    return at
+
+
+def bounces(rng: Rng, path: Place, height: float, radius: float) -> Place:
+    """Return `path` with a ball's hops of `height` on the level of the path; `radius` is the ball's."""
+    phase, period = float(rng.random()), 2.0 * float(np.sqrt(2.0 * height / 9.8))
+
+    def at(t: float) -> Values:
+        x = (t / period + phase) % 1.0
+        return np.asarray(path(t) + np.array([0.0, radius + 4.0 * height * x * (1.0 - x), 0.0]))
+
+    return at
+
+
+def together(*parts: Place | Sequence[float]) -> Place:
+    """Return the sum of places and fixed offsets."""
+    fixed = np.sum([part for part in parts if not callable(part)] or [(0.0, 0.0, 0.0)], axis=0)
+    moving = [part for part in parts if callable(part)]
+    return lambda t: np.asarray(fixed + np.sum([part(t) for part in moving], axis=0))
+
+
+def upright(path: Place) -> Pose:
+    """Return a pose on the path that never turns."""
+
+    def pose(t: float) -> Matrix:
+        matrix = np.eye(4)
+        matrix[:3, 3] = path(t)
+        return matrix
+
+    return pose
+
+
+def carried(by: Pose, local: Matrix | Pose) -> Pose:
+    """Return the pose of what sits on something that moves."""
+    if callable(local):
+        return lambda t: np.asarray(by(t) @ local(t))
+    return lambda t: np.asarray(by(t) @ local)
+
+
+def point_of(pose: Pose, local: Sequence[float]) -> Place:
+    """Return where a local point of something that moves is."""
+    at = np.array([*local, 1.0])
+    return lambda t: np.asarray((pose(t) @ at)[:3])
+
+
+def headed(path: Place) -> Pose:
+    """Return a pose on the path with local +z ahead, upright."""
+
+    def pose(t: float) -> Matrix:
+        ahead = path(t + 1e-3) - path(t - 1e-3)
+        matrix = np.eye(4)
+        yaw = float(np.arctan2(ahead[0], ahead[2]))
+        matrix[0, [0, 2]] = np.cos(yaw), np.sin(yaw)
+        matrix[2, [0, 2]] = -np.sin(yaw), np.cos(yaw)
+        matrix[:3, 3] = path(t)
+        return matrix
+
+    return pose
+
+
+def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float, phase: float = 0.0) -> Pose:
+    """Return a pose that turns about a local axis by `rate` radians a second, where `place` is."""
+    k = np.asarray(axis, np.float64) / np.linalg.norm(axis)
+    cross = np.array([[0.0, -k[2], k[1]], [k[2], 0.0, -k[0]], [-k[1], k[0], 0.0]])
+
+    def pose(t: float) -> Matrix:
+        angle = rate * t + phase
+        turn = np.eye(4)
+        turn[:3, :3] += np.sin(angle) * cross + (1.0 - np.cos(angle)) * cross @ cross
+        if not callable(place):
+            return np.asarray(place @ turn)
+        turn[:3, 3] = place(t)
+        return turn
+
+    return pose
+
+
+def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matrices]:
+    """Return the palette of plants in gusts: joint 0 stands still, joint 1 + i is that of anchor i.
+
+    Args:
+        rng: of direction, speed and flutter.
+        anchors: (n, 3), at most 127.
+        strength: how far tips move, metres.
+    """
+    angle = float(rng.uniform(0.0, 6.3))
+    ahead = np.array([np.cos(angle), 0.0, np.sin(angle)])
+    speed, length = float(rng.uniform(2.0, 5.0)), float(rng.uniform(3.0, 7.0))
+    along = anchors @ ahead
+    flutter, phases = rng.uniform(1.5, 4.0, (len(anchors), 3)), rng.uniform(0.0, 6.3, (len(anchors), 3))
+
+    def palette(t: float) -> Matrices:
+        gust = 0.55 + 0.45 * np.sin(2.0 * np.pi * (speed * t - along) / length)
+        shake = 0.25 * np.sin(2.0 * np.pi * flutter * t + phases) * (0.3 + gust[:, None])
+        joints = np.tile(np.eye(4), (len(anchors) + 1, 1, 1))
+        joints[1:, :3, 3] = strength * (gust[:, None] * ahead + shake * (1.0, 0.4, 1.0))
+        return joints
+
+    return palette
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Vantage:
+    """From where a scene looks good: a camera may move `room` metres about `position`.
+
+    A `brisk` camera seldom stands still, and when it turns it turns fast.
+    """
+
+    position: Vector
+    target: Vector
+    room: float = 1.0
+    fov_y: tuple[float, float] = (45.0, 62.0)
+    brisk: bool = False
+
+
+def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) -> Callable[[float], Camera]:
+    """Return one of the MOTIONS about a vantage point, half of them with a shaking hand."""
+    kind = str(rng.choice(MOTIONS, p=_BRISK_SHARES if vantage.brisk else _SHARES))
+    eye, target = np.asarray(vantage.position), np.asarray(vantage.target)
+    back = (eye - target) / np.linalg.norm(eye - target)
+    right = np.cross((0.0, 1.0, 0.0), back)
+    right /= np.linalg.norm(right)
+    way = {"orbit": right, "dolly": back, "truck": right, "crane": np.array([0.0, 0.6, 0.0])}.get(kind)
+    room, speed = (
+        vantage.room * float(rng.uniform(0.5, 1.0)),
+        float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2))),
+    )
+    rate, phase = speed / room, float(rng.uniform(-0.9, 0.4) + rng.choice([0.0, np.pi]))
+    sweep, sweep_rate = (
+        float(rng.uniform(0.15, 0.5)),
+        float(rng.uniform(1.5, 5.0)),
+    )  # radians, radians a second
+    if vantage.brisk:
+        sweep, wave = _steady_turn(rng)
+    else:
+        wave = _sine(sweep_rate, phase)
+    shaky = float(rng.random() < 0.5 and kind != "still")
+    hand, gaze = drift(rng, 0.02 * shaky, 1.2), drift(rng, 0.03 * shaky, 1.5)
+    fov = float(rng.uniform(*vantage.fov_y))
+
+    def camera(t: float) -> Camera:
+        offset = 0.0 if way is None else way * room * np.sin(rate * t + phase)
+        aim = target + (offset if kind == "truck" else 0.0)
+        if kind == "pan":
+            aim = target + right * np.linalg.norm(eye - target) * sweep * wave(t)
+        return Camera(
+            position=vector(eye + offset + hand(t)),
+            target=vector(aim + gaze(t)),
+            fov_y=fov,
+            exposure=exposure(t),
+        )
+
+    return camera
+
+
+def _steady_turn(rng: Rng) -> tuple[float, Callable[[float], float]]:
+    """Return how far a camera turns, and its way to and fro in [-1, 1], at an even speed but for the ends."""
+    extent, speed = float(rng.uniform(0.3, 0.55)), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
+    rate, phase = 0.5 * np.pi * speed / extent, float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
+    return extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97))
+
+
+def _sine(rate: float, phase: float) -> Callable[[float], float]:
+    return lambda t: float(np.sin(rate * t + phase))

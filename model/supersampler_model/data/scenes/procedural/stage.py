@@ -1,0 +1,95 @@
+"""What a family builds: everything that is to be seen, as functions of time in seconds."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.environment import Environment
+from supersampler_model.data.scenes.lights import Point, Spot, Sun
+from supersampler_model.data.scenes.mesh import Mesh
+from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
+from supersampler_model.data.scenes.procedural.paths import Pose, Vantage
+from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene
+from supersampler_model.data.values import Matrices, Matrix
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class Prop:
+    """A thing that may move, bend and flicker."""
+
+    mesh: Mesh
+    material: Material
+    pose: Pose
+    palette: Callable[[float], Matrices] | None
+    emission: Pulse
+    casts_shadow: bool
+
+    def instance(self, now: float, before: float) -> Instance:
+        """Return it as it is `now`, with how it was `before`, both in seconds."""
+        return Instance(
+            mesh=self.mesh,
+            material=self.material,
+            model=self.pose(now),
+            model_before=self.pose(before),
+            palette=None if self.palette is None else self.palette(now),
+            palette_before=None if self.palette is None else self.palette(before),
+            emission=self.emission(now),
+            casts_shadow=self.casts_shadow,
+        )
+
+
+@dataclass(slots=True, kw_only=True, eq=False)
+class Stage:
+    """A set with its lights, and places for a camera.
+
+    Attributes:
+        environment: the panorama around it.
+        vantages: at least one; shots between cuts take one each.
+        exposure: that suits its light.
+    """
+
+    environment: Environment
+    exposure: float = 1.0
+    vantages: list[Vantage] = field(default_factory=list)
+    props: list[Prop] = field(default_factory=list)
+    sun: Callable[[float], Sun] | None = None
+    spot: Callable[[float], Spot] | None = None
+    points: list[Callable[[float], Point]] = field(default_factory=list)
+    particles: list[Callable[[float], Particles]] = field(default_factory=list)
+
+    def put(
+        self, mesh: Mesh, material: Material, at: Matrix | Pose | None = None, *,
+        palette: Callable[[float], Matrices] | None = None, emission: Pulse = steady, shadow: bool = True,
+    ) -> None:  # fmt: skip
+        """Add a thing, at the origin unless said where."""
+        fixed = np.eye(4) if at is None else at
+        pose = fixed if callable(fixed) else _at(fixed)
+        self.props.append(
+            Prop(
+                mesh=mesh,
+                material=material,
+                pose=pose,
+                palette=palette,
+                emission=emission,
+                casts_shadow=shadow,
+            )
+        )
+
+    def scene(self, now: float, before: float, camera: Camera, camera_before: Camera) -> Scene:
+        """Return the stage as it is `now`, with how it was `before`, both in seconds."""
+        return Scene(
+            camera=camera,
+            camera_before=camera_before,
+            environment=self.environment,
+            instances=tuple(prop.instance(now, before) for prop in self.props),
+            sun=None if self.sun is None else self.sun(now),
+            spot=None if self.spot is None else self.spot(now),
+            points=tuple(point(now) for point in self.points),
+            particles=tuple(cloud(now) for cloud in self.particles),
+        )
+
+
+def _at(matrix: Matrix) -> Pose:
+    return lambda _: matrix

@@ -1,0 +1,85 @@
+"""`guided-warp`: the colour of a frame that was not shaded, from the last one that was.
+
+Textures and surfaces of this frame are known from its G-buffers; only the light on them is not. It is taken
+from like surfaces of the last shaded frame (`methods/guided.py`), and each pixel's own base colour is lit by
+it. The picture has this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
+"""
+
+from typing import ClassVar, NamedTuple
+
+from torch import Tensor
+
+from supersampler_model.methods.base import PREVIOUS, RENDER, SHADED, Method, render_size_of
+from supersampler_model.methods.extrapolation.guided import (
+    GuidedWarpConfig,
+    back_to_shaded,
+    guided_light,
+    reflectance,
+    samples_at,
+    shaded_of,
+    surface_of,
+)
+from supersampler_model.ops.color import bounded
+
+
+class Step(NamedTuple):
+    """The image and what the next frame needs."""
+
+    image: Tensor
+    history_color: Tensor
+    history_base_color: Tensor
+    history_normal: Tensor
+    history_depth: Tensor
+    history_jitter: Tensor
+    history_motion: Tensor
+    history_motion_jitter: Tensor
+
+
+class GuidedWarp(Method):
+    """Light each pixel as like surfaces were lit in the last shaded frame.
+
+    A shaded frame takes no step: what it leaves is itself, see `after_shaded`. Without one, which is a
+    history of zeros, the image is black. A sample of which colour, surface or depth is no number in its range
+    is not taken where there is another.
+    """
+
+    name, source = "guided-warp", "Wu et al. 2023 (ExtraSS), section 4.2"
+    history: ClassVar = {
+        "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
+        "base_color": (1, 3, *SHADED),
+        "normal": (1, 3, *SHADED),
+        "depth": (1, 1, *SHADED),
+        "jitter": (1, 2),
+        "motion": (1, 2, *PREVIOUS),  # from the frame before back to the shaded one, its own pixels
+        "motion_jitter": (1, 2),  # of the frame before
+    }
+    image: ClassVar = (1, 3, *RENDER)
+    ratios: ClassVar = (1.0, 1.0)
+
+    def __init__(self, config: GuidedWarpConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or GuidedWarpConfig()
+
+    def forward(
+        self,
+        depth: Tensor,  # (1, 1, h, w) reversed
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        jitter: Tensor,  # (1, 2) render pixels
+        gbuffer_base_color: Tensor,  # (1, 3, h, w)
+        gbuffer_normal: Tensor,  # (1, 3, h, w)
+        history_color: Tensor,  # (1, 3, h', w') linear RGB
+        history_base_color: Tensor,  # (1, 3, h', w')
+        history_normal: Tensor,  # (1, 3, h', w')
+        history_depth: Tensor,  # (1, 1, h', w')
+        history_jitter: Tensor,  # (1, 2)
+        history_motion: Tensor,  # (1, 2, h'', w'')
+        history_motion_jitter: Tensor,  # (1, 2)
+    ) -> Step:
+        """Return the image (1, 3, h, w), linear RGB >= 0, and the history."""
+        now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
+        then = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
+        total = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)
+        x, y = samples_at(total, jitter, render_size_of(then.color), then.jitter)
+        light = guided_light(now, then, x, y, self.config)
+        image = bounded(light * reflectance(now, self.config))
+        return Step(image, then.color, *then.surface, then.jitter * 1.0, total, jitter * 1.0)

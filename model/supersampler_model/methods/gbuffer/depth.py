@@ -1,0 +1,61 @@
+"""`gbuffer-depth`: `gbuffer-small` where of all G-buffers depth alone is drawn, as in forward renderers."""
+
+from collections.abc import Mapping
+from functools import partial
+from typing import ClassVar
+
+from torch import Tensor
+
+from supersampler_model.methods.base import display_size_of, render_size_of
+from supersampler_model.methods.gbuffer.buffers import History, Surfaces
+from supersampler_model.methods.gbuffer.model import GBuffer, GBufferConfig
+from supersampler_model.methods.gbuffer.small import NETWORK
+from supersampler_model.methods.gbuffer.surfaces import matte
+from supersampler_model.ops.sampling import View
+
+
+class DepthGBuffer(GBuffer):
+    """Of G-buffers, depth at display size alone, which a depth prepass of a forward renderer gives."""
+
+    name = "gbuffer-depth"
+    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK))
+
+    def forward(  # type: ignore[override]  # the signature is the contract: it asks for less
+        self,
+        color: Tensor,
+        depth: Tensor,
+        motion: Tensor,
+        jitter: Tensor,
+        exposure: Tensor,
+        display_size: Tensor,
+        gbuffer_display_depth: Tensor,
+        history_color: Tensor,
+        history_reflectance: Tensor,
+        history_count: Tensor,
+        history_frame: Tensor,
+        history_frame_before: Tensor,
+        history_motion: Tensor,
+        history_jitter: Tensor,
+        history_jitter_before: Tensor,
+        history_exposure: Tensor,
+    ) -> tuple[Tensor, ...]:
+        """See `GBuffer.forward`."""
+        render, display = self.surfaces_of({"gbuffer_display_depth": gbuffer_display_depth}, depth)
+        history = History(
+            history_color,
+            history_reflectance,
+            history_count,
+            history_frame,
+            history_frame_before,
+            history_motion,
+            history_jitter,
+            history_jitter_before,
+            history_exposure,
+        )
+        view = View(display_size_of(display_size), render_size_of(color), jitter)
+        return self.drawn(self.gather(color, motion, exposure, render, display, history, view), history)
+
+    @staticmethod
+    def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
+        """Surfaces of which depth alone is known."""
+        return matte(depth), matte(gbuffer["gbuffer_display_depth"])

@@ -1,0 +1,258 @@
+"""The network of Wang et al. 2025 (section III), on tensors at render size.
+
+Everything of display size comes by pixel unshuffling: r x r pixels of a channel as r^2 channels of the render
+pixel that they lie in. The paper's 3x3 convolutions may each be a depthwise one between 1x1 ones, for a
+fraction of the work.
+"""
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional as F
+
+from supersampler_model.methods.classifier.network import Block, Pointwise, cut_to, padded
+
+SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
+GRADIENTS = 2  # of base colour and of normals
+CURRENT = 6  # of a frame: toned colour, relative depth, jitter
+BESIDE = 18  # what the refiner sees beside features of the past
+SAMPLES = 6  # of the frame's samples: motion, jitter, use, relative depth
+COLORS = 15  # toned colours at display size, and what is known of them
+
+Attention = Literal["both", "one", "none"]
+
+
+@dataclass(frozen=True)
+class GBufferNetworkConfig:
+    """Widths, and the parts that the paper takes away one by one (its table IX).
+
+    Attributes:
+        surfaces: channels of the G-buffers encoder, layer by layer.
+        detailed: of its gated branch, which ends as wide.
+        frame: of the frame encoder.
+        levels: of the fusion network, from render size down.
+        separable: whether 3x3 convolutions are depthwise, between 1x1 ones.
+        gated: whether base colour and depth have a branch of their own.
+        attention: between the frame and the gradients of the G-buffers: "both" ways, "one", or "none".
+        refined: whether features of the past are refined by the present.
+    """
+
+    surfaces: tuple[int, ...] = (128, 128, 64)
+    detailed: tuple[int, ...] = (64, 64, 64)
+    frame: int = 32
+    levels: tuple[int, ...] = (64, 128, 192, 256)
+    separable: bool = False
+    gated: bool = True
+    attention: Attention = "both"
+    refined: bool = True
+
+
+class Seen(NamedTuple):
+    """What the network sees."""
+
+    surfaces: Tensor  # (n, SURFACES, H, W)
+    gradients: Tensor  # (n, GRADIENTS, H, W)
+    current: Tensor  # (n, CURRENT, h, w)
+    past: Tensor  # (n, CURRENT, h, w) the frame before, warped and masked
+    beside: Tensor  # (n, BESIDE, h, w)
+    earlier: Tensor  # (n, CURRENT, h, w) the one before that
+    beside_earlier: Tensor  # (n, BESIDE, h, w)
+    samples: Tensor  # (n, SAMPLES, h, w)
+    colors: Tensor  # (n, COLORS, H, W)
+
+
+class GatedEncoder(nn.Module):
+    """Features of the G-buffers: of all, and of base colour and depth times a learned gate (III.A)."""
+
+    def __init__(self, config: GBufferNetworkConfig, ratio: int) -> None:
+        super().__init__()
+        self.ratio = ratio
+        self.all = _encoder(SURFACES * ratio**2, config.surfaces, separable=config.separable)
+        self.gate: nn.Parameter | None = None
+        if config.gated:
+            self.detailed = _encoder(4 * ratio**2, config.detailed, separable=config.separable)
+            self.gate = nn.Parameter(torch.tensor(0.5))
+
+    def forward(self, surfaces: Tensor) -> Tensor:
+        """(n, SURFACES, H, W) to (n, width, h, w)."""
+        features: Tensor = self.all(F.pixel_unshuffle(surfaces, self.ratio))
+        if self.gate is None:
+            return features
+        few = torch.cat([surfaces[:, :3], surfaces[:, -1:]], dim=1)
+        detailed: Tensor = self.detailed(F.pixel_unshuffle(few, self.ratio))
+        return features + self.gate * detailed
+
+
+class FrameEncoder(nn.Module):
+    """Four convolutions; the first's output is kept for the end of the network (III.B)."""
+
+    def __init__(self, width: int, *, separable: bool) -> None:
+        super().__init__()
+        layer = _separable if separable else Convolved
+        self.shallow = Convolved(CURRENT, width)
+        self.deep = nn.Sequential(*(layer(width, width) for _ in range(3)))
+
+    def forward(self, frame: Tensor) -> tuple[Tensor, Tensor]:
+        """(n, CURRENT, h, w) to features and shallow features, (n, width, h, w) each."""
+        shallow = self.shallow(frame)
+        return self.deep(shallow), shallow
+
+
+class Enhancer(nn.Module):
+    """Attention between a frame and the gradients of its G-buffers, pixel by pixel (III.B, figure 3)."""
+
+    def __init__(self, ratio: int, width: int, attention: Attention) -> None:
+        super().__init__()
+        self.ratio, self.attention = ratio, attention
+        self.embed = Pointwise(GRADIENTS * ratio**2, width)
+        ways = {"both": 2, "one": 1, "none": 0}[attention]
+        self.projections = nn.ModuleList(nn.Conv2d(width, width, 1) for _ in range(3 * ways))
+
+    def forward(self, frame: Tensor, gradients: Tensor) -> Tensor:
+        """(n, width, h, w) and (n, GRADIENTS, H, W) to (n, width, h, w)."""
+        if not self.projections:
+            return frame
+        edges = self.embed(F.pixel_unshuffle(gradients, self.ratio))
+        enhanced = frame
+        turns = [(frame, edges), (edges, frame)]  # who asks whom
+        for (asking, asked), (query, key, value) in zip(turns, _threes(self.projections), strict=False):
+            enhanced = enhanced + torch.sigmoid(query(asking) * key(asked)) * value(asked)
+        return enhanced
+
+
+class Refiner(nn.Module):
+    """A UNet of two levels that repairs features of the past where they were masked (III.C)."""
+
+    def __init__(self, width: int, *, separable: bool) -> None:
+        super().__init__()
+        self.down = _block(width + BESIDE, width, separable=separable)
+        self.below = _block(width, width, separable=separable)
+        self.up = _block(2 * width, width, separable=separable)
+
+    def forward(self, features: Tensor, beside: Tensor) -> Tensor:
+        """(n, width, h, w) and (n, BESIDE, h, w) to (n, width, h, w)."""
+        here = self.down(padded(torch.cat([features, beside], dim=1)))
+        below = doubled(self.below(F.max_pool2d(here, 2)))
+        return cut_to(self.up(torch.cat([here, below], dim=1)), features)
+
+
+class FusionNetwork(nn.Module):
+    """A UNet of as many blocks down as up, of which the first and last alone are at render size (III.D)."""
+
+    def __init__(self, channels: int, levels: Sequence[int], *, separable: bool) -> None:
+        super().__init__()
+        block = partial(_block, separable=separable)
+        self.down = nn.ModuleList(block(a, b) for a, b in itertools.pairwise([channels, *levels]))
+        self.deepest = block(levels[-1], levels[-1])
+        climbs = zip(reversed(levels[1:]), reversed(levels[:-1]), strict=True)
+        self.up = nn.ModuleList(block(below + here, here) for below, here in climbs)
+
+    def forward(self, features: Tensor) -> Tensor:
+        """(n, channels, h, w) to (n, levels[0], h, w)."""
+        x = padded(features)
+        kept: list[Tensor] = []
+        for block in self.down:
+            x = block(F.max_pool2d(x, 2) if kept else x)
+            kept.append(x)
+        x = self.deepest(kept.pop())
+        for block in self.up:
+            x = block(torch.cat([kept.pop(), doubled(x)], dim=1))
+        return cut_to(x, features)
+
+
+class GBufferNetwork(nn.Module):
+    """Figure 2 of the paper, up to the pixel shuffling.
+
+    Args:
+        config: widths.
+        ratio: display over render size.
+        mixing: numbers that are said of each pixel of the display.
+    """
+
+    def __init__(self, config: GBufferNetworkConfig, *, ratio: int, mixing: int) -> None:
+        super().__init__()
+        self.config, self.ratio = config, ratio
+        surfaces, frame, fused = config.surfaces[-1], config.frame, config.levels[0]
+        self.surfaces = GatedEncoder(config, ratio)
+        self.frame = FrameEncoder(frame, separable=config.separable)
+        self.enhancer = Enhancer(ratio, frame, config.attention)
+        self.refiner: nn.Module = Pointwise(frame + BESIDE, frame)
+        if config.refined:
+            self.refiner = Refiner(frame, separable=config.separable)
+        self.colors = Pointwise(COLORS * ratio**2 + SAMPLES, surfaces)
+        channels = 2 * surfaces + 3 * frame
+        self.fusion = FusionNetwork(channels, config.levels, separable=config.separable)
+        self.mixing = nn.Conv2d(fused + frame + surfaces, mixing * ratio**2, 1)
+        for parameter in self.mixing.parameters():
+            nn.init.zeros_(parameter)  # begins as the means that the method takes it for
+
+    def forward(
+        self,
+        surfaces: Tensor,
+        gradients: Tensor,
+        current: Tensor,
+        past: Tensor,
+        beside: Tensor,
+        earlier: Tensor,
+        beside_earlier: Tensor,
+        samples: Tensor,
+        colors: Tensor,
+    ) -> tuple[Tensor]:
+        """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
+        n = current.shape[0]
+        features, shallow = self.frame(torch.cat([current, past, earlier]))  # in one pass
+        now, pasts = features[:n], features[n:]
+        refined = self._refined(pasts, torch.cat([beside, beside_earlier]))
+        known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
+        parts = [self.surfaces(surfaces), self.enhancer(now, gradients), refined[:n], refined[n:], known]
+        fused = self.fusion(torch.cat(parts, dim=1))
+        mixing = self.mixing(torch.cat([fused, shallow[:n], known], dim=1))
+        return (F.pixel_shuffle(mixing, self.ratio),)
+
+    def _refined(self, features: Tensor, beside: Tensor) -> Tensor:
+        if self.config.refined:
+            refined: Tensor = self.refiner(features, beside)
+        else:
+            refined = self.refiner(torch.cat([features, beside], dim=1))
+        return refined
+
+
+class Convolved(nn.Sequential):
+    """3x3 convolution, batch normalisation and ReLU."""
+
+    def __init__(self, channels: int, out: int) -> None:
+        convolution = nn.Conv2d(channels, out, 3, padding=1, bias=False)
+        super().__init__(convolution, nn.BatchNorm2d(out), nn.ReLU())
+
+
+def _separable(channels: int, out: int) -> nn.Sequential:
+    depthwise = nn.Conv2d(channels, channels, 3, padding=1, groups=channels, bias=False)
+    return nn.Sequential(depthwise, Pointwise(channels, out))
+
+
+def _block(channels: int, out: int, *, separable: bool) -> nn.Sequential:
+    if separable:
+        return Block(channels, out)
+    return nn.Sequential(Convolved(channels, out), Convolved(out, out))
+
+
+def _encoder(channels: int, widths: Sequence[int], *, separable: bool) -> nn.Sequential:
+    pairs = list(itertools.pairwise([channels, *widths]))
+    if not separable:
+        return nn.Sequential(*(Convolved(a, b) for a, b in pairs))
+    return nn.Sequential(Pointwise(*pairs[0]), *(Block(a, b) for a, b in pairs[1:]))
+
+
+def _threes(modules: nn.ModuleList) -> list[tuple[nn.Module, ...]]:
+    return [tuple(modules[i : i + 3]) for i in range(0, len(modules), 3)]
+
+
+def doubled(image: Tensor) -> Tensor:
+    """Each pixel as four: by shuffling, as providers round sizes of resized images differently."""
+    n, c, h, w = image.shape
+    return F.pixel_shuffle(image[:, :, None].expand(n, c, 4, h, w).reshape(n, 4 * c, h, w), 2)

@@ -1,0 +1,60 @@
+"""`bilinear` and `bicubic`: this frame alone, upsampled without its jitter. The floors of the bench."""
+
+from typing import ClassVar, NamedTuple
+
+from torch import Tensor
+
+from supersampler_model.methods.base import Method, display_size_of, render_size_of
+from supersampler_model.ops.color import bounded, quarantine
+from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
+
+
+class Step(NamedTuple):
+    """What a step without a past returns."""
+
+    image: Tensor
+
+
+class Spatial(Method):
+    """Separable interpolation with `kernel`; samples that are not numbers in [0, 65504] count as black."""
+
+    reach: ClassVar[int]
+
+    def kernel(self, distance: Tensor) -> Tensor:
+        """Weight of a sample at `distance` render pixels, 0 from `reach` on."""
+        raise NotImplementedError
+
+    def forward(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        jitter: Tensor,  # (1, 2) render pixels
+        display_size: Tensor,  # (2,) int64
+    ) -> Step:
+        """Return the image (1, 3, H, W), linear RGB >= 0."""
+        display, render = display_size_of(display_size), render_size_of(color)
+        grid = grid_of(display, render, jitter)
+        x = taps(grid.x, render.width, self.kernel, reach=self.reach)
+        y = taps(grid.y, render.height, self.kernel, reach=self.reach)
+        return Step(bounded(resample(quarantine(color, 0.0), x, y)))
+
+
+class Bilinear(Spatial):
+    """Bilinear interpolation."""
+
+    name, source = "bilinear", "bilinear interpolation"
+    reach = 1
+
+    def kernel(self, distance: Tensor) -> Tensor:
+        """Tent."""
+        return linear(distance)
+
+
+class Bicubic(Spatial):
+    """Catmull-Rom interpolation."""
+
+    name, source = "bicubic", "Catmull-Rom interpolation (a = -0.5)"
+    reach = 2
+
+    def kernel(self, distance: Tensor) -> Tensor:
+        """Catmull-Rom."""
+        return catmull_rom(distance)

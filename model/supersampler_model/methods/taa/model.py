@@ -1,0 +1,172 @@
+"""`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), to the letter, with all his options.
+
+An exponential moving average of 10 % new and 90 % old, where the old colour is fetched by the longest motion
+vector of the 3x3 neighbourhood and first made consistent with the new frame: the segment from the old colour
+to the new sample is cut by a box around this frame's 3x3 colours. Variance clipping builds that box from the
+first two raw moments, mu +- gamma sigma, and intersects it with their minimum and maximum.
+
+Salvi works at one resolution. At another ratio the new sample is the bilinear upsampling of this frame, the
+boxes stay those of the render-size neighbourhood. Colours are compared in YCoCg after exposure and tone
+curve.
+"""
+
+from dataclasses import dataclass
+from typing import ClassVar, Literal, NamedTuple
+
+from torch import Tensor
+
+from supersampler_model.methods.base import DISPLAY, MapOf, Method, display_size_of, render_size_of
+from supersampler_model.ops.color import (
+    bounded,
+    exposure_for,
+    from_ycocg,
+    inverse_tone,
+    quarantine,
+    tone,
+    valid,
+    ycocg,
+)
+from supersampler_model.ops.motion import (
+    longest,
+    past_of,
+    read_cubic,
+    usable_motion,
+)
+from supersampler_model.ops.rectification import (
+    Box,
+    clamp_to,
+    clip_to_center,
+    clip_to_sample,
+    extent_box,
+    intersect,
+    moments,
+    variance_box,
+)
+from supersampler_model.ops.sampling import blurred, grid_of, linear, pick, resample, taps
+
+
+@dataclass(frozen=True)
+class TaaConfig:
+    """Salvi's choices; the defaults are his.
+
+    Attributes:
+        alpha: weight of the new frame ("typically we blend 10 %").
+        gamma: half size of the variance box in standard deviations; None clips to minimum and maximum alone.
+        intersect_extent: clamp the variance box to the minimum and maximum ("to make sure our AABB is not
+            significantly larger than the old AABB").
+        clip: towards the new sample (Salvi), towards the box's centre, or a clamp per channel.
+        space: colours are compared in YCoCg or in RGB.
+        wide_window: blur the two moments, which widens their window to 5x5 ("we can apply it over large
+            windows by pre-filtering the first two colour moments").
+    """
+
+    alpha: float = 0.1
+    gamma: float | None = 1.0
+    intersect_extent: bool = True
+    clip: Literal["sample", "center", "clamp"] = "sample"
+    space: Literal["ycocg", "rgb"] = "ycocg"
+    wide_window: bool = False
+
+
+class Gathered(NamedTuple):
+    """This frame and the warped past at display size, in the space of comparison."""
+
+    sample: Tensor  # (1, 3, H, W)
+    past: Tensor  # (1, 3, H, W)
+    has_past: Tensor  # (1, 1, H, W) 0 or 1
+    box: Box
+
+
+class Step(NamedTuple):
+    """The image and what the next frame needs."""
+
+    image: Tensor
+    history_color: Tensor
+    history_exposure: Tensor
+    weight: Tensor
+
+
+class Taa(Method):
+    """Variance-clipping temporal anti-aliasing."""
+
+    name, source = "taa", "Salvi, An Excursion in Temporal Supersampling, GDC 2016"
+    history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}  # see `exposure_for`
+    told: ClassVar = ("weight",)
+    maps: ClassVar = {"weight": MapOf("weight", 0, 1)}
+
+    def __init__(self, config: TaaConfig | None = None) -> None:
+        super().__init__()
+        self.config = config or TaaConfig()
+
+    def forward(
+        self,
+        color: Tensor,  # (1, 3, h, w) linear RGB
+        motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
+        jitter: Tensor,  # (1, 2) render pixels
+        exposure: Tensor,  # (1,) 0: measure
+        display_size: Tensor,  # (2,) int64
+        history_color: Tensor,  # (1, 3, H, W) linear RGB
+        history_exposure: Tensor,  # (1,) 0: no past
+    ) -> Step:
+        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
+        usable, color = valid(color), quarantine(color, 0.0)
+        followed = exposure_for(color, usable, exposure, history_exposure)
+        exposure = followed.abs()
+        seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
+        weight = self.network(seen, history_exposure)
+        image = self.finish(seen, weight, exposure)
+        return Step(image, image, followed, 1.0 - weight)
+
+    def gather(
+        self,
+        color: Tensor,
+        motion: Tensor,
+        jitter: Tensor,
+        exposure: Tensor,
+        display_size: Tensor,
+        history_color: Tensor,
+    ) -> Gathered:
+        """Upsample this frame, box its neighbourhoods, warp the history."""
+        display, render = display_size_of(display_size), render_size_of(color)
+        grid = grid_of(display, render, jitter)
+        toned = self.to_space(color * exposure)
+        x = taps(grid.x, render.width, linear, reach=1)
+        y = taps(grid.y, render.height, linear, reach=1)
+        sample = resample(toned, x, y)
+        box = Box(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
+        past = past_of(pick(longest(usable_motion(motion)), grid), display, render)
+        warped = read_cubic(history_color, past.x, past.y)
+        return Gathered(sample, self.to_space(quarantine(warped, 0.0) * exposure), past.on_screen, box)
+
+    def network(self, seen: Gathered, history_exposure: Tensor) -> Tensor:
+        """Weight of the new sample (1, 1, H, W): alpha, and one where there is no past."""
+        has_past = seen.has_past * (history_exposure.abs() > 0.0)
+        return 1.0 - has_past * (1.0 - self.config.alpha)
+
+    def finish(self, seen: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
+        """Clip the past, average, go back to linear RGB."""
+        if self.config.clip == "sample":
+            past = clip_to_sample(seen.past, seen.sample, seen.box)
+        else:
+            past = (clip_to_center if self.config.clip == "center" else clamp_to)(seen.past, seen.box)
+        blend = past + weight * (seen.sample - past)
+        return bounded(inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
+
+    def neighbourhood_box(self, color: Tensor) -> Box:
+        """Box of each 3x3 neighbourhood at render size."""
+        extent = extent_box(color)
+        if self.config.gamma is None:
+            return extent
+        first, second = moments(color)
+        if self.config.wide_window:
+            first, second = blurred(first), blurred(second)
+        box = variance_box(first, second, self.config.gamma)
+        return intersect(box, extent) if self.config.intersect_extent else box
+
+    def to_space(self, exposed: Tensor) -> Tensor:
+        """Exposed linear RGB to the space in which colours are compared and blended."""
+        return ycocg(tone(exposed)) if self.config.space == "ycocg" else tone(exposed)
+
+    def from_space(self, color: Tensor) -> Tensor:
+        """Back to toned RGB."""
+        return from_ycocg(color) if self.config.space == "ycocg" else color

@@ -1,0 +1,58 @@
+"""Weights on disk: safetensors, with what they were made of in the header."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from safetensors import SafetensorError, safe_open
+from safetensors.torch import save_file
+from torch import Tensor
+
+from supersampler.errors import ArgumentError
+from supersampler.io.atomic import replacing
+
+
+class Trained(NamedTuple):
+    """Weights of one method.
+
+    Attributes:
+        method: its name.
+        config: of the method, plain data.
+        facts: steps, hash of the data, commit, scores: whatever says where the weights come from.
+        tensors: by name.
+    """
+
+    method: str
+    config: dict[str, Any]
+    facts: dict[str, Any]
+    tensors: dict[str, Tensor]
+
+
+def shipped_weights(method: str) -> Path:
+    """Where the weights of a method are that ship; of some there are none."""
+    return Path(__file__).parents[1] / "weights" / f"{method}.safetensors"
+
+
+def save_trained(path: Path, trained: Trained) -> None:
+    """Write weights, in one piece or not at all."""
+    header = {name: getattr(trained, name) for name in ("method", "config", "facts")}
+    with replacing(path) as partial:
+        save_file(trained.tensors, partial, {"trained": json.dumps(header, sort_keys=True)})
+
+
+def load_trained(path: Path) -> Trained:
+    """Read weights.
+
+    Raises:
+        ArgumentError: the file is missing, damaged, or of something else.
+    """
+    try:
+        with safe_open(path, "pt") as file:
+            header: Mapping[str, Any] = json.loads(file.metadata()["trained"])
+            tensors = {name: file.get_tensor(name) for name in file.keys()}  # noqa: SIM118 - no mapping
+        return Trained(header["method"], header["config"], header["facts"], tensors)
+    except (OSError, SafetensorError, KeyError, TypeError, ValueError) as error:
+        raise ArgumentError(
+            "weights", got=f"{path} ({error})", want="a weights.safetensors that `supersampler train` wrote"
+        ) from error

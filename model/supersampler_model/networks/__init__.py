@@ -1,1 +1,0 @@
-"""Networks: what is learned. Methods feed them and act on what they say."""

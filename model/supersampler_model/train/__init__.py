@@ -1,1 +1,0 @@
-"""Training of the methods that learn."""

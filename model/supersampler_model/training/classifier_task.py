@@ -1,0 +1,100 @@
+"""How the classifier is trained: crops gathered one by one, as ratios differ, and classified together."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from supersampler_model.data.dataset import Dataset
+from supersampler_model.data.labels import Ghost
+from supersampler_model.methods.base import render_size_of
+from supersampler_model.methods.classifier.buffers import Gathered, History
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.training.class_loss import ClassifierWeights, class_loss
+from supersampler_model.training.crops import Sample, Stream
+from supersampler_model.training.shots import UNKNOWN
+from supersampler_model.training.task import State, Stepped, Task
+
+
+class ClassifierTask(Task[Sample]):
+    """Pictures and classes; states are in the order of `Classifier.history`."""
+
+    def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
+        self.method: Classifier = method
+        self.losses: ClassifierWeights = losses or ClassifierWeights()
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """Of the classifier."""
+        return asdict(self.method.config)
+
+    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
+        """Crops anywhere, at any ratio."""
+        return Stream(datasets, ratios=self.method.ratios, size=size, seed=seed)
+
+    def first_state(self, sample: Sample) -> State:
+        """All zeros, as seen from where the crop looks."""
+        empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
+        color, state, classes, depth, _, exposure = (t.to(sample.color.device) for t in empty)
+        return [color, state, classes, depth, sample.view.jitter, exposure]
+
+    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+        """Step every crop; from frame to frame gradients flow through the colour of the history alone."""
+        method = self.method
+        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
+        packed, carried = (
+            torch.cat(parts) for parts in zip(*(method.seen(g) for g in gathered), strict=True)
+        )
+        with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
+            logits, mixing = method.net(packed, carried)
+        return self.stepped(samples, gathered, logits.float(), mixing.float(), self.losses.ghost)
+
+    def stepped(
+        self,
+        samples: list[Sample],
+        gathered: list[Gathered],
+        logits: Tensor,
+        mixing: Tensor,
+        ghost_weight: Tensor | float,
+    ) -> Stepped:
+        """Finish every crop by what the network has said.
+
+        Args:
+            samples: the crops.
+            gathered: what is known of each.
+            logits: (n, 6, H / 2, W / 2).
+            mixing: (n, 4 m, H / 2, W / 2).
+            ghost_weight: (n, 1, 1, 1) of the error where the past is of no use, or one for all.
+        """
+        method, images, after = self.method, [], []
+        for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
+            done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
+            images.append(done.image)
+            state, classes = done.state.detach(), done.classes.detach()
+            after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
+        ghost, alias = _ghost(samples, gathered), torch.cat([s.alias for s in samples])
+        useless = ((ghost == Ghost.VISIBILITY) | (ghost == Ghost.SHADING)).float()[:, None]
+        return Stepped(
+            images=torch.cat(images),
+            states=after,
+            weight=1.0 + ghost_weight * useless,
+            terms={"classes": class_loss(logits, ghost, alias, self.losses)},
+        )
+
+    def gather(self, sample: Sample, state: State) -> Gathered:
+        """What one crop's frame and its past tell before the network speaks."""
+        color, counted, classes, depth, jitter, exposure = state
+        history = History(color, counted, classes, depth, exposure)
+        before = sample.view._replace(jitter=jitter)  # a crop stays where it is until its stream's next one
+        return self.method.gather(
+            sample.color, sample.depth, sample.motion, sample.exposure, history, sample.view, before
+        )
+
+
+def _ghost(samples: list[Sample], gathered: list[Gathered]) -> Tensor:
+    """(n, H, W) classes, where what comes from outside of a crop has been hidden."""
+    ghost = torch.cat([s.ghost for s in samples])
+    off_screen = torch.cat([1.0 - g.there.on_screen for g in gathered])[:, 0] > 0.0
+    return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)

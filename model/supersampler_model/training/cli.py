@@ -1,0 +1,134 @@
+"""`supersampler train`."""
+
+import os
+from pathlib import Path
+from statistics import mean
+from typing import Annotated, Any, cast
+
+import torch
+import typer
+from rich.console import Console
+from torch import distributed as dist
+
+from supersampler.cli.arguments import open_shot
+from supersampler.errors import ArgumentError
+from supersampler.io.atomic import check_ours
+from supersampler_model.data.dataset import open_dataset
+from supersampler_model.data.dataset.description import Split
+from supersampler_model.methods.weights_file import load_trained, save_trained, shipped_weights
+from supersampler_model.training.run_log import FILES as LOG_FILES
+from supersampler_model.training.run_log import RunLog
+from supersampler_model.training.shots import dataset_of_shots
+from supersampler_model.training.tasks import TASKS
+from supersampler_model.training.trainer import Plan, Trainer, Update
+from supersampler_model.training.validate import Validated, validate, validation_entries
+
+app = typer.Typer(help="Train a method that learns.")
+
+
+@app.command()
+def train(
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{', '.join(TASKS)}.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
+    data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
+    shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
+    validation_shot: Annotated[
+        list[Path] | None, typer.Option(help="Shot to measure on; any number.")
+    ] = None,
+    steps: Annotated[int, typer.Option(help="Updates of the weights.")] = 12000,
+    size: Annotated[int, typer.Option(help="Of the crops, display pixels.")] = 128,
+    batch: Annotated[int, typer.Option(help="Crops, of all processes together.")] = 8,
+    frames: Annotated[int, typer.Option(help="That an update looks back on.")] = 4,
+    rate: Annotated[float, typer.Option(help="Highest learning rate.")] = 6e-3,
+    every: Annotated[int, typer.Option(help="Updates between validations and checkpoints.")] = 500,
+    seed: Annotated[int, typer.Option(help="Of weights and crops.")] = 0,
+    attributions: Annotated[
+        Path | None, typer.Option(help="Text file: a line for each author to be named for the data's files.")
+    ] = None,
+    init: Annotated[
+        str | None, typer.Option(help="Weights to begin with: a file of another run, or `shipped`.")
+    ] = None,
+) -> None:
+    """Train a method that learns; a run that was stopped goes on when the same command is given again.
+
+    With several processes or GPUs: `torchrun --nproc-per-node 2 --no-python supersampler train ...`.
+
+    Examples:
+      supersampler train classifier --data data -o run
+      supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
+    """
+    if name not in TASKS:
+        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(TASKS)}")
+    if "RANK" in os.environ:
+        dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
+        torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
+    torch.manual_seed(seed)
+    _check_free(output)
+    output.mkdir(parents=True, exist_ok=True)
+    datasets = [open_dataset(folder) for folder in data or []]
+    for paths, split in ((shot, "train"), (validation_shot, "validation")):
+        if paths:
+            shots = [open_shot(str(path)) for path in paths]
+            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
+    if not any(dataset.entries("train") for dataset in datasets):
+        raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
+    begin = shipped_weights(name) if init == "shipped" else init and Path(init)
+    task = TASKS[name](load_trained(begin) if begin else None)
+    learned = task.method.learned
+    begun = {key: learned[key] for key in ("steps", "commit", "data") if key in learned}
+    named = [] if attributions is None else _lines(attributions)
+    plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
+    trainer = Trainer(task, datasets, plan, output)
+    entries = validation_entries(trainer.datasets, task.ratios)
+    bar = validate(task.bar.eval(), entries, task.walk) if entries and trainer.rank == 0 else None
+    updates: list[Update] = []
+    while trainer.done < plan.steps:
+        trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
+        trainer.save()
+        if trainer.rank == 0:
+            found = validate(trainer.average.eval(), entries, task.walk) if entries else None
+            _report(trainer, output, updates, found, bar, {"attributions": named, "init": begun})
+        updates.clear()
+        if dist.is_initialized():
+            dist.barrier()
+
+
+def _lines(path: Path) -> list[str]:
+    try:
+        return path.read_text(encoding="utf-8").splitlines()
+    except (OSError, ValueError) as error:
+        raise ArgumentError("--attributions", got=f"{path} ({error})", want="a text file in UTF-8") from error
+
+
+def _check_free(output: Path) -> None:
+    """Raise where a folder without a run's checkpoint has files that a run writes: somebody else's.
+
+    Raises:
+        ShotError: names the file.
+    """
+    if not any(output.glob("checkpoint-*.pt")):  # which is written before all others, and checked when read
+        for name in ("weights.safetensors", *LOG_FILES):
+            check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
+
+
+def _report(
+    trainer: Trainer,
+    output: Path,
+    updates: list[Update],
+    found: Validated | None,
+    bar: Validated | None,
+    facts: dict[str, Any],
+) -> None:
+    """Write the weights and the log, and say how it goes."""
+    scores = {} if found is None else {**found.scores, **found.overlap}
+    name = trainer.task.bar.name
+    bars = {} if bar is None else {f"{score}_{name}": value for score, value in bar.scores.items()}
+    means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
+    save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
+    with RunLog(output, list(means)) as log:
+        log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
+    said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
+    seconds = mean(update.seconds for update in updates)
+    Console(stderr=True, highlight=False, soft_wrap=True).print(
+        f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {said}"
+    )

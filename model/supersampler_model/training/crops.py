@@ -1,0 +1,272 @@
+"""Crops of training sequences, cut out exactly, flipped and relit: what a recurrent method trains on.
+
+A crop of the display looks at a crop of the render-size input through a `View` whose jitter holds all of
+where the two lie, so that any crop of any ratio, flipped or turned, is as exact as the whole frame. The crop
+is the screen: what comes from outside it has no past, and is labelled so by the method's own reprojection.
+"""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor
+
+from supersampler.errors import ArgumentError
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.labels import Alias
+from supersampler_model.methods.base import Size
+from supersampler_model.ops.color import MAX_HALF
+from supersampler_model.ops.sampling import Extent, View
+from supersampler_model.training.frame_inputs import planes
+
+MARGIN = 3  # render pixels around those that a crop's display pixels look at
+CHOICES = 3  # crops to choose the one with most to learn from
+FIREFLIES = 0.03  # share of the frames that have some
+BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
+
+
+class Sample(NamedTuple):
+    """One frame of a crop."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB
+    depth: Tensor  # (1, 1, h, w)
+    motion: Tensor  # (1, 2, h, w) render pixels
+    exposure: Tensor  # (1,)
+    view: View
+    reset: bool
+    reference: Tensor  # (1, 3, H, W) linear RGB
+    ghost: Tensor  # (1, H, W) int64
+    alias: Tensor  # (1, H, W) int64
+    gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
+    hidden: bool = False  # whether it is to be drawn without its colour
+
+    def on(self, device: torch.device) -> Self:
+        """Return the sample with its tensors on `device`."""
+        moved = self._asdict()
+        moved |= {name: value.to(device) for name, value in moved.items() if isinstance(value, Tensor)}
+        moved["view"] = self.view._replace(jitter=self.view.jitter.to(device))
+        moved["gbuffer"] = {name: value.to(device) for name, value in self.gbuffer.items()}
+        return self._replace(**moved)
+
+
+@dataclass(frozen=True)
+class Cut:
+    """Where a crop is and how it is turned; the same for all frames of a window.
+
+    Attributes:
+        left, top: corner in display pixels.
+        size: of the crop in display pixels, both ways.
+        ratio: display over render size, per axis.
+        flip: whether columns, rows run the other way.
+        turned: whether rows become columns.
+        colors: order of the colour channels.
+        gain: multiplies colours.
+        exposure: multiplies the exposure.
+    """
+
+    left: int
+    top: int
+    size: int
+    ratio: tuple[float, float]
+    flip: tuple[bool, bool] = (False, False)
+    turned: bool = False
+    colors: tuple[int, int, int] = (0, 1, 2)
+    gain: float = 1.0
+    exposure: float = 1.0
+
+    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
+        """Cut the crop out of one frame."""
+        return self._part(frame, *self._seen(frame), reset=reset)
+
+    def worth(self, frame: TrainingFrame) -> int:
+        """How many pixels of the crop one sample does not do justice to."""
+        crop = frame.alias[self.display]
+        return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
+
+    @property
+    def display(self) -> tuple[slice, slice]:
+        """Where the crop is in an image of display size."""
+        return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
+
+    def turn(self, image: NDArray[Any]) -> NDArray[Any]:
+        """Flip and turn (height, width, ...)."""
+        image = image[:, ::-1] if self.flip[0] else image
+        image = image[::-1] if self.flip[1] else image
+        return image.swapaxes(0, 1) if self.turned else image
+
+    def _seen(self, frame: TrainingFrame) -> tuple[slice, slice]:
+        """Columns and rows of what is of render size that the crop looks at."""
+        width, height = frame.depth.shape[::-1]
+        across = _seen(self.left, self.size, self.ratio[0], width)
+        return across, _seen(self.top, self.size, self.ratio[1], height)
+
+    def _part(self, frame: TrainingFrame, across: slice, down: slice, *, reset: bool) -> Sample:
+        """Cut the crop out, with these columns and rows of what is of render size."""
+        here = down, across
+        corners = zip(frame.jitter, (across, down), (self.left, self.top), self.ratio, strict=True)
+        jitter = [j + part.start - corner / ratio for j, part, corner, ratio in corners]
+        motion = frame.motion[here].astype(np.float32)
+        ratio, inner = list(self.ratio), [part.stop - part.start for part in (across, down)]
+        for axis, flipped in enumerate(self.flip):
+            if flipped:
+                jitter[axis] = self.size / ratio[axis] - inner[axis] - jitter[axis]
+                motion[..., axis] *= -1.0
+        if self.turned:
+            jitter, ratio, motion = jitter[::-1], ratio[::-1], motion[..., ::-1]
+
+        def classes(image: NDArray[np.uint8]) -> Tensor:
+            return torch.from_numpy(self.turn(image[self.display]).astype(np.int64))[None]
+
+        colors = list(self.colors)
+        return Sample(
+            color=planes(self.turn(frame.color[here]))[:, colors] * self.gain,
+            depth=planes(self.turn(frame.depth[here])),
+            motion=planes(self.turn(motion)),
+            exposure=torch.tensor([frame.exposure * self.exposure / self.gain], dtype=torch.float32),
+            view=View(
+                Size(self.size, self.size),
+                Extent(self.size / ratio[0], self.size / ratio[1]),
+                torch.tensor([jitter], dtype=torch.float32),
+            ),
+            reset=reset,
+            reference=planes(self.turn(frame.reference[self.display]))[:, colors] * self.gain,
+            ghost=classes(frame.ghost),
+            alias=classes(frame.alias),
+        )
+
+
+Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], Cut]
+"""Draws a crop of a sequence: random numbers, the sequence, its display size, the crop's size."""
+
+
+def draw_cut(
+    random: np.random.Generator,
+    entry: SequenceEntry,
+    display_size: tuple[int, int],
+    size: int,
+    *,
+    step: int = 1,
+) -> Cut:
+    """Draw a crop of a sequence, turned and coloured at random, its corner at a multiple of `step`."""
+    width, height = display_size
+    render = entry.render_size(display_size)
+    r, g, b = (int(i) for i in random.permutation(3))
+    return Cut(
+        left=step * int(random.integers((width - size) // step + 1)),
+        top=step * int(random.integers((height - size) // step + 1)),
+        size=size,
+        ratio=(width / render[0], height / render[1]),
+        flip=(bool(random.integers(2)), bool(random.integers(2))),
+        turned=bool(random.integers(2)),
+        colors=(r, g, b),
+        gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # history is scene-linear: no unit may matter
+        exposure=float(2.0 ** random.uniform(-BRIGHTER, BRIGHTER)),
+    )
+
+
+def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
+    """Make, in a few frames, some samples of any brightness up to the brightest there is.
+
+    Path tracers and broken shaders draw such samples for one frame. Rendered training data has none, and a
+    network that never saw one keeps it for a second.
+    """
+    if random.random() >= FIREFLIES:
+        return sample
+    share, stops = 10.0 ** random.uniform(-3.0, -1.0), random.uniform(3.0, 16.0)
+    struck = torch.from_numpy(random.random(sample.depth.shape) < share)
+    light = torch.tensor(2.0**stops, dtype=torch.float32) / sample.exposure
+    return sample._replace(color=torch.where(struck, light.clamp(max=MAX_HALF), sample.color))
+
+
+@dataclass
+class Place:
+    """Where a stream is: enough to go on from there."""
+
+    window: int = 0
+    frame: int = 0
+
+
+class Stream:
+    """An endless walk through one split of some sets: window after window, each frame of it in order.
+
+    Args:
+        datasets: sets as `supersampler render` makes them.
+        ratios: least and largest ratio that is trained on.
+        size: of the crops, display pixels.
+        seed: of the draws; two streams of the same seed and place are the same.
+        draw: draws crops, CHOICES for each window.
+
+    Raises:
+        ArgumentError: no sequence can be trained on, or crops are larger than a display.
+    """
+
+    def __init__(
+        self,
+        datasets: Sequence[Dataset],
+        *,
+        ratios: tuple[float, float],
+        size: int,
+        seed: Sequence[int],
+        draw: Draw = draw_cut,
+    ) -> None:
+        self._sequences = sequences_of(datasets, ratios, least=2)
+        smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
+        if size > smallest:
+            raise ArgumentError("size", got=size, want=f"at most {smallest}, the smaller side of a display")
+        self._size, self._seed, self._draw = size, list(seed), draw
+        self.place = Place()
+
+    def __iter__(self) -> Iterator[Sample]:
+        while True:
+            random = np.random.default_rng([*self._seed, self.place.window])
+            dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
+            first = int(random.integers(max(count // 3, 1)))
+            display_size = dataset.description.display_size
+            cuts = [self._draw(random, entry, display_size, self._size) for _ in range(CHOICES)]
+            begun = dataset.read(entry, first)
+            cut = max(cuts, key=lambda cut: cut.worth(begun))
+            for index in range(first + self.place.frame, count):
+                frame = dataset.read(entry, index)
+                self.place.frame += 1
+                sample = cut.sample(frame, reset=frame.reset or index == first)
+                yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
+            self.place = Place(self.place.window + 1, 0)
+
+
+def sequences_of(
+    datasets: Sequence[Dataset], ratios: tuple[float, float], *, least: int
+) -> list[tuple[Dataset, SequenceEntry, int]]:
+    """Return the sequences to train on, with the number of their frames.
+
+    Args:
+        datasets: that they are of.
+        ratios: least and largest.
+        least: frames in a row that a sequence must have.
+
+    Raises:
+        ArgumentError: there are none.
+    """
+    slack = 0.02  # sizes are whole pixels
+    found = [
+        (dataset, entry, count)
+        for dataset in datasets
+        for entry in dataset.entries("train")
+        if ratios[0] - slack <= entry.ratio <= ratios[1] + slack
+        and (count := dataset.complete(entry)) >= least
+    ]
+    if not found:
+        want = f"{least} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"
+        raise ArgumentError("data", got="nothing of use", want=want)
+    return found
+
+
+def _seen(corner: int, size: int, ratio: float, extent: int) -> slice:
+    """Samples that display pixels from `corner` on look at, with a margin."""
+    first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
+    last = int(np.ceil((corner + size - 0.5) / ratio)) + MARGIN
+    return slice(max(first, 0), min(last, extent - 1) + 1)

@@ -1,0 +1,189 @@
+"""Light on the surfaces of hidden frames, and on those of frames before them: what `guided-flow` learns from.
+
+Finding it takes far longer than a step of the network. So it is found once for each frame, and kept in
+memory, in half floats.
+"""
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from supersampler.errors import ArgumentError
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.data.labels import Ghost
+from supersampler_model.methods.extrapolation.flow_network import PICTURE
+from supersampler_model.methods.extrapolation.guided import reflectance, surface_of
+from supersampler_model.methods.extrapolation.guided_flow import Gathered, GuidedFlow, past_of
+from supersampler_model.ops.color import MAX_HALF, bounded
+from supersampler_model.training.crops import Place, sequences_of
+from supersampler_model.training.frame_inputs import frame_inputs
+
+WAYS = ((0, 1), (1, 1), (0, 2))
+"""Ways through a sequence: the first frame, and how many are hidden after each shaded one."""
+LEAST = 4  # frames of a sequence of which one has light of two shaded frames before it
+HALVED = [PICTURE, 3]  # channels of half the size: picture of the later light, earlier light
+WHOLE = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, the frame's own colour, where light has changed
+STILL = 1e-3  # chance of a frame in which no light changes, beside the share of the pixels in which it does
+BRIGHTER = 1.0  # stops by which a crop is made more or less bright, at most
+
+
+class LightSample(NamedTuple):
+    """A crop of one hidden frame; (1, ., h, w) but for what is said."""
+
+    later: Tensor  # (1, PICTURE, h / 2, w / 2) of the last shaded frame
+    earlier: Tensor  # (1, PICTURE, h / 2, w / 2) of the one before
+    light: Tensor  # guided, of the last one, times the frame's exposure
+    guides: Tensor  # see `GuidedFlow.guides`
+    reflectance: Tensor
+    reference: Tensor  # as the frame would have been shaded, linear RGB times its exposure
+    changed: Tensor  # 1 where light has changed since the frame before
+    exposure: Tensor  # (1,) beside that
+    reset: bool = True  # crops do not follow from one another
+
+    def on(self, device: torch.device) -> Self:
+        """Return the sample with its tensors on `device`."""
+        there = {name: value.to(device) for name, value in self._asdict().items() if name != "reset"}
+        return type(self)(**there)
+
+
+class Found(NamedTuple):
+    """Hidden frames of a sequence, in half floats."""
+
+    halved: Tensor  # (n, HALVED, h / 2, w / 2)
+    whole: Tensor  # (n, WHOLE, h, w); light and colour are exposed
+
+
+class Lights:
+    """Finds the light of sequences, and keeps it.
+
+    Args:
+        method: says what the network sees.
+    """
+
+    def __init__(self, method: GuidedFlow) -> None:
+        self._method = method
+        self._kept: dict[tuple[str, SequenceEntry], Found] = {}
+
+    def of(self, dataset: Dataset, entry: SequenceEntry) -> Found:
+        """All frames of a sequence that may be hidden, each way through.
+
+        Raises:
+            ArgumentError: there are none.
+        """
+        key = str(dataset.folder), entry
+        if key not in self._kept:
+            frames = list(dataset.frames(entry))
+            found = [light for way in WAYS for light in self._along(frames, *way)]
+            if not found:
+                raise ArgumentError("data", got=f"{key}", want=f"{LEAST} frames without a cut")
+            self._kept[key] = Found(*(torch.cat(parts) for parts in zip(*found, strict=True)))
+        return self._kept[key]
+
+    @torch.no_grad()
+    def _along(self, frames: Sequence[TrainingFrame], first: int, hidden: int) -> Iterator[Found]:
+        method = self._method
+        names = ["color", *method.inputs()]
+        state: list[Tensor] = []
+        count = 0  # since a cut
+        for frame in frames[first:]:
+            count = 0 if frame.reset else count
+            given = dict(zip(names, frame_inputs(frame, names), strict=True))
+            if count % (hidden + 1) == 0:
+                state = method.after_shaded(given, state if count else None)
+            else:
+                past, jitter = past_of(*state), given["jitter"]
+                now = surface_of(given["gbuffer_base_color"], given["gbuffer_normal"], given["depth"])
+                seen = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, past)
+                if count > hidden + 1:
+                    yield self._found(frame, given["color"], seen)
+                state = method.left(seen.motion, jitter, past)
+            count += 1
+
+    def _found(self, frame: TrainingFrame, color: Tensor, seen: Gathered) -> Found:
+        method, (later, earlier) = self._method, seen.pictures
+        whole = [
+            bounded(seen.light * frame.exposure),
+            method.guides(seen.surface).clamp(-MAX_HALF, MAX_HALF),
+            reflectance(seen.surface, method.config.warp),
+            bounded(color * frame.exposure),
+            changing_light(frame),
+        ]
+        return Found(torch.cat([later, earlier[:, :3]], dim=1).half(), torch.cat(whole, dim=1).half())
+
+
+class LightStream:
+    """An endless walk through crops of light, of frames in which it changes more often than of others.
+
+    Args:
+        datasets: sets that `gbuffer_set` returned.
+        lights: finds it; streams may share one.
+        ratio: display over render size.
+        size: of the crops, render pixels.
+        seed: see `Stream`.
+
+    Raises:
+        ArgumentError: no sequence can be trained on, or crops are larger than what was rendered.
+    """
+
+    def __init__(
+        self, datasets: Sequence[Dataset], lights: Lights, *, ratio: int, size: int, seed: Sequence[int]
+    ) -> None:
+        self._sequences = sequences_of(datasets, (ratio, ratio), least=LEAST)
+        smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences) // ratio
+        if size > smallest - 2:
+            raise ArgumentError("size", got=size, want=f"at most {smallest - 2}, less than a frame")
+        self._lights, self._size, self._seed = lights, size // 2, list(seed)
+        self.place = Place()
+
+    def __iter__(self) -> Iterator[LightSample]:
+        while True:
+            random = np.random.default_rng([*self._seed, self.place.window])
+            dataset, entry, _ = self._sequences[int(random.integers(len(self._sequences)))]
+            self.place = Place(self.place.window + 1, 0)
+            yield draw_light(random, self._lights.of(dataset, entry), self._size)
+
+
+def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSample:
+    """Draw a crop of hidden frames, turned and coloured at random.
+
+    Args:
+        random: numbers.
+        found: the frames.
+        size: of the crop, pixels of half the render size; smaller than they are.
+    """
+    chances = found.whole[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + STILL
+    index = int(random.choice(len(chances), p=chances / chances.sum()))
+    corner = [1 + int(random.integers(many // 2 - size)) for many in found.whole.shape[2:]]
+    flips = [bool(random.integers(2)) for _ in corner]
+    turned = bool(random.integers(2))
+    order = torch.from_numpy(random.permutation(3))
+    exposure = 2.0 ** random.uniform(-BRIGHTER, BRIGHTER)
+
+    def cut(images: Tensor, unit: int) -> Tensor:
+        # what is halved is of the first pixel of each two, also when it runs the other way
+        begins = [unit * at - (unit - 1) * flip for at, flip in zip(corner, flips, strict=True)]
+        rows, columns = (slice(begin, begin + unit * size) for begin in begins)
+        image = images[index : index + 1, :, rows, columns].float()
+        image = image.flip([axis for axis, flip in zip((2, 3), flips, strict=True) if flip])
+        return image.transpose(2, 3) if turned else image
+
+    later, earlier = torch.split(cut(found.halved, 1), HALVED, dim=1)
+    rough = later[:, 3:]
+    later, earlier = (torch.cat([light[:, order], rough], dim=1) for light in (later, earlier))
+    light, guides, reflects, color, changed = torch.split(cut(found.whole, 2), WHOLE, dim=1)
+    light, reflects, color = (part[:, order] for part in (light, reflects, color))
+    exposed = torch.full((1,), exposure)
+    return LightSample(later, earlier, light, guides, reflects, color, changed, exposed)
+
+
+def changing_light(frame: TrainingFrame) -> Tensor:
+    """(1, 1, h, w) 1 at samples in pixels in which light has changed since the frame before."""
+    axes = zip(frame.depth.shape[::-1], frame.ghost.shape[::-1], frame.jitter, strict=True)
+    places = [((np.arange(few) + 0.5 + moved) * many / few, many) for few, many, moved in axes]
+    columns, rows = (at.astype(np.int64).clip(0, many - 1) for at, many in places)
+    relit = frame.ghost[np.ix_(rows, columns)] == Ghost.SHADING
+    return torch.from_numpy(relit.astype(np.float32))[None, None]

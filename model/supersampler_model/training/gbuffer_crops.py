@@ -1,0 +1,104 @@
+"""Crops for methods of one whole ratio that read G-buffers, at render size and at display size.
+
+Such a crop begins and ends with whole render pixels, so that it is a small frame: of the frame's own jitter,
+each of its render pixels the same square of display pixels, nothing around it.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from torch import Tensor
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler_model.data.dataset import Dataset, TrainingFrame
+from supersampler_model.data.dataset.description import SequenceEntry
+from supersampler_model.training.crops import Cut, Sample, Stream, draw_cut
+from supersampler_model.training.frame_inputs import gbuffers, planes
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceCut(Cut):
+    """A cut of frames with G-buffers.
+
+    Attributes:
+        world: (3, 3) orthogonal: turns, and may mirror, the world that normals are in. What they tell is how
+            they differ, not where they point.
+    """
+
+    world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
+
+    def _surfaces(self, frame: TrainingFrame, across: slice, down: slice) -> dict[str, Tensor]:
+        """All G-buffers that the frame has, cut out; those of render size with these columns and rows."""
+        parts = {
+            name: image[self.display if GBUFFERS[name].of_display else (down, across)]
+            for name, image in gbuffers(frame).items()
+        }
+        return {name: planes(self.turn(self._varied(name, part))) for name, part in parts.items()}
+
+    def _varied(self, name: str, image: NDArray[Any]) -> NDArray[Any]:
+        if name.endswith("base_color"):
+            return image[..., list(self.colors)]
+        if name.endswith("normal"):
+            return image.astype(np.float32) @ self.world.T
+        return image
+
+
+class GBufferCut(SurfaceCut):
+    """Of which corner and size are multiples of its ratio, a whole number and the same for both axes."""
+
+    def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
+        """Cut the crop out of one frame, with all G-buffers that it has."""
+        ratio = round(self.ratio[0])
+        across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
+        gbuffer = self._surfaces(frame, across, down)
+        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
+
+
+def draw_gbuffer_cut(
+    random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
+) -> GBufferCut:
+    """Draw a crop of a sequence at a whole ratio: turned and coloured at random, and its world turned."""
+    cut = draw_cut(random, entry, display_size, size, step=round(entry.ratio))
+    return GBufferCut(**vars(cut), world=draw_world(random))
+
+
+def draw_world(random: np.random.Generator) -> Float32:
+    """Draw a (3, 3) orthogonal matrix; all are as likely (Mezzadri 2007)."""
+    q, r = np.linalg.qr(random.normal(size=(3, 3)))
+    return (q * np.sign(np.diag(r))).astype(np.float32)
+
+
+def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: Sequence[int]) -> Stream:
+    """Crops with G-buffers of sets that `gbuffer_set` returned; see `Stream`.
+
+    Raises:
+        ArgumentError: as `Stream`, and where `size` is no multiple of `ratio`.
+    """
+    if size % ratio:
+        raise ArgumentError("size", got=size, want=f"a multiple of {ratio}, the ratio of the method")
+    return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw_gbuffer_cut)
+
+
+def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
+    """Return a set with all sequences at one ratio, as far as they are drawn, with G-buffers of both sizes.
+
+    Raises:
+        ArgumentError: none is, or a render pixel is no whole number of display pixels.
+    """
+    at, size = dataset.at(ratio), dataset.description.display_size
+    if size[0] % ratio or size[1] % ratio:
+        want = f"a set whose display size is a multiple of {ratio}, the ratio of the method"
+        raise ArgumentError("data", got=f"{dataset.folder}, of {size[0]}x{size[1]}", want=want)
+    drawn = any(at.complete(entry) for entry in at.entries())
+    if not dataset.description.gbuffers or not drawn:
+        missing = (
+            f"anything at ratio {ratio}" if dataset.description.gbuffers else "G-buffers of display size"
+        )
+        want = f"a set made by `supersampler render --gbuffers --also {ratio}`"
+        raise ArgumentError("data", got=f"{dataset.folder}, without {missing}", want=want)
+    return at

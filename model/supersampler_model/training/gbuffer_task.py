@@ -1,0 +1,117 @@
+"""How `gbuffer` is trained: on pictures, more where surfaces shine (Wang et al. 2025, section III.E)."""
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import torch
+from torch import Tensor
+from torch.nn import functional as F
+
+from supersampler_model.data.dataset import Dataset
+from supersampler_model.methods.base import render_size_of
+from supersampler_model.methods.gbuffer.buffers import Gathered, History
+from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.training.crops import Sample, Stream
+from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
+from supersampler_model.training.losses import PictureWeights, shown
+from supersampler_model.training.structure import dissimilarity
+from supersampler_model.training.task import State, Stepped, Task
+
+COS_APART = 0.5**0.5  # of 45 degrees
+METAL, SMOOTH = 0.95, 0.02
+
+
+@dataclass(frozen=True)
+class GBufferWeights(PictureWeights):
+    """Weights of the terms; see `PictureWeights`.
+
+    Attributes:
+        rms: more than elsewhere: what G-buffers leave to be guessed is edges, where the mean of what may be
+            there is wanted, to which squares lead, not the median.
+        reflective: of the picture's error where light is reflected like by a mirror, beside that everywhere.
+        structure: of the structural dissimilarity, 1 - SSIM.
+        reflective_structure: as `reflective`, of the dissimilarity.
+    """
+
+    rms: float = 3.0
+    reflective: float = 0.5
+    structure: float = 0.1
+    reflective_structure: float = 0.75
+
+
+class GBufferTask(Task[Sample]):
+    """Pictures alone; states are in the order of `GBuffer.history`."""
+
+    def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
+        self.method: GBuffer = method
+        self.losses: GBufferWeights = losses or GBufferWeights()
+
+    @property
+    def config(self) -> dict[str, Any]:
+        """Of the method."""
+        return asdict(self.method.config)
+
+    def data(self, dataset: Dataset) -> Dataset:
+        """See `gbuffer_set`."""
+        return gbuffer_set(dataset, self.method.config.ratio)
+
+    def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
+        """Crops of whole render pixels."""
+        return gbuffer_stream(datasets, ratio=self.method.config.ratio, size=size, seed=seed)
+
+    def first_state(self, sample: Sample) -> State:
+        """All zeros."""
+        empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
+        return [tensor.to(sample.color.device) for tensor in empty]
+
+    def step(self, samples: list[Sample], states: list[State]) -> Stepped:
+        """Step every crop; from frame to frame gradients flow through the picture, not through its count."""
+        method = self.method
+        gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
+        with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
+            (said,) = method.net(*map(torch.cat, zip(*(g.seen for g in gathered), strict=True)))
+        said = said.float()
+        images, after = [], []
+        for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
+            done = method.finish(g, said[i : i + 1], History(*state))
+            images.append(done.image)
+            after.append(list(done.history._replace(counted=done.history.counted.detach())))
+        pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
+        weights = self.losses
+        exposure = torch.cat([s.exposure for s in samples])
+        truth = shown(torch.cat([s.reference for s in samples]), exposure)
+        apart = dissimilarity(shown(pictures, exposure), truth)
+        structure = _mean(apart, 1.0 + weights.reflective_structure * reflective)
+        return Stepped(
+            images=pictures,
+            states=after,
+            weight=1.0 + weights.reflective * reflective,
+            terms={"structure": weights.structure * structure},
+        )
+
+    def gather(self, sample: Sample, state: State) -> Gathered:
+        """What one crop's frame and its past tell before the network speaks."""
+        render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
+        return self.method.gather(
+            sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view
+        )
+
+
+def reflective_of(gathered: Gathered) -> Tensor:
+    """(1, 1, H, W) M_L: 1 where the normal has turned by more than 45 degrees, or on metal or a mirror."""
+    surfaces = gathered.present.display
+    ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
+    before = F.interpolate(gathered.past_normal, scale_factor=float(ratio), mode="nearest")
+    known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()
+    turned = ((surfaces.normal * before).sum(dim=1, keepdim=True) < COS_APART).float() * known
+    there = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()
+    mirror = ((surfaces.metallic > METAL) | (surfaces.roughness < SMOOTH)).float()
+    return torch.maximum(turned, mirror) * there
+
+
+def _mean(values: Tensor, weight: Tensor) -> Tensor:
+    """Weighted mean over what is known (equation 6)."""
+    known = values.isfinite().float()
+    values = torch.where(known > 0.0, values, torch.zeros_like(values))
+    return (values * weight).sum() / (known * weight).sum().clamp(min=1.0)
