@@ -17,7 +17,7 @@ from supersampler.methods.model_file import find_model
 from supersampler_export.folder import write_model_folder
 from supersampler_model.methods.base import DISPLAY, Method, render_size_of
 from supersampler_model.methods.base import Size as Extent
-from supersampler_model.ops.color import bounded, quarantine
+from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import grid_of, linear, resample, taps
 
 RATIO = 2
@@ -52,7 +52,7 @@ class Demodulated(Method):
         render = render_size_of(color)
         grid = grid_of(Extent(RATIO * render.width, RATIO * render.height), render, jitter)
         x, y = taps(grid.x, render.width, linear, reach=1), taps(grid.y, render.height, linear, reach=1)
-        light = resample(quarantine(color, 0.0) / (gbuffer_base_color + DARK), x, y)
+        light = resample(sanitize(color, 0.0) / (gbuffer_base_color + DARK), x, y)
         packed = F.pixel_unshuffle(gbuffer_display_base_color, RATIO)  # as a network at render size reads it
         facing = 1.0 + 0.1 * gbuffer_display_normal[:, 2:]
         lit = light * (F.pixel_shuffle(packed, RATIO) + DARK) * facing

@@ -22,7 +22,7 @@ RENDER, FRAME = (64, 36), 12
 
 def drawn(method: str) -> NDArray[np.uint8]:
     """Return frame 12 of a disc that crosses a panning checker, as a screen shows it."""
-    model = Model.load(method, executor="graph")
+    model = Model.load(method, executor="onnx")
     ratio = model.info.only_ratio or 2.0
     display = round(RENDER[0] * ratio), round(RENDER[1] * ratio)
     upscaler = Upscaler(model, display_size=display, validate="off")

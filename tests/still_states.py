@@ -18,7 +18,7 @@ def loaded(method: str, executor: str) -> Model:
     return Model.load(method, executor=executor, threads=2)  # type: ignore[arg-type]
 
 
-def upscaler(method: str = "taau", executor: str = "host") -> Upscaler:
+def upscaler(method: str = "taau", executor: str = "cpu") -> Upscaler:
     model = loaded(method, executor)
     return Upscaler(model, display_size=DISPLAY, validate="off", extrapolation="guided-warp")
 
@@ -39,7 +39,7 @@ def frame(index: int, **overrides: Any) -> Frame:
 
 
 @lru_cache
-def still_state(method: str = "taau", executor: str = "host") -> State:
+def still_state(method: str = "taau", executor: str = "cpu") -> State:
     """The state after FRAMES frames; with `still.looks` where kernels ran."""
     made = upscaler(method, executor)
     for index in range(FRAMES):

@@ -39,7 +39,7 @@ def test_the_bare_example_takes_the_shipped_shot() -> None:
 
 def test_bare_onnx_runtime_draws_the_pictures_of_upscaler(tmp_path: Path) -> None:
     shot = short_shot(tmp_path / "shot")
-    upscaler = Upscaler("classifier", display_size=(640, 360), executor="graph", validate="off")
+    upscaler = Upscaler("classifier", display_size=(640, 360), executor="onnx", validate="off")
     script = EXAMPLES / "bare_onnxruntime.py"
     assert "import supersampler" not in script.read_text().replace("not import supersampler", "")
     out = tmp_path / "out"

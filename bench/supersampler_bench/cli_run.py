@@ -117,7 +117,7 @@ def speed(
             show_default="960x540,1920x1080; with --against 960x540",
         ),
     ] = None,
-    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
+    executors: Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")] = "cpu,onnx",
     threads: Annotated[
         str | None,
         typer.Option(
@@ -157,7 +157,7 @@ def speed(
 
     \b
     Examples:
-      supersampler bench speed --sizes 1920x1080 --executors host --json speed.json
+      supersampler bench speed --sizes 1920x1080 --executors cpu --json speed.json
       supersampler bench speed --against ../before/.venv/bin/python --json against.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     if against is not None:
@@ -237,7 +237,7 @@ def device(
             captures=(False, True) if capture else (False,),
             on_left_out=warn,
         )
-        copied = measure_copy(Model.load("bilinear", providers=provider, executor="graph").device)
+        copied = measure_copy(Model.load("bilinear", providers=provider, executor="onnx").device)
     publish(device_record(results, copied, ratio), tables, json, update)
 
 

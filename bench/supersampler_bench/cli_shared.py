@@ -51,8 +51,8 @@ def parse_executors(text: str) -> list[ExecutorName]:
         ArgumentError: one of them is none.
     """
     kinds = listed(text)
-    if not set(kinds) <= {"host", "graph"}:
-        raise ArgumentError("--executors", got=repr(text), want="host, graph or host,graph")
+    if not set(kinds) <= {"cpu", "onnx"}:
+        raise ArgumentError("--executors", got=repr(text), want="cpu, onnx or cpu,onnx")
     return [cast("ExecutorName", kind) for kind in kinds]
 
 

@@ -26,7 +26,7 @@ def stress(
             help="Shipped models or model folders, or classifier:fp16, taau+guided-warp; with commas between."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
-    executors: Annotated[str, typer.Option(help="host, graph, or both with a comma between.")] = "host,graph",
+    executors: Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")] = "cpu,onnx",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
     quick: Annotated[bool, typer.Option("--quick", help="A part of them, few and small frames.")] = False,
     output: Annotated[
@@ -41,7 +41,7 @@ def stress(
 
     \b
     Examples:
-      supersampler bench stress --quick --methods classifier --executors host
+      supersampler bench stress --quick --methods classifier --executors cpu
       supersampler bench stress -o stress --json stress.json --update docs/stability.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.stress.report import draw_sheets, markdown_table, scenario_list, stress_record

@@ -16,7 +16,7 @@ GROUPS: Mapping[str, tuple[str, str, str]] = {
     "ghosting": ("none", "visibility", "shading"),
     "aliasing": ("none", "geometry", "texture"),
 }
-"""The classes of each group, in the order of `Result.class_map` and by the numbers of `ClassMaps`."""
+"""The classes of each group, in the order of `StepResult.class_map` and by the numbers of `ClassMaps`."""
 
 
 def count(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
@@ -25,7 +25,7 @@ def count(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
     So a class that is finer than 2x2 pixels is never met in full.
 
     Args:
-        class_map: (H / 2, W / 2, 6), sizes rounded up, see `Result.class_map`.
+        class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`.
         truth: of (H, W) pixels.
         border: display pixels.
     """

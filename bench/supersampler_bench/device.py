@@ -59,7 +59,7 @@ class _Runner:
         capture: bool,
     ) -> None:
         self._model = Model.load(
-            method, providers=provider, executor="graph", precision=precision, capture=capture
+            method, providers=provider, executor="onnx", precision=precision, capture=capture
         )
         device = self._model.device
         frames = [dressed(frame, self._model.info.gbuffers, display) for frame in frames]

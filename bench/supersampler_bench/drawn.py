@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from supersampler.backends.onnx.providers import CPU
-from supersampler.extrapolation import Extrapolator, ShadedPast
+from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame
 from supersampler.io.display import auto_exposure, decibels, display_transform
 from supersampler.io.shot import Shot, ShotFrame
@@ -61,7 +61,7 @@ class _Drawing:
 
     def __init__(self, model: str) -> None:
         self._model = Extrapolator(model, [CPU], 0)
-        self._past: ShadedPast | None = None
+        self._past: ShadedHistory | None = None
 
     def show(self, frame: Frame, *, hidden: bool) -> Float32:
         """Return the colour of the next frame."""

@@ -37,10 +37,10 @@ MEASURED = (53, 31)
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
 """Models beside what draws every second frame for them, which is not shaded."""
 RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
-    ("graph", "fp32", "exact"),
-    ("graph", "fp16", "exact"),
-    ("host", "auto", "exact"),
-    ("host", "auto", "auto"),
+    ("onnx", "fp32", "exact"),
+    ("onnx", "fp16", "exact"),
+    ("cpu", "auto", "exact"),
+    ("cpu", "auto", "auto"),
 )
 THREADS = 2
 _SIGNS = 8  # sketches of a run

@@ -129,7 +129,7 @@ def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, S
         yield f"{executor}, {model.precision}", upscaler.step
 
 
-_RUNS: Sequence[tuple[ExecutorName, Precision]] = (("graph", "fp32"), ("graph", "fp16"), ("host", "auto"))
+_RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
 
 
 def _torch(name: str, render: Size, display: Size) -> Step:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
@@ -29,7 +29,7 @@ from supersampler_bench.scores import BORDER, MASKED, WARM_UP_FRAMES, FrameScore
 from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
-Bands = tuple[strred.Plane, strred.Plane]
+ThreadPool = tuple[strred.Plane, strred.Plane]
 """Of a picture and the one before, which comes first."""
 ORACLE = "oracle"
 
@@ -53,7 +53,7 @@ class Seen:
 
 @dataclass(frozen=True)
 class Stepped:
-    """What a step drew: the image (H, W, 3), linear RGB, and `Result.class_map`."""
+    """What a step drew: the image (H, W, 3), linear RGB, and `StepResult.class_map`."""
 
     image: Float32
     class_map: Float32 | None = None
@@ -178,7 +178,7 @@ def _stepper(method: str | Path, display_size: Size) -> Stepper:
 
     def step(item: ShotFrame) -> Stepped:
         result = upscaler.step(item.frame, want=want)
-        return Stepped(result.image, result.class_map) if isinstance(result, Result) else Stepped(result)
+        return Stepped(result.image, result.class_map) if isinstance(result, StepResult) else Stepped(result)
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
 
@@ -206,7 +206,7 @@ class _Truth:
     motion: Float32  # (H, W, 2), display pixels
     masks: dict[str, Bool]  # (H, W) each; those that are known
     classes: ClassMaps | None
-    bands: Bands | None  # None off STRRED's pairs
+    bands: ThreadPool | None  # None off STRRED's pairs
 
 
 class _Truths:
@@ -251,7 +251,7 @@ class _Truths:
         return masks.to_display(mask, frame.jitter, self._display_size)
 
 
-def _bands(previous: Float32, shown: Float32) -> Bands:
+def _bands(previous: Float32, shown: Float32) -> ThreadPool:
     return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
 
 
@@ -298,7 +298,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
     return scores
 
 
-def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
+def _strred(bands: ThreadPool | None, truth: ThreadPool | None, border: int) -> Scores:
     """Score a pair; the border is cut off the bands, of which a pixel is as wide as `strred.BAND_PIXELS`."""
     srred = trred = float("nan")
     if bands is not None and truth is not None:

@@ -51,7 +51,7 @@ class _Runner:
 
     def __init__(self, method: str, display: Size, skip: Skip) -> None:
         self._upscaler = Upscaler(
-            Model.load(method, providers="cpu", executor="host"),
+            Model.load(method, providers="cpu", executor="cpu"),
             display_size=display,
             skip=skip,
             validate="off",

@@ -208,7 +208,7 @@ def measure_settings(
     display, threads = settings[0].display, settings[0].threads
     if frames is None:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-    first = Setting(REFERENCE, display, "host", threads)
+    first = Setting(REFERENCE, display, "cpu", threads)
     reasons = {s.method: why_not(s.method, frames[0].size, display) for s in settings}
     for reason in filter(None, reasons.values()):
         on_left_out(reason)

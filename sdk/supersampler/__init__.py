@@ -34,7 +34,7 @@ from supersampler.io.display import auto_exposure, display_transform
 from supersampler.methods.model_file import ModelInfo, model_names
 
 if TYPE_CHECKING:
-    from supersampler.history import History, Result, Stats
+    from supersampler.history import History, Stats, StepResult
     from supersampler.io.shot import Shot, ShotFrame, ShotWriter, copy_shot, open_source, shipped_shot
     from supersampler.model import Model
     from supersampler.state import State
@@ -60,13 +60,13 @@ __all__ = [
     "ProviderError",
     "RawFrame",
     "RecordingError",
-    "Result",
     "Shot",
     "ShotError",
     "ShotFrame",
     "ShotWriter",
     "State",
     "Stats",
+    "StepResult",
     "SupersamplerError",
     "Upscaler",
     "auto_exposure",
@@ -86,7 +86,7 @@ __all__ = [
 # These pull in ONNX Runtime or OpenImageIO, which a `supersampler --help` should not wait for.
 _LAZY = {
     **dict.fromkeys(("Detection", "detect_conventions"), "validation"),
-    **dict.fromkeys(("History", "Result", "Stats"), "history"),
+    **dict.fromkeys(("History", "Stats", "StepResult"), "history"),
     "Model": "model",
     **dict.fromkeys(
         ("Shot", "ShotFrame", "ShotWriter", "copy_shot", "open_source", "shipped_shot"), "io.shot"

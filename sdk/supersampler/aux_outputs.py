@@ -6,7 +6,7 @@ import numpy as np
 
 from supersampler.backends.cpu.layout import TILE
 from supersampler.frame import Float32
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.io.compare import Legend, false_color, false_color_legend
 from supersampler.io.images import Bytes
 
@@ -33,7 +33,7 @@ LEGENDS: Mapping[str, Legend] = {
 """By layer, for `compare.About`."""
 
 
-def map_layers(result: Result) -> dict[str, Bytes]:
+def aux_output_layers(result: StepResult) -> dict[str, Bytes]:
     """Return the layers classes, weight, count and work of a `ComparePage`, those that `result` has.
 
     Each is (h, w, 3) uint8 sRGB, of the size of its map; work is of the image's.
@@ -59,7 +59,7 @@ def class_colors(shares: Float32) -> Bytes:
     """Mix the classes' colours by their shares; ghosting hides aliasing, and both have a colour of their own.
 
     Args:
-        shares: (h, w, 6), see `Result.class_map`.
+        shares: (h, w, 6), see `StepResult.class_map`.
 
     Returns:
         (h, w, 3) uint8 sRGB.

@@ -9,13 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import checked_path
-from supersampler.backends.onnx.extrapolation import Drawing, GraphDrawing
+from supersampler.backends.onnx.extrapolation import ExtrapolationExecutor, OnnxExtrapolation
 from supersampler.backends.onnx.providers import CPU
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError, FrameError, ModelError
 from supersampler.frame import Float32, Frame
 from supersampler.methods.array_spec import checked_arrays
-from supersampler.methods.cpu_backends import host_drawing
+from supersampler.methods.cpu_backends import cpu_extrapolation
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
 from supersampler.model import ExecutorName
@@ -29,11 +29,11 @@ _OTHER_NAME = {"motion_jitter": "jitter", SHADED_MOTION: "motion"}
 
 
 @dataclass(frozen=True, eq=False)
-class ShadedPast:
+class ShadedHistory:
     """What frames that are not shaded are drawn from: the last shaded one, and how things have moved since.
 
     Attributes:
-        tensors: by their names in the graph, as `Drawing.placed` made them; nothing writes to them.
+        tensors: by their names in the graph, as `ExtrapolationExecutor.placed` made them; read only.
     """
 
     tensors: Mapping[str, Any]
@@ -50,7 +50,7 @@ class Extrapolator:
 
     Attributes:
         info: what its model.json says.
-        executor: what it runs on, "graph" or "host".
+        executor: what it runs on, "onnx" or "cpu".
 
     Raises:
         ModelError: there is no such model, it is damaged, or it is one that upscales.
@@ -70,12 +70,12 @@ class Extrapolator:
                 f"{self.info.method!r} upscales, and draws no frames that were not shaded; "
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
             )
-        on_host = executor != "graph" and list(providers) == [CPU]
-        kernels = host_drawing(self.info, threads, required=executor == "host") if on_host else None
-        self._drawing: Drawing = kernels or GraphDrawing(self.info, providers, threads)
+        on_host = executor != "onnx" and list(providers) == [CPU]
+        kernels = cpu_extrapolation(self.info, threads, required=executor == "cpu") if on_host else None
+        self._drawing: ExtrapolationExecutor = kernels or OnnxExtrapolation(self.info, providers, threads)
         self.executor = self._drawing.name
 
-    def after_shaded(self, frame: Frame, past: ShadedPast | None = None) -> ShadedPast:
+    def after_shaded(self, frame: Frame, past: ShadedHistory | None = None) -> ShadedHistory:
         """Return what a shaded frame leaves: copies of its own arrays, and no motion.
 
         Args:
@@ -98,9 +98,9 @@ class Extrapolator:
                 tensors[history.input.name] = placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
             else:
                 tensors[history.input.name] = placed(_copied(frame, _OTHER_NAME.get(own, own)))
-        return ShadedPast(tensors)
+        return ShadedHistory(tensors)
 
-    def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Float32, ShadedPast]:
+    def draw(self, frame: Frame, past: ShadedHistory | None) -> tuple[Float32, ShadedHistory]:
         """Draw the colour of a frame that was not shaded.
 
         Args:
@@ -116,13 +116,13 @@ class Extrapolator:
         past = _checked(frame, past)
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
         color, left = self._drawing.draw(frame, past.tensors)
-        return color, ShadedPast(left)
+        return color, ShadedHistory(left)
 
-    def save(self, past: ShadedPast) -> dict[str, NDArray[Any]]:
+    def save(self, past: ShadedHistory) -> dict[str, NDArray[Any]]:
         """Copies of what a frame left, by the names of the contract."""
         return {name: self._drawing.copied(value) for name, value in past.tensors.items()}
 
-    def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedPast:
+    def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedHistory:
         """Undo `save`.
 
         Images are those of frames, which may hold anything, and are read as a frame's own; what they have
@@ -135,7 +135,9 @@ class Extrapolator:
         checked = checked_arrays(
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )
-        return ShadedPast({name: self._drawing.placed(np.array(a, order="C")) for name, a in checked.items()})
+        return ShadedHistory(
+            {name: self._drawing.placed(np.array(a, order="C")) for name, a in checked.items()}
+        )
 
 
 class Extrapolation:
@@ -166,11 +168,11 @@ class Extrapolation:
         )
         self.infos = [] if self._model is None else [self._model.info]
 
-    def after_shaded(self, frame: Frame, past: ShadedPast | None) -> ShadedPast | None:
+    def after_shaded(self, frame: Frame, past: ShadedHistory | None) -> ShadedHistory | None:
         """Return what a shaded frame leaves; see `Extrapolator`."""
         return None if self._model is None else self._model.after_shaded(frame, past)
 
-    def draw(self, frame: Frame, past: ShadedPast | None) -> tuple[Frame, ShadedPast]:
+    def draw(self, frame: Frame, past: ShadedHistory | None) -> tuple[Frame, ShadedHistory]:
         """Return a frame with its colour drawn, and what it leaves; see `Extrapolator`.
 
         Raises:
@@ -188,11 +190,11 @@ class Extrapolation:
         if self._model is not None:
             self._model.draw(replace(frame, color=None), self._model.after_shaded(frame))
 
-    def save(self, past: ShadedPast | None) -> dict[str, NDArray[Any]] | None:
+    def save(self, past: ShadedHistory | None) -> dict[str, NDArray[Any]] | None:
         """Copies of the past; None where there is none."""
         return None if self._model is None or past is None else self._model.save(past)
 
-    def load(self, arrays: Mapping[str, NDArray[Any]] | None) -> ShadedPast | None:
+    def load(self, arrays: Mapping[str, NDArray[Any]] | None) -> ShadedHistory | None:
         """Return what `save` copied as a past, which is None without a model.
 
         Raises:
@@ -216,7 +218,7 @@ def _copied(frame: Frame, name: str) -> NDArray[Any]:
     return array if array.base is None else array.copy()
 
 
-def _checked(frame: Frame, past: ShadedPast | None) -> ShadedPast:
+def _checked(frame: Frame, past: ShadedHistory | None) -> ShadedHistory:
     if frame.color is not None:
         hint = "`step` takes shaded frames."
         raise FrameError("color", got=frame.color.shape, want="None, as it is to be drawn", hint=hint)

@@ -7,7 +7,7 @@ from typing import Any
 from numpy.typing import NDArray
 
 from supersampler.backends.base import Buffers
-from supersampler.backends.cpu.tile_state import trail_specs
+from supersampler.backends.cpu.tile_state import tile_state_specs
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
@@ -59,7 +59,7 @@ def check_histories(
 
 
 @dataclass(frozen=True, eq=False)
-class Result:
+class StepResult:
     """An image, and what else was asked for; what was not is None.
 
     Attributes:
@@ -99,7 +99,7 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
     names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
     if CARRY in names:
         specs[CARRY] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(CARRY))
-    specs |= trail_specs(names, display, render)
+    specs |= tile_state_specs(names, display, render)
     return checked_arrays(arrays, specs, lambda got, want: ArgumentError("state", got=got, want=want))
 
 

@@ -22,8 +22,8 @@ from supersampler.arguments import (
 )
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.memory import aligned
-from supersampler.backends.onnx.aovs import Carrier, check_carry
-from supersampler.backends.onnx.executor import GraphExecutor
+from supersampler.backends.onnx.aovs import AovBlender, check_aovs
+from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU, resolve_providers
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
@@ -40,14 +40,14 @@ from supersampler.frame import (
     checked_frame,
     checked_jitter,
 )
-from supersampler.history import CARRY, WORK, History, Result, check_histories, checked_history
-from supersampler.methods.cpu_backends import host_executor
+from supersampler.history import CARRY, WORK, History, StepResult, check_histories, checked_history
+from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import ModelInfo, read_model_info, read_upscaling_info
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 
-ExecutorName = Literal["auto", "graph", "host"]
+ExecutorName = Literal["auto", "onnx", "cpu"]
 Precision = Literal["auto", "fp32", "fp16", "int8"]
 
 
@@ -66,7 +66,7 @@ class Model:
         self,
         info: ModelInfo,
         executor: Executor,
-        carrier: Carrier,
+        carrier: AovBlender,
         providers: list[str],
         threads: int,
         on_drawn: "Model | None" = None,
@@ -115,35 +115,35 @@ class Model:
         precision = checked_choice("precision", precision, get_args(Precision))
         info = read_upscaling_info(checked_path("model", name_or_path))
         names = resolve_providers(providers)
-        carrier = Carrier(info, session_options(threads))
-        if executor != "graph" and not capture and list(names) == [CPU]:
-            required = executor == "host" or precision == "int8"
-            host = host_executor(info, threads, required=required)
+        carrier = AovBlender(info, session_options(threads))
+        if executor != "onnx" and not capture and list(names) == [CPU]:
+            required = executor == "cpu" or precision == "int8"
+            host = cpu_executor(info, threads, required=required)
             if host is not None and precision in ("auto", host.precision):
                 return cls(info, host, carrier, [CPU], threads)
         kind = "fp32" if precision == "auto" else precision
-        if executor == "host" or kind not in info.steps:
+        if executor == "cpu" or kind not in info.steps:
             got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(names)}"
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
-        graph = GraphExecutor(info, threads, names, kind, capture=capture)
+        graph = OnnxExecutor(info, threads, names, kind, capture=capture)
         on_drawn = None if info.drawn is None else _on_drawn(info.drawn, kind, graph.providers, threads)
         return cls(info, graph, carrier, graph.providers, threads, on_drawn)
 
     @property
     def executor(self) -> str:
-        """How it runs: "graph" or "host"."""
+        """How it runs: "onnx" or "cpu"."""
         return self._executor.name
 
     @property
     def device(self) -> str:
         """Where histories, and tensors for `run_tensors`, lie: "cpu", "cuda", "dml"."""
-        return self._executor.device if isinstance(self._executor, GraphExecutor) else "cpu"
+        return self._executor.device if isinstance(self._executor, OnnxExecutor) else "cpu"
 
     @property
     def capture(self) -> bool:
         """Whether steps with tensors are captured; see `load`."""
-        return isinstance(self._executor, GraphExecutor) and self._executor.capture
+        return isinstance(self._executor, OnnxExecutor) and self._executor.capture
 
     @property
     def precision(self) -> str:
@@ -195,15 +195,15 @@ class Model:
         out: Float32 | None = None,
         history_out: History | None = None,
         skip: Skip = "exact",
-    ) -> tuple[Result, History]:
-        """Upscale as `run` does, and return what `want` names of `Result` with the image.
+    ) -> tuple[StepResult, History]:
+        """Upscale as `run` does, and return what `want` names of `StepResult` with the image.
 
         What is not named costs nothing.
 
         Args:
             frame: see `run`.
             history: see `run`.
-            want: names of `Result`'s.
+            want: names of `StepResult`'s.
             out: see `run`.
             history_out: see `run`.
             skip: see `Upscaler`.
@@ -227,7 +227,7 @@ class Model:
         out: Float32 | None,
         history_out: History | None,
         skip: Skip,
-    ) -> tuple[Result, History]:
+    ) -> tuple[StepResult, History]:
         """Do as `run_wanted`, for arguments that `check` has passed and histories of this model."""
         tolerance, display_size = tolerance_of(checked_skip(skip), want), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
@@ -261,8 +261,8 @@ class Model:
             ModelError: the provider cannot capture the step.
             ArgumentError: the executor is not a graph, or `history_out` is `history`.
         """
-        if not isinstance(self._executor, GraphExecutor):
-            want = "'graph', which takes tensors"
+        if not isinstance(self._executor, OnnxExecutor):
+            want = "'onnx', which takes tensors"
             raise ArgumentError("executor", got=repr(self.executor), want=want)
         check_histories(history, history_out, self._kind, self._executor.fits)
         jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
@@ -319,7 +319,7 @@ class Model:
         return copies if history.carry is None else {**copies, CARRY: history.carry.copy()}
 
     def work(self, history: History) -> Float32:
-        """Return what `Result.work` is for the step that left this history."""
+        """Return what `StepResult.work` is for the step that left this history."""
         return self._executor.work(history.buffers, history.display_size)
 
     def load_history(
@@ -371,13 +371,13 @@ class Model:
         for name in checked_names("want", want):
             checked_choice("want", name, ("carry", WORK, *self.info.maps))
         if "carry" in want:
-            check_carry(frame, carried)
+            check_aovs(frame, carried)
         if out is not None:
             check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def _result(
         self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
-    ) -> Result:
+    ) -> StepResult:
         inputs = {h.output: h.input.name for h in self.info.history}
         maps: dict[str, Float32] = {}
         for name in set(want) & set(self.info.maps):
@@ -389,7 +389,7 @@ class Model:
         carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
         if WORK in want:
             maps[WORK] = self.work(left).copy()
-        return Result(image, carry=carry, **maps)
+        return StepResult(image, carry=carry, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
         """Room for what this frame leaves, that of `history` where it fits."""
@@ -400,5 +400,5 @@ class Model:
 
 def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
     info = read_model_info(folder)
-    graph = GraphExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
-    return Model(info, graph, Carrier(info, session_options(threads)), graph.providers, threads)
+    graph = OnnxExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
+    return Model(info, graph, AovBlender(info, session_options(threads)), graph.providers, threads)

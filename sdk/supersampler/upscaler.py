@@ -11,9 +11,9 @@ from supersampler.arguments import checked_names, checked_path, checked_scale, c
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
-from supersampler.extrapolation import Extrapolation, ShadedPast
+from supersampler.extrapolation import Extrapolation, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
-from supersampler.history import History, Result, Stats
+from supersampler.history import History, Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
@@ -38,7 +38,7 @@ class _Memory(NamedTuple):
     display_size: Size | None
     history: History | None = None
     spare: History | None = None
-    shaded: ShadedPast | None = None
+    shaded: ShadedHistory | None = None
     stats: Stats = Stats()
 
 
@@ -154,11 +154,13 @@ class Upscaler:
     def step(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
 
     @overload
-    def step(self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]) -> Float32 | Result: ...
+    def step(
+        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]
+    ) -> Float32 | StepResult: ...
 
     def step(
         self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
-    ) -> Float32 | Result:
+    ) -> Float32 | StepResult:
         """Upscale the next frame.
 
         Args:
@@ -171,7 +173,7 @@ class Upscaler:
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
-            Where `want` names something, a `Result` with it as `image`.
+            Where `want` names something, a `StepResult` with it as `image`.
 
         Raises:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
@@ -188,11 +190,11 @@ class Upscaler:
     @overload
     def extrapolate(
         self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]
-    ) -> Float32 | Result: ...
+    ) -> Float32 | StepResult: ...
 
     def extrapolate(
         self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
-    ) -> Float32 | Result:
+    ) -> Float32 | StepResult:
         """Upscale the next frame, which was not shaded: its colour is drawn from the last one that was.
 
         Shaded frames and others may alternate in any way. `step` takes those, and wants of them the G-buffers
@@ -231,7 +233,7 @@ class Upscaler:
         >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
         >>> image = torch.from_dlpack(image)
 
-        For executor="graph", and without `extrapolation`. Pixels are not read and checked as `step` does.
+        For executor="onnx", and without `extrapolation`. Pixels are not read and checked as `step` does.
 
         Args:
             tensors: of the method's inputs, by name: float32, contiguous, in the shapes of docs/contract.md:
@@ -329,13 +331,13 @@ class Upscaler:
     ) -> None:
         self.close()
 
-    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | StepResult:
         shaded = None
         if frame.color is not None:
             shaded = self._extrapolation.after_shaded(frame, self._memory.shaded)
         return self._upscaled(self.model, frame, frame, shaded, out, want)
 
-    def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | Result:
+    def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | StepResult:
         started = time.perf_counter()
         drawn, shaded = self._extrapolation.draw(frame, self._memory.shaded)
         seconds = time.perf_counter() - started
@@ -346,11 +348,11 @@ class Upscaler:
         model: Model,
         given: Frame,
         frame: Frame,
-        shaded: ShadedPast | None,
+        shaded: ShadedHistory | None,
         out: Float32 | None,
         want: Collection[str],
         extrapolation_seconds: float | None = None,
-    ) -> Float32 | Result:
+    ) -> Float32 | StepResult:
         """Step on a frame that has colour, as it was `given` or extrapolated."""
         started, memory = time.perf_counter(), self._memory
         kept = None if frame.reset else memory.history

@@ -176,7 +176,7 @@ def test_too_few_rounds_for_an_interval_and_options_without_effect_are_refused()
     run = CliRunner().invoke
     few = run(supersampler, ["bench", "speed", "--against", sys.executable, "--starts", "5"])
     assert few.output.startswith("error: --starts is 5; want at least 6, or 0.")
-    both = run(supersampler, ["bench", "speed", "--against", sys.executable, "--executors", "host"])
+    both = run(supersampler, ["bench", "speed", "--against", sys.executable, "--executors", "cpu"])
     assert both.output.startswith("error: --executors is given; want left out")
     alone = run(supersampler, ["bench", "speed", "--fresh", "6"])
     assert alone.output.startswith("error: --fresh is given; want left out: they are of --against")

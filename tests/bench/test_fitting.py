@@ -63,7 +63,7 @@ def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_mode
 def test_speed_times_a_method_with_buffers_where_it_draws(gbuffer_model: Path) -> None:
     name, told = str(gbuffer_model), list[str]()
     sizes = [DISPLAY, (65, 36)]
-    results = measure_speed([name, "bilinear"], sizes, ["graph"], [1], steps=1, on_left_out=told.append)
+    results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=told.append)
     assert [(r.setting.method, r.setting.display[0]) for r in results] == [
         ("taa", 64), (name, 64), ("bilinear", 64), ("taa", 65), ("bilinear", 65),
     ]  # fmt: skip
@@ -85,7 +85,7 @@ def test_a_device_is_timed_with_buffers_captured_too(gbuffer_model: Path) -> Non
 
 
 def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:
-    stressed = subjects([str(gbuffer_model), "bilinear"], ["graph"])
+    stressed = subjects([str(gbuffer_model), "bilinear"], ["onnx"])
     scenarios = chosen(["a cut in every frame", "odd and tiny sizes", "ratios from 1 to 3"])
     planned = [(scenario.name, Path(subject.method).name) for scenario, subject in runs(scenarios, stressed)]
     assert planned == [

@@ -37,9 +37,9 @@ def record() -> dict[str, Any]:
 def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
     found = [(s.method, s.extrapolation, s.executor, s.precision, s.skip) for s in subjects(["taa"])]
     assert found == [
-        ("taa", None, "graph", "fp32", "exact"),
-        ("taa", None, "host", "fp32", "exact"),
-        ("taa", None, "host", "fp32", "auto"),
+        ("taa", None, "onnx", "fp32", "exact"),
+        ("taa", None, "cpu", "fp32", "exact"),
+        ("taa", None, "cpu", "fp32", "auto"),
     ]
 
 
@@ -74,7 +74,7 @@ def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named
 
 
 def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
-    subject = Subject("bilinear", None, "graph", "fp32", "exact")
+    subject = Subject("bilinear", None, "onnx", "fp32", "exact")
     (before,) = measure_hashes([subject], [SMALL])
     frames = scene(*SMALL)
     noise = np.random.default_rng(0).normal(0.0, 1e-4, (18, 32, 3)).astype(np.float32)
@@ -89,7 +89,7 @@ def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.parametrize("method", ["taa", "classifier"])
 def test_tiles_rest_in_the_scene_for_skip_auto(method: str) -> None:
-    upscaler = hashes._upscaler(Subject(method, None, "host", "auto", "auto"), SIZES[0][1])
+    upscaler = hashes._upscaler(Subject(method, None, "cpu", "auto", "auto"), SIZES[0][1])
     for frame in scene(*SIZES[0], "auto"):
         upscaler.step(frame)
     assert upscaler.stats.work < FRAMES - 1.0

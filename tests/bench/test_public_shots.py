@@ -66,9 +66,9 @@ def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[Pu
 def test_a_second_run_draws_nothing_and_another_driver_does_not_mix_in(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    stamps = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
+    generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
     render_test_shots(cache, TINY)
-    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == stamps
+    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
     monkeypatch.setattr("supersampler_bench.render_shots.driver_name", lambda _: "another")
     with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler import Frame, Result, ShotError
+from supersampler import Frame, ShotError, StepResult
 from supersampler.frame import Float32
 from supersampler.io.display import CEILING_DB
 from supersampler.io.shot import ClassMaps, Shot, ShotWriter
@@ -164,9 +164,9 @@ def test_what_a_method_said_of_classes_is_held_against_the_truth(
             super().__init__(truth)
             self.model.info.maps["class_map"] = None
 
-        def step(self, _: Frame, **asked: Any) -> Result:  # type: ignore[override]
+        def step(self, _: Frame, **asked: Any) -> StepResult:  # type: ignore[override]
             assert asked == {"want": ["class_map"]}
-            return Result(super().step(_), class_map=classes)
+            return StepResult(super().step(_), class_map=classes)
 
     monkeypatch.setattr(quality, "Upscaler", Teller())
     [result] = measure_quality(write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias)), ["t"])

@@ -17,9 +17,9 @@ from supersampler_bench.speed import Limits, frames_of, markdown_table, measure_
 
 
 def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
-    results = measure_speed(["taau", "bilinear"], [(64, 36)], ["host", "graph"], [1], steps=2)
+    results = measure_speed(["taau", "bilinear"], [(64, 36)], ["cpu", "onnx"], [1], steps=2)
     found = [(r.setting.method, r.setting.executor) for r in results]
-    assert found == [("taa", "host"), ("taau", "host"), ("taau", "graph"), ("bilinear", "graph")]
+    assert found == [("taa", "cpu"), ("taau", "cpu"), ("taau", "onnx"), ("bilinear", "onnx")]
     assert results[0].multiple == 1.0
     for result in results:
         assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
@@ -36,12 +36,12 @@ def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPa
         return step(runner, counts=counts) * (1e3 if runner.setting.method == "taau" else 1.0)
 
     monkeypatch.setattr(speed._Runner, "step", noted)
-    measure_speed(["taau", "bilinear"], [(64, 36)], ["graph"], [1], steps=2)
+    measure_speed(["taau", "bilinear"], [(64, 36)], ["onnx"], [1], steps=2)
     assert steps == ["taa", "bilinear"] * 2 + ["taau"] * 2
 
 
 def test_skipping_is_a_setting_like_others() -> None:
-    results = measure_speed(["taa"], [(64, 36)], ["host"], [1], skips=["exact", "auto"], steps=1)
+    results = measure_speed(["taa"], [(64, 36)], ["cpu"], [1], skips=["exact", "auto"], steps=1)
     assert [r.setting.skip for r in results] == ["exact", "auto"]
     table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
     assert "| host, fp32 |" in table
@@ -53,7 +53,7 @@ def test_kernels_of_fewer_instructions_are_kept_apart_and_named(monkeypatch: pyt
     for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES"):
         monkeypatch.setenv(name, "")  # what is set below ends with the test
     monkeypatch.setattr(kernel_cache, "_key", kernel_cache._key.__wrapped__)
-    results, before = measure_speed(["taa"], [(64, 36)], ["host"], [1], steps=1), kernel_cache.cache_folder()
+    results, before = measure_speed(["taa"], [(64, 36)], ["cpu"], [1], steps=1), kernel_cache.cache_folder()
     compile_for("avx-vnni")
     newer = kernel_cache.cache_folder()
     compile_for("avx2")

@@ -60,7 +60,7 @@ class Average:
 
 
 def subject(begin: Callable[[Size, int], Session]) -> Subject:
-    return Subject("average", "host", "fp32", remembers=True, reach=8.0, begin=begin)
+    return Subject("average", "cpu", "fp32", remembers=True, reach=8.0, begin=begin)
 
 
 SOUND = subject(lambda display, _: Average(display))
@@ -137,16 +137,16 @@ def test_what_raises_breaks_its_scenario_alone() -> None:
 
 def test_a_shipped_method_passes_where_it_promises_bits() -> None:
     for outcome in measure(
-        chosen(["sessions", "a cut in every frame"]), subjects(["taau"], ["host"]), quick=True
+        chosen(["sessions", "a cut in every frame"]), subjects(["taau"], ["cpu"]), quick=True
     ):
         assert outcome.passed, outcome
 
 
 def test_of_a_method_that_another_draws_for_every_second_frame_is_hidden() -> None:
-    [subject] = subjects(["taa+guided-warp"], ["host"])
-    assert (subject.method, subject.executor) == ("taa+guided-warp", "host")
+    [subject] = subjects(["taa+guided-warp"], ["cpu"])
+    assert (subject.method, subject.executor) == ("taa+guided-warp", "cpu")
     frames = [replace(frame, reset=i == 4) for i, frame in enumerate(moving((24, 16))[:6])]
-    shaded, alternating = (subjects([m], ["host"])[0] for m in ("taa", "taa+guided-warp"))
+    shaded, alternating = (subjects([m], ["cpu"])[0] for m in ("taa", "taa+guided-warp"))
     one, other = (s.begin(DISPLAY, 1) for s in (shaded, alternating))
     apart = [np.abs(one.step(frame) - other.step(frame)).max() > 0.0 for frame in frames]
     assert apart == [False, True, True, True, False, True]  # what is hidden stays in the past until the cut

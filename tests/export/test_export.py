@@ -16,7 +16,7 @@ from torch import Tensor
 from typer.testing import CliRunner
 
 from gbuffer_method import Demodulated, exported
-from supersampler import Frame, Model, Result, SupersamplerError, Upscaler
+from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
@@ -149,7 +149,7 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
             motion=random.normal(size=(14, 21, 2)).astype(np.float32), jitter=(0.1, -0.2),
         )  # fmt: skip
         result = upscaler.step(frame, want=("class_map", "weight", "count"))
-        assert isinstance(result, Result)
+        assert isinstance(result, StepResult)
         assert np.isfinite(result.image).all()
         assert (result.image >= 0.0).all()
         assert result.class_map is not None

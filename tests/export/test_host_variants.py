@@ -51,7 +51,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     described["config"] = asdict(method.config)
     described["files"] = {"network.npz": sha256(network).hexdigest()}
     (folder / "model.json").write_text(json.dumps(described))
-    return method, Model.load(folder, threads=2, executor="host")
+    return method, Model.load(folder, threads=2, executor="cpu")
 
 
 def step_both(made: Made, frames: list[Frame], display: Size) -> list[tuple[Float32, Float32]]:

@@ -89,7 +89,7 @@ def prepare_networks() -> Callable[[int], object]:
     folder = folder_of("classifier-small", Path("classifier-small"))
     network = (folder / "network.npz").read_bytes()
     arrays = dict(np.load(folder / "network.npz"))
-    step(Model.load(folder, threads=1, executor="host"))  # its kernels are compiled
+    step(Model.load(folder, threads=1, executor="cpu"))  # its kernels are compiled
 
     def run(case: int) -> None:
         rng = np.random.default_rng(case)
@@ -99,7 +99,7 @@ def prepare_networks() -> Callable[[int], object]:
             name = str(rng.choice(list(arrays)))
             np.savez(folder / "made.npz", **{**arrays, name: _another(arrays[name], rng)})
             replace_file(folder, "network.npz", (folder / "made.npz").read_bytes())
-        step(Model.load(folder, threads=1, executor="host"))
+        step(Model.load(folder, threads=1, executor="cpu"))
 
     return run
 

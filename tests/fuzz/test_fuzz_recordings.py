@@ -23,7 +23,7 @@ def recorded(method: str) -> list[Record]:
     """A recording of all kinds of calls."""
     path = Path(f"{method}.recording")
     with Upscaler(
-        loaded(method, "host"),
+        loaded(method, "cpu"),
         display_size=(80, 48),
         validate="off",
         extrapolation="guided-warp",

@@ -11,7 +11,7 @@ from still_states import DISPLAY, FRAMES, frame, still_state, upscaler
 from supersampler import ArgumentError
 
 Rng = np.random.Generator
-SUBJECTS = [("taau", "host"), ("taa", "host"), ("classifier-small", "host"), ("taau", "graph")]
+SUBJECTS = [("taau", "cpu"), ("taa", "cpu"), ("classifier-small", "cpu"), ("taau", "onnx")]
 EXTREMES = (np.nan, np.inf, -np.inf, -1, 0, 1, 255, 2**31 - 1, -(2**31), 2**62, 1e30, -1e30, 1e-45, 3e38)
 
 

@@ -73,7 +73,7 @@ def test_before_training_drawn_frames_are_those_of_classifier_on_drawn_colours(
     begun: Extrapolate, pattern: str
 ) -> None:
     drawn, history, past = begun.on_drawn(), first(begun), State()
-    model = Model.load("classifier", executor="graph", threads=1)
+    model = Model.load("classifier", executor="onnx", threads=1)
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
         inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))

@@ -13,22 +13,22 @@ from supersampler_model.ops.color import (
     ToneSpace,
     from_ycocg,
     inverse_tone,
-    quarantine,
+    sanitize,
     tone,
     valid,
     ycocg,
 )
 from supersampler_model.ops.motion import (
-    closest_of_four,
     covered,
+    dilate_motion_2x2,
     longest,
+    morphological_opening,
     past_of,
     read,
     read_cubic,
-    without_thin,
 )
 from supersampler_model.ops.rectification import (
-    Box,
+    Rect,
     clamp_to,
     clip_to_center,
     clip_to_sample,
@@ -129,7 +129,7 @@ def test_dilation_takes_the_motion_of_what_is_in_front() -> None:
     depth[..., 2, 3] = 1.0
     motion = torch.zeros(1, 2, 5, 6)
     motion[..., 2, 3] = 4.0
-    nearest, chosen = closest_of_four(depth, motion)
+    nearest, chosen = dilate_motion_2x2(depth, motion)
     moved = chosen[0, 0] == 4.0
     assert torch.equal(nearest[0, 0] == 1.0, moved)
     assert moved.nonzero().tolist() == [[1, 2], [1, 3], [2, 2], [2, 3]]
@@ -154,7 +154,7 @@ def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
     both = broad.clone()
     both[..., 10:11, :] = 0.2  # a wire across
     both[..., :, 12] = 0.2  # and one down
-    torch.testing.assert_close(without_thin(both), broad)
+    torch.testing.assert_close(morphological_opening(both), broad)
 
 
 @settings(max_examples=30)
@@ -186,7 +186,7 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
     color: list[float], sample: list[float], low: list[float], size: float
 ) -> None:
     c, s, lo = (torch.tensor(v).reshape(1, 3, 1, 1) for v in (color, sample, low))
-    box = Box(lo, lo + size)
+    box = Rect(lo, lo + size)
     inside = bool(((c >= box.low) & (c <= box.high)).all())
     for clipped in (clip_to_center(c, box), clip_to_sample(c, s, box), clamp_to(c, box)):
         assert bool((clipped >= box.low - 1e-4).all())
@@ -198,7 +198,7 @@ def test_clipping_ends_inside_the_box_and_leaves_what_is_inside(
 
 def test_clipping_to_the_sample_stays_on_the_segment() -> None:
     old, new = torch.tensor([2.0, 1.0, 0.0]), torch.tensor([0.2, 0.4, 0.3])
-    box = Box(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
+    box = Rect(torch.zeros(1, 3, 1, 1), torch.full((1, 3, 1, 1), 0.5))
     clipped = clip_to_sample(old.reshape(1, 3, 1, 1), new.reshape(1, 3, 1, 1), box)[0, :, 0, 0]
     share = (clipped - old) / (new - old)
     torch.testing.assert_close(share, share[:1].expand(3))
@@ -214,7 +214,7 @@ def test_tone_and_ycocg_have_inverses(values: list[float]) -> None:
 
 def test_quarantine_and_valid_know_a_number_when_they_see_one() -> None:
     bad = torch.tensor([float("nan"), float("inf"), -1e-3, 65505.0, 0.0, 65504.0]).reshape(1, 1, 1, 6)
-    torch.testing.assert_close(quarantine(bad, 7.0).ravel(), torch.tensor([7.0, 7, 7, 7, 0, 65504]))
+    torch.testing.assert_close(sanitize(bad, 7.0).ravel(), torch.tensor([7.0, 7, 7, 7, 0, 65504]))
     assert valid(bad.expand(1, 3, 1, 6)).ravel().tolist() == [0, 0, 0, 0, 1, 1]
 
 

@@ -27,7 +27,7 @@ def forked(check, seconds=60):
 """
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_a_forked_child_goes_on_with_the_history_of_its_parent(executor: str) -> None:
     run_apart(f"""{STEP}{FORKED}
 one, other = upscaler(executor="{executor}"), upscaler(executor="{executor}")

@@ -37,7 +37,7 @@ assert after[0] <= before[0] + 20 and after[1] <= before[1] + 4, (before, after)
     )
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
 def test_a_process_ends_while_threads_step(executor: str) -> None:
     run_apart(f"""{STEP}
 import threading, time
@@ -84,7 +84,7 @@ assert "several times slower" in str(caught[0].message), str(caught[0].message)
 assert (one.model.executor, other.model.executor) == ("graph", "graph")
 from supersampler import KernelError
 try:
-    upscaler(executor="host")
+    upscaler(executor="cpu")
 except KernelError as error:
     print(error)
 else:

@@ -31,7 +31,7 @@ SIZE, DISPLAY = (32, 18), (64, 36)
 GOOD = noise(1, SIZE)
 TENSORS = {name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")}
 WORDS: dict[str, tuple[Callable[[Any], object], str]] = {
-    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'graph' or 'host'"),
+    "executor": (lambda word: Model.load("bilinear", executor=word), "'auto', 'onnx' or 'cpu'"),
     "precision": (lambda word: Model.load("bilinear", precision=word), "'auto', 'fp32', 'fp16' or 'int8'"),
     "validate": (lambda word: Upscaler(scale=2, validate=word), "'off', 'warn' or 'strict'"),
     "preset": (lambda word: Upscaler(scale=2, preset=word), "'fast', 'balanced' or 'high'"),
@@ -111,7 +111,7 @@ def test_a_display_is_no_larger_than_kernels_and_graphs_can_count() -> None:
 
 
 def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
-    upscaler = Upscaler(Model.load("taau", threads=1, executor="graph"), display_size=DISPLAY)
+    upscaler = Upscaler(Model.load("taau", threads=1, executor="onnx"), display_size=DISPLAY)
     upscaler.step(GOOD)
     state = upscaler.save_state()
     upscaler.close()
@@ -174,7 +174,7 @@ def test_an_image_is_not_written_over_what_the_step_reads() -> None:
 
 
 def test_tensors_that_cannot_be_a_frame_are_refused_and_the_history_stays() -> None:
-    model = Model.load("taau", threads=1, executor="graph")
+    model = Model.load("taau", threads=1, executor="onnx")
     disturbed, innocent = (Upscaler(model, display_size=SIZE, validate="off") for _ in range(2))
     for upscaler in (disturbed, innocent):
         upscaler.step_tensors(TENSORS, jitter=GOOD.jitter)

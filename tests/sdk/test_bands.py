@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler.backends.cpu.threads import Bands, Box, Job, shared
+from supersampler.backends.cpu.threads import Job, Rect, ThreadPool, shared
 
 boxes_in_rows = st.lists(
     st.tuples(st.integers(1, 40), st.integers(1, 60), st.integers(0, 9)), min_size=1, max_size=12
@@ -22,7 +22,7 @@ def test_shares_hold_every_row_once_and_begin_at_multiples(
 ) -> None:
     boxes, y = [], 0
     for height, width, x in sizes:
-        boxes.append(Box(y, y + height, x, x + width))
+        boxes.append(Rect(y, y + height, x, x + width))
         y += height
     shares = shared(boxes, count, multiple)
     assert 1 <= len(shares) <= count
@@ -38,24 +38,24 @@ def test_shares_hold_every_row_once_and_begin_at_multiples(
 
 
 def test_a_single_box_is_cut_into_equal_bands() -> None:
-    assert shared([Box(0, 540, 0, 960)], 2, 2) == [[Box(0, 270, 0, 960)], [Box(270, 540, 0, 960)]]
+    assert shared([Rect(0, 540, 0, 960)], 2, 2) == [[Rect(0, 270, 0, 960)], [Rect(270, 540, 0, 960)]]
 
 
 def test_the_time_of_a_stage_is_noted_where_it_is_asked_for() -> None:
-    bands, rows = Bands(2), []
+    bands, rows = ThreadPool(2), []
     bands.run("read", 10, lambda y0, y1, _: rows.append((y0, y1)))
     assert sorted(rows) == [(0, 5), (5, 10)]
     bands.seconds = {}
     bands.run("read", 10, lambda *_: None)
-    bands.cover("draw", [Box(0, 4, 0, 4)], lambda *_: None)
+    bands.cover("draw", [Rect(0, 4, 0, 4)], lambda *_: None)
     assert list(bands.seconds) == ["read", "draw"]
     bands.close()
 
 
 def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
-    bands, rows = Bands(2), []
-    first = Job([Box(0, 8, 0, 16)], lambda box, worker: rows.append(("first", box.y0, box.y1, worker)))
-    second = Job([Box(0, 3, 0, 1)], lambda box, worker: rows.append(("second", box.y0, box.y1, worker)))
+    bands, rows = ThreadPool(2), []
+    first = Job([Rect(0, 8, 0, 16)], lambda box, worker: rows.append(("first", box.y0, box.y1, worker)))
+    second = Job([Rect(0, 3, 0, 1)], lambda box, worker: rows.append(("second", box.y0, box.y1, worker)))
     bands.together("gather", first, second)
     assert sorted(rows) == [("first", 0, 4, 0), ("first", 4, 8, 1), ("second", 0, 2, 0), ("second", 2, 3, 1)]
     bands.close()
@@ -63,7 +63,7 @@ def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
 
 @pytest.mark.parametrize("failing", [0, 1])
 def test_what_a_thread_raises_is_raised_after_all_are_done_and_the_next_work_is_done(failing: int) -> None:
-    bands, done = Bands(2), []
+    bands, done = ThreadPool(2), []
 
     def work(y0: int, y1: int, worker: int) -> None:
         if worker == failing:
@@ -81,7 +81,7 @@ def test_what_a_thread_raises_is_raised_after_all_are_done_and_the_next_work_is_
 
 def test_threads_end_with_what_they_help() -> None:
     before = set(threading.enumerate())
-    bands = Bands(3)
+    bands = ThreadPool(3)
     assert set(threading.enumerate()) == before, "threads start with the first work"
     bands.run("read", 12, lambda *_: time.sleep(0.01))
     bands.run("read", 12, lambda *_: None)
@@ -95,7 +95,7 @@ def test_threads_end_with_what_they_help() -> None:
 
 
 def test_stopped_bands_do_the_work_on_the_callers_thread() -> None:
-    bands, done = Bands(2), []
+    bands, done = ThreadPool(2), []
     bands.close()
     bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1, threading.get_ident())))
     assert sorted(rows[:2] for rows in done) == [(0, 5), (5, 10)]
@@ -107,6 +107,6 @@ def test_bands_work_where_no_thread_can_be_started(monkeypatch: pytest.MonkeyPat
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    bands, done = Bands(3), []
+    bands, done = ThreadPool(3), []
     bands.run("read", 9, lambda y0, y1, _: done.append((y0, y1)))
     assert sorted(done) == [(0, 3), (3, 6), (6, 9)]

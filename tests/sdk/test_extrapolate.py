@@ -12,7 +12,16 @@ import pytest
 from alternating import alternate, drawn_by_torch
 from lit_scene import LitScene
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, ModelError, Result, Upscaler, halton_jitter
+from supersampler import (
+    ArgumentError,
+    Frame,
+    FrameError,
+    Model,
+    ModelError,
+    StepResult,
+    Upscaler,
+    halton_jitter,
+)
 from supersampler.frame import Float32
 from supersampler.methods.model_file import extrapolation_names, model_names
 from supersampler.recording import StepCall, open_recording
@@ -26,7 +35,7 @@ SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return Model.load("taau", threads=1, executor="graph")
+    return Model.load("taau", threads=1, executor="onnx")
 
 
 def make(model: Model, **options: Any) -> Upscaler:
@@ -102,7 +111,7 @@ def test_maps_and_an_array_to_write_to_are_as_of_any_step(taau: Model) -> None:
     upscaler, out = make(taau), np.empty((72, 128, 3), np.float32)
     upscaler.step(shaded(0))
     result = upscaler.extrapolate(unshaded(1), out=out, want=("weight",))
-    assert isinstance(result, Result)
+    assert isinstance(result, StepResult)
     assert result.image is out
     assert result.weight is not None
 

@@ -40,7 +40,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def taau() -> Model:
-    return Model.load("taau", threads=1, executor="graph")
+    return Model.load("taau", threads=1, executor="onnx")
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from cuda_kernels import CPU_INPUTS, CUDA_KERNELS
 from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, ProviderError, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
-from supersampler.backends.onnx.executor import GraphExecutor
+from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import NAMES, capturing
 from supersampler.methods.model_file import (
     extents,
@@ -34,7 +34,7 @@ METHODS = ["bilinear", "taau", "classifier-small"]
 
 @functools.cache
 def load(method: str, *, capture: bool = False) -> Model:
-    return Model.load(method, providers="cpu", threads=1, executor="graph", capture=capture)
+    return Model.load(method, providers="cpu", threads=1, executor="onnx", capture=capture)
 
 
 @pytest.fixture(scope="module", params=METHODS)
@@ -166,9 +166,9 @@ def test_a_run_may_be_repeated_as_it_is_before_it_is_captured(
 
 
 def test_only_graphs_are_captured() -> None:
-    assert Model.load("taau", providers="cpu", capture=True).executor == "graph"
+    assert Model.load("taau", providers="cpu", capture=True).executor == "onnx"
     with pytest.raises(ArgumentError, match=r"capture=True.*Only graphs are captured"):
-        Model.load("taau", providers="cpu", executor="host", capture=True)
+        Model.load("taau", providers="cpu", executor="cpu", capture=True)
     with pytest.raises(ArgumentError, match="capture is set beside a Model"):
         Upscaler(load("taau"), display_size=DISPLAY, capture=True)
 
@@ -179,7 +179,7 @@ def test_the_first_provider_is_told_to_capture_or_is_refused() -> None:
     assert capturing([NAMES["tensorrt"], cuda])[1] == (cuda, {})
     assert capturing([cpu]) == [(cpu, {})]
     with pytest.raises(ProviderError, match="DmlExecutionProvider cannot capture a step; CUDA"):
-        GraphExecutor(load("taau").info, 1, [NAMES["directml"]], "fp32", capture=True)
+        OnnxExecutor(load("taau").info, 1, [NAMES["directml"]], "fp32", capture=True)
 
 
 SIDES = (("width", 32), ("height", 18))

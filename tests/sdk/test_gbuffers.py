@@ -76,7 +76,7 @@ def by_hand(frame: Frame, past: NDArray[np.float32]) -> tuple[NDArray[np.float32
 
 
 def test_a_method_reads_the_buffers_that_it_asks_for(model: Model) -> None:
-    assert (model.executor, model.info.gbuffers, model.info.only_ratio) == ("graph", WANTED, RATIO)
+    assert (model.executor, model.info.gbuffers, model.info.only_ratio) == ("onnx", WANTED, RATIO)
     one, past = upscaler(model), np.zeros((*DISPLAY[::-1], 3), np.float32)
     for seed in (1, 2, 0, 3):
         frame = lit(seed)
@@ -150,7 +150,7 @@ def test_buffers_that_a_method_does_not_use_are_neither_asked_for_nor_looked_at(
         frames.append(replace(lit(1), gbuffer=gbuffer, gbuffer_display=gbuffer_display))
     few, many = (upscaler(model, validate="strict").step(frame) for frame in frames)
     np.testing.assert_array_equal(few, many)
-    plain = Upscaler("bilinear", display_size=DISPLAY, executor="graph", threads=1)
+    plain = Upscaler("bilinear", display_size=DISPLAY, executor="onnx", threads=1)
     np.testing.assert_array_equal(plain.step(frames[1]), plain.step(noise(1)))
 
 

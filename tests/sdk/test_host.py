@@ -31,16 +31,14 @@ BYTES, ROUNDING = (3e-3, 0.03), (1e-5, 1e-3)
 
 @pytest.fixture(scope="module")
 def models() -> dict[tuple[str, str], Model]:
-    names: tuple[ExecutorName, ...] = ("graph", "host")
+    names: tuple[ExecutorName, ...] = ("onnx", "cpu")
     return {(m, e): Model.load(m, threads=2, executor=e) for m in METHODS for e in names}
 
 
 def step_both(
     models: dict[tuple[str, str], Model], method: str, frames: list[Frame], display: Size
 ) -> list[tuple[Any, Any]]:
-    pair = [
-        Upscaler(models[method, name], display_size=display, validate="off") for name in ("graph", "host")
-    ]
+    pair = [Upscaler(models[method, name], display_size=display, validate="off") for name in ("onnx", "cpu")]
     results = [[u.step(frame, want=("weight",)) for u in pair] for frame in frames]
     return [(one, other) for one, other in results]
 
@@ -100,7 +98,7 @@ def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Mo
 def test_the_number_of_threads_changes_no_bit(method: str) -> None:
     drawn = []
     for threads in (1, 2, 5):
-        model = Model.load(method, threads=threads, executor="host")
+        model = Model.load(method, threads=threads, executor="cpu")
         upscaler = Upscaler(model, display_size=(97, 55), validate="off")
         drawn.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
     np.testing.assert_array_equal(drawn[0], drawn[1])
@@ -112,7 +110,7 @@ def test_a_state_goes_from_one_executor_to_the_other(
     models: dict[tuple[str, str], Model], method: str
 ) -> None:
     one, other = (
-        Upscaler(models[method, name], display_size=(64, 36), validate="off") for name in ("graph", "host")
+        Upscaler(models[method, name], display_size=(64, 36), validate="off") for name in ("onnx", "cpu")
     )
     for seed in range(3):
         one.step(noise(seed))
@@ -124,26 +122,26 @@ def test_a_state_goes_from_one_executor_to_the_other(
 
 @pytest.mark.parametrize("method", METHODS)
 def test_a_cpu_takes_the_host_where_a_method_has_it(method: str) -> None:
-    assert Model.load(method).executor == "host"
-    assert Model.load("bilinear").executor == "graph"
+    assert Model.load(method).executor == "cpu"
+    assert Model.load("bilinear").executor == "onnx"
 
 
 def test_the_classifier_runs_in_bytes_on_the_host_and_in_single_precision_in_the_graph() -> None:
     assert Model.load("classifier").precision == "int8"
     exact = Model.load("classifier", precision="fp32")
-    assert (exact.executor, exact.precision) == ("graph", "fp32")
+    assert (exact.executor, exact.precision) == ("onnx", "fp32")
     half = Model.load("classifier", precision="fp16")
-    assert (half.executor, half.precision) == ("graph", "fp16")
+    assert (half.executor, half.precision) == ("onnx", "fp16")
 
 
 @pytest.mark.parametrize(
     ("method", "asked"),
     [
-        ("bilinear", {"executor": "host"}),
+        ("bilinear", {"executor": "cpu"}),
         ("taau", {"precision": "int8"}),
         ("taau", {"precision": "fp16"}),
-        ("classifier", {"executor": "host", "precision": "fp16"}),
-        ("classifier", {"executor": "graph", "precision": "int8"}),
+        ("classifier", {"executor": "cpu", "precision": "fp16"}),
+        ("classifier", {"executor": "onnx", "precision": "int8"}),
     ],
 )
 def test_what_a_model_cannot_do_is_refused(method: str, asked: dict[str, Any]) -> None:
@@ -160,7 +158,7 @@ def test_a_damaged_network_is_refused(tmp_path: Path) -> None:
         Model.load(tmp_path)
 
 
-LOAD = "import sys; from supersampler import Model; Model.load('taa', executor='host'); "
+LOAD = "import sys; from supersampler import Model; Model.load('taa', executor='cpu'); "
 
 
 def test_kernels_are_compiled_once_and_then_need_no_compiler(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from noise import Size, noise
 from supersampler import Frame, halton_jitter
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
-from supersampler.methods.extrapolation.cpu import GuidedWarpHost
+from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
@@ -29,7 +29,7 @@ def made(executor: ExecutorName, threads: int = 2) -> Extrapolator:
 
 @pytest.fixture(scope="module")
 def graph() -> Extrapolator:
-    return made("graph")
+    return made("onnx")
 
 
 @pytest.fixture(scope="module")
@@ -144,12 +144,12 @@ def test_what_a_frame_leaves_is_not_written_to(host: Extrapolator) -> None:
 
 
 def test_a_cpu_takes_kernels_unless_it_is_told_not_to(graph: Extrapolator, host: Extrapolator) -> None:
-    assert host.executor == "host"
-    assert graph.executor == "graph"
+    assert host.executor == "cpu"
+    assert graph.executor == "onnx"
 
 
 @pytest.mark.parametrize("changed", [{"taps": 3}, {"strides": [3, 1]}, {"strides": []}])
 def test_kernels_draw_with_no_settings_that_they_are_not_made_for(changed: dict[str, Any]) -> None:
     config = read_model_info(find_model("guided-warp")).config
-    assert GuidedWarpHost.draws(config)
-    assert not GuidedWarpHost.draws({**config, **changed})
+    assert GuidedWarpCpu.draws(config)
+    assert not GuidedWarpCpu.draws({**config, **changed})

@@ -52,7 +52,7 @@ HOSTILE: dict[str, tuple[str, Spoil]] = {
 }
 
 
-@pytest.fixture(scope="module", params=["graph", "auto"])
+@pytest.fixture(scope="module", params=["onnx", "auto"])
 def models(request: pytest.FixtureRequest) -> dict[str, Model]:
     return {name: Model.load(name, threads=1, executor=request.param) for name in METHODS}
 

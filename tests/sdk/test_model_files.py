@@ -186,7 +186,7 @@ def test_kernels_extrapolate_with_no_rings_that_they_are_not_made_for(
     folder = Path(shutil.copytree(find_model("guided-warp"), tmp_path / "model"))
     config = json.loads((folder / "model.json").read_text())["config"]
     change(folder, config={**config, "strides": strides})
-    assert Extrapolator(folder, [CPU], 1).executor == "graph"
+    assert Extrapolator(folder, [CPU], 1).executor == "onnx"
 
 
 def test_kernels_leave_a_history_that_they_do_not_know_to_the_graph(folder: Path) -> None:
@@ -347,10 +347,10 @@ def test_other_files_damage_and_depth_are_refused() -> None:
 def test_a_graph_of_a_stranger_is_read_before_onnx_runtime_sees_it(folder: Path) -> None:
     replace_file(folder, "step.onnx", model_of(IDENTITY, tensors=[external()]).SerializeToString())
     with pytest.raises(ModelError, match=r"step\.onnx: has data in other files"):
-        Model.load(folder, executor="graph")
+        Model.load(folder, executor="onnx")
     replace_file(folder, "step.onnx", model_of(IDENTITY).SerializeToString())
     with pytest.raises(ModelError, match=r"step\.onnx: inputs are color; model\.json says color, depth"):
-        Model.load(folder, executor="graph")
+        Model.load(folder, executor="onnx")
 
 
 def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(tmp_path: Path) -> None:
@@ -360,7 +360,7 @@ def test_a_graph_that_fails_as_it_runs_is_an_error_of_ours_and_changes_nothing(t
     model.graph.input.append(helper.make_tensor_value_info("jitter", TensorProto.FLOAT, [1, 2]))
     model.graph.input.append(helper.make_tensor_value_info("display_size", TensorProto.INT64, [2]))
     replace_file(folder, "step.onnx", model.SerializeToString())
-    upscaler = Upscaler(folder, scale=2.0, executor="graph")
+    upscaler = Upscaler(folder, scale=2.0, executor="onnx")
     with pytest.raises(ModelError, match=r"step\.onnx: ONNX Runtime cannot run it: "):
         upscaler.step(noise(0))
     assert upscaler.save_state().history is None

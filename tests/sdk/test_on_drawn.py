@@ -19,7 +19,7 @@ from supersampler import (
     FrameError,
     Model,
     ModelError,
-    Result,
+    StepResult,
     Upscaler,
     halton_jitter,
 )  # fmt: skip
@@ -45,7 +45,7 @@ def joint(folder: Path) -> Model:
 
 @pytest.fixture(scope="module")
 def classifier() -> Model:
-    return Model.load("classifier", threads=1, executor="graph", providers="cpu")
+    return Model.load("classifier", threads=1, executor="onnx", providers="cpu")
 
 
 def make(model: Model, **options: Any) -> Upscaler:
@@ -91,7 +91,7 @@ def test_a_model_without_one_steps_on_drawn_frames_itself(classifier: Model) -> 
 
 def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
     assert joint.on_drawn is not joint
-    assert joint.executor == joint.on_drawn.executor == "graph"
+    assert joint.executor == joint.on_drawn.executor == "onnx"
     assert (joint.providers, joint.threads) == (joint.on_drawn.providers, joint.on_drawn.threads)
     assert joint.info.drawn == folder / "drawn"
 
@@ -112,7 +112,7 @@ def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Mode
         made = [
             (u.extrapolate if index % 2 else u.step)(frame, want=("weight", "carry")) for u in (ours, theirs)
         ]
-        one, other = (result for result in made if isinstance(result, Result))
+        one, other = (result for result in made if isinstance(result, StepResult))
         assert one.carry is not None
         assert one.weight is not None
         np.testing.assert_array_equal(one.carry, other.carry)

@@ -14,7 +14,7 @@ DISPLAY: Size = (640, 360)
 
 @pytest.mark.parametrize("method", ["taa", "taau", "classifier", "classifier-small"])
 def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> None:
-    model = Model.load(method, executor="host", threads=2)
+    model = Model.load(method, executor="cpu", threads=2)
     plan = model.plan(RENDER, DISPLAY)
     assert plan.working_bytes is not None
     still, image = noise(3, RENDER), np.empty((*DISPLAY[::-1], 3), np.float32)
@@ -41,9 +41,9 @@ def test_the_bytes_of_a_plan_are_those_that_an_upscaler_takes(method: str) -> No
 
 @pytest.mark.parametrize("method", ["bilinear", "taau", "classifier"])
 def test_a_graphs_history_is_planned_by_its_shapes(method: str) -> None:
-    model = Model.load(method, executor="graph", threads=1)
+    model = Model.load(method, executor="onnx", threads=1)
     plan = model.plan(RENDER, DISPLAY)
-    assert (plan.executor, plan.precision, plan.working_bytes) == ("graph", "fp32", None)
+    assert (plan.executor, plan.precision, plan.working_bytes) == ("onnx", "fp32", None)
     saved = model.save_history(model.first_history(DISPLAY, RENDER))
     assert plan.history_bytes == 2 * sum(array.nbytes for array in saved.values())
 

@@ -131,7 +131,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
 
 
 def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
-    with recorded(Model.load("taau", threads=1, executor="graph"), file, validate="strict") as upscaler:
+    with recorded(Model.load("taau", threads=1, executor="onnx"), file, validate="strict") as upscaler:
         for seed in range(3):
             frame = noise(seed)
             images = {name: planes_of(getattr(frame, name)) for name in ("color", "depth", "motion")}
@@ -143,7 +143,7 @@ def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
     calls = list(open_recording(file))
     assert [isinstance(call, StepCall) and call.tensors for call in calls] == [True, True, True, False]
     assert [step.exact for step in replayed(file)] == [True] * 3
-    assert not replayed(file, executor="host")[0].exact
+    assert not replayed(file, executor="cpu")[0].exact
 
 
 def test_nothing_changes_by_being_recorded(models: dict[str, Model], file: Path) -> None:
@@ -363,7 +363,7 @@ def test_another_executor_is_within_tolerance_and_another_picture_is_not(
     with recorded(models["classifier"], file) as upscaler:
         for seed in range(3):
             upscaler.step(noise(seed))
-    steps = replayed(file, executor="graph")
+    steps = replayed(file, executor="onnx")
     assert [(step.exact, step.within) for step in steps] == [(False, True)] * 3
     assert all(step.difference and 0 < step.difference.mean <= step.difference.largest for step in steps)
     other = replayed(file, model="taau")

@@ -21,7 +21,7 @@ from supersampler_model.data.scenes.analytic import DiscOverPlane, Scene
 DISPLAY, WARM, CLEAN = (32, 24), 10, 30
 WITH_KERNELS = ["taa", "taau", "classifier", "classifier-small", "classifier+guided-warp"]
 WITH_GRAPHS = [*WITH_KERNELS[:4], "gbuffer-small", "gbuffer-small-4x", "extrapolate+guided-warp"]
-SUBJECTS = [*((name, "host") for name in WITH_KERNELS), *((name, "graph") for name in WITH_GRAPHS)]
+SUBJECTS = [*((name, "cpu") for name in WITH_KERNELS), *((name, "onnx") for name in WITH_GRAPHS)]
 
 
 @dataclass(frozen=True)
@@ -78,8 +78,8 @@ def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: s
     images = run.after(exposure=exposure)
     soon, late = off(images[0], run.calm[0]), off(images[-1], run.calm[-1])
     assert soon.mean < 4.0 / 255.0, "the next image is already sound"
-    assert late.mean < (0.1 if executor == "graph" else 1.0) / 255.0, "of a network in bytes chance is more"
-    assert late.most < (4.0 if executor == "graph" else 10.0) / 255.0
+    assert late.mean < (0.1 if executor == "onnx" else 1.0) / 255.0, "of a network in bytes chance is more"
+    assert late.most < (4.0 if executor == "onnx" else 10.0) / 255.0
 
 
 @pytest.mark.parametrize(("method", "executor"), SUBJECTS)
@@ -91,7 +91,7 @@ def test_a_first_frame_with_an_absurd_exposure_is_forgotten(method: str, executo
 
 @pytest.mark.parametrize("method", ["gbuffer-small", "gbuffer-small-4x"])
 def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
-    run = begun(method, "graph", dressed=True)
+    run = begun(method, "onnx", dressed=True)
     color = np.full_like(np.asarray(run.frame(WARM).color), 65504.0)
     late, cut = left(run, color=color), left(run, reset=True)
     assert late.mean < max(1.25 * cut.mean, 0.1 / 255.0)

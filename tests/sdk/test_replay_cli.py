@@ -57,7 +57,7 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path:
 
 
 def test_another_executor_is_told_and_tolerated(file: Path) -> None:
-    done = run("replay", file, "--executor", "graph")
+    done = run("replay", file, "--executor", "onnx")
     assert done.exit_code == 0
     assert "CPU (graph, fp32)" in done.stdout
     assert f"0 of {COUNT} frames are bit for bit what they were; frame 0 is the first" in done.stdout
@@ -76,7 +76,7 @@ def test_another_picture_is_exit_code_1(file: Path, tmp_path: Path) -> None:
 def test_pictures_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -> None:
     assert run("replay", file, "-o", tmp_path / "again").exit_code == 0
     assert run("replay", file, "-o", tmp_path / "again").exit_code == 0  # the same
-    other = ("replay", file, "-o", tmp_path / "again", "--executor", "graph")
+    other = ("replay", file, "-o", tmp_path / "again", "--executor", "onnx")
     refused = run(*other)
     assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
     assert "executor was host, is now graph" in refused.stderr

@@ -21,7 +21,7 @@ from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.cpu.tile_reuse import allowed_change
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.frame import Float32
-from supersampler.history import Result
+from supersampler.history import StepResult
 
 METHODS = ["taa", "taau", "classifier"]
 RENDER: Size = (160, 112)
@@ -34,7 +34,7 @@ MOST = 14 * PERIOD
 
 @pytest.fixture(scope="module")
 def models() -> dict[str, Model]:
-    return {name: Model.load(name, executor="host", threads=2) for name in METHODS}
+    return {name: Model.load(name, executor="cpu", threads=2) for name in METHODS}
 
 
 def scene(
@@ -79,7 +79,7 @@ def twin(upscaler: Upscaler) -> Upscaler:
 def work_of(upscaler: Upscaler, frame: Frame) -> tuple[Float32, Float32]:
     """Image and work of a step."""
     result = upscaler.step(frame, want=("work",))
-    assert isinstance(result, Result)
+    assert isinstance(result, StepResult)
     assert result.work is not None
     return result.image, result.work
 
@@ -189,7 +189,7 @@ def test_a_cut_begins_anew(models: dict[str, Model]) -> None:
 def test_the_number_of_threads_changes_no_bit_of_what_is_skipped() -> None:
     images = []
     for threads in (1, 2, 3):
-        upscaler, index = settled(Model.load("taau", executor="host", threads=threads))
+        upscaler, index = settled(Model.load("taau", executor="cpu", threads=threads))
         spots = [[(20, 20)], [], [(130, 90), (4, 90)]]
         images.append([upscaler.step(scene(index + i, spots=s)) for i, s in enumerate(spots)])
     for other in images[1:]:

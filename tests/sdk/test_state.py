@@ -170,7 +170,7 @@ def test_sizes_that_arrays_claim_without_memory_are_refused() -> None:
         still_state(), shaded=None, history={"history.color": claimed}, display_size=(side, side * 2)
     )
     with pytest.raises(ArgumentError, match=r"state\.display_size"):
-        Upscaler(loaded("taa", "host"), scale=2.0).load_state(replace(state, method="taa"))
+        Upscaler(loaded("taa", "cpu"), scale=2.0).load_state(replace(state, method="taa"))
     wide = {name: np.broadcast_to(np.float32(0.0), (*a.shape[:2], 1 << 16, 40)) for name, a in _images()}
     assert_refused(
         replace(still_state(), shaded={**(still_state().shaded or {}), **wide}), "each named extent"

@@ -8,8 +8,8 @@ import pytest
 from typer.testing import CliRunner
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, Result, ShotWriter, Upscaler
-from supersampler.aux_outputs import CLASS_COLORS, class_colors, map_layers
+from supersampler import ArgumentError, Frame, FrameError, Model, ShotWriter, StepResult, Upscaler
+from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.io.images import read_exr
 from supersampler.validation import FrameChecker
@@ -34,9 +34,9 @@ def carrying(seed: int, channels: int = 2) -> Frame:
     return noise(seed, carry=(frame.color / 8.0)[..., :channels].copy())
 
 
-def told(upscaler: Upscaler, frame: Frame, *want: str) -> Result:
+def told(upscaler: Upscaler, frame: Frame, *want: str) -> StepResult:
     result = upscaler.step(frame, want=want)
-    assert isinstance(result, Result)
+    assert isinstance(result, StepResult)
     return result
 
 
@@ -157,7 +157,7 @@ def test_classes_have_the_colours_of_the_legend() -> None:
         shares[0, column, [ghost, alias]] = 1.0
     assert [tuple(map(int, pixel)) for pixel in class_colors(shares)[0]] == list(CLASS_COLORS.values())
     image = np.zeros((2, 10, 3), np.float32)
-    layers = map_layers(Result(image, class_map=shares, weight=image[..., 0], count=image[..., 0]))
+    layers = aux_output_layers(StepResult(image, class_map=shares, weight=image[..., 0], count=image[..., 0]))
     assert list(layers) == ["classes", "weight", "count"]
 
 

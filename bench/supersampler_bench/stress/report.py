@@ -14,7 +14,7 @@ from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
 from supersampler_bench.stress.scenario import Figure, Scenario
 
-_STYLES = {"host": "-", "graph": "--"}
+_STYLES = {"cpu": "-", "onnx": "--"}
 _COLUMNS = 3  # of a sheet
 
 

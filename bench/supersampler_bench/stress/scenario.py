@@ -46,7 +46,7 @@ class Subject:
 
     Attributes:
         method: its name.
-        executor: "host" or "graph".
+        executor: "cpu" or "onnx".
         precision: of what is learned, "fp32", "fp16" or "int8".
         remembers: whether anything goes from frame to frame.
         reach: display pixels around a bad one that may look different.
@@ -205,7 +205,7 @@ class Scenario:
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
         """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
-        graph = subject.executor == "graph"
+        graph = subject.executor == "onnx"
         small = quick or self.pairs or (graph and not self.same_size)
         frames = self.quick if quick else self.graph if graph else self.host
         return Trial(subject, (48, 32) if small else (96, 64), frames)

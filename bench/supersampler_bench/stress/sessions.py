@@ -20,7 +20,7 @@ def threads(trial: Trial) -> Measured:
     frames = _frames(moving(trial.render), trial.frames)
     expected = _drawn(trial.begin(), frames)
     curve = [_most(expected, _drawn(trial.begin(threads=count), frames)) for count in THREADS]
-    bound = 0.0 if trial.subject.executor == "host" else ROUNDING
+    bound = 0.0 if trial.subject.executor == "cpu" else ROUNDING
     return Measured((Figure("apart", max(curve), bound),), curve)
 
 

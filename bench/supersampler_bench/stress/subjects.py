@@ -40,7 +40,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             model = begin.model(1)
         except ArgumentError:  # the method has no such executor
             continue
-        is_exact = (model.executor, model.precision) == ("graph", "fp32")
+        is_exact = (model.executor, model.precision) == ("onnx", "fp32")
         yield Subject(
             method=method,
             executor=model.executor,
@@ -48,7 +48,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             remembers=bool(model.info.history),
             reach=REACH + _sight(model.info),
             begin=begin,
-            exact=None if is_exact else replace(begin, executor="graph", precision="fp32"),
+            exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
             recovery=SLOW.get(spec.model, RECOVERY),
             ratios=model.info.ratios,
         )

@@ -17,7 +17,7 @@ from supersampler_model.methods.base import (
     render_size_of,
 )
 from supersampler_model.ops.color import finite
-from supersampler_model.ops.motion import closest_of_four, past_of, read, usable_depth, usable_motion
+from supersampler_model.ops.motion import dilate_motion_2x2, past_of, read, usable_depth, usable_motion
 from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
@@ -52,7 +52,7 @@ class Carry(Method):
         grid = grid_of(display, render, jitter)
         samples = torch.cat([finite(carry), torch.ones_like(depth)], dim=1)
         present = normalised(upsample(samples, grid, gaussian(SIGMA)))
-        closest = torch.cat(closest_of_four(usable_depth(depth), usable_motion(motion)), dim=1)
+        closest = torch.cat(dilate_motion_2x2(usable_depth(depth), usable_motion(motion)), dim=1)
         there = past_of(pick_first(closest, grid)[:, 1:], display, render)
         past = read(finite(history_carry), there.x, there.y)
         blend = present + weight.clamp(0.0, 1.0) * (past - present)

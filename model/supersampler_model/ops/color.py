@@ -24,7 +24,7 @@ def valid(color: Tensor) -> Tensor:
     return (good[:, :1] & good[:, 1:2] & good[:, 2:3]).float()
 
 
-def quarantine(color: Tensor, fallback: Tensor | float) -> Tensor:
+def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
     """Replace what is not a number in [0, 65504]."""
     fallback = torch.as_tensor(fallback, dtype=color.dtype)
     return torch.where((color >= 0.0) & (color <= MAX_HALF), color, fallback)

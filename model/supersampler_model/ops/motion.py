@@ -25,7 +25,7 @@ def usable_depth(depth: Tensor) -> Tensor:
     return torch.where((depth >= 0.0) & (depth <= 1e30), depth, torch.full_like(depth, UNKNOWN_DEPTH))
 
 
-def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
+def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     """Depth and motion of the closest of each pixel and its right, lower and lower right neighbours.
 
     Edges then move with what is in front, and no pixel takes motion from farther than a sample away: 3x3
@@ -38,7 +38,7 @@ def closest_of_four(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
     return best, chosen
 
 
-def without_thin(depth: Tensor) -> Tensor:
+def morphological_opening(depth: Tensor) -> Tensor:
     """Depth where things less than three samples wide give way to what is behind them (an opening)."""
     eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
     return extreme(eroded, torch.maximum)

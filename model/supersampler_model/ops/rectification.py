@@ -8,17 +8,17 @@ from torch import Tensor
 from supersampler_model.ops.sampling import extreme, neighbours, sum_of
 
 
-class Box(NamedTuple):
+class Rect(NamedTuple):
     """Axis-aligned box of colours per pixel: low and high corner, each (1, 3, h, w)."""
 
     low: Tensor
     high: Tensor
 
 
-def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor, floor: float | Tensor = 0.0) -> Box:
+def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor, floor: float | Tensor = 0.0) -> Rect:
     """Box mu +- (gamma sigma + floor) of raw moments E[c] and E[c^2] (Salvi 2016, variance clipping)."""
     reach = gamma * (second - first * first).clamp(min=0.0).sqrt() + floor
-    return Box(first - reach, first + reach)
+    return Rect(first - reach, first + reach)
 
 
 def moments(color: Tensor) -> tuple[Tensor, Tensor]:
@@ -27,30 +27,30 @@ def moments(color: Tensor) -> tuple[Tensor, Tensor]:
     return sum_of(window) / 9.0, sum_of([c * c for c in window]) / 9.0
 
 
-def extent_box(color: Tensor) -> Box:
+def extent_box(color: Tensor) -> Rect:
     """Per-channel minimum and maximum over each 3x3 neighbourhood."""
-    return Box(extreme(color, torch.minimum), extreme(color, torch.maximum))
+    return Rect(extreme(color, torch.minimum), extreme(color, torch.maximum))
 
 
-def intersect(a: Box, b: Box) -> Box:
+def intersect(a: Rect, b: Rect) -> Rect:
     """The box inside both."""
-    return Box(torch.maximum(a.low, b.low), torch.minimum(a.high, b.high))
+    return Rect(torch.maximum(a.low, b.low), torch.minimum(a.high, b.high))
 
 
-def overshoot(color: Tensor, box: Box) -> Tensor:
+def overshoot(color: Tensor, box: Rect) -> Tensor:
     """(1, 1, h, w) how far `color` lies from the box's centre, in half extents: <= 1 inside."""
     extent = (0.5 * (box.high - box.low)).clamp(min=1e-5)
     ratio = (color - 0.5 * (box.low + box.high)).abs() / extent
     return torch.maximum(torch.maximum(ratio[:, :1], ratio[:, 1:2]), ratio[:, 2:3])
 
 
-def clip_to_center(color: Tensor, box: Box) -> Tensor:
+def clip_to_center(color: Tensor, box: Rect) -> Tensor:
     """Move `color` towards the box's centre until it is inside (the common form)."""
     center = 0.5 * (box.low + box.high)
     return center + (color - center) / overshoot(color, box).clamp(min=1.0)
 
 
-def clip_to_sample(color: Tensor, sample: Tensor, box: Box) -> Tensor:
+def clip_to_sample(color: Tensor, sample: Tensor, box: Rect) -> Tensor:
     """Cut the segment from the old `color` to the new `sample` where it enters the box (Salvi 2016).
 
     With variance clipping the new sample itself may lie outside the box, and the segment then miss it; such
@@ -66,6 +66,6 @@ def clip_to_sample(color: Tensor, sample: Tensor, box: Box) -> Tensor:
     return torch.where(meets, color + first.clamp(0.0, 1.0) * step, clip_to_center(color, box))
 
 
-def clamp_to(color: Tensor, box: Box) -> Tensor:
+def clamp_to(color: Tensor, box: Rect) -> Tensor:
     """Per-channel clamp."""
     return torch.minimum(torch.maximum(color, box.low), box.high)

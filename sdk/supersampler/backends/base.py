@@ -15,7 +15,7 @@ class Executor(Protocol):
     """Runs steps; keeps nothing between them that a result depends on. Shareable between threads.
 
     Attributes:
-        name: "graph" or "host".
+        name: "onnx" or "cpu".
         precision: of the learned part, "fp32", "fp16" or, in bytes, "int8".
     """
 

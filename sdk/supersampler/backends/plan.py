@@ -11,7 +11,7 @@ class Plan:
     """What an `Upscaler` needs for frames of one size and pictures of another.
 
     Attributes:
-        executor: "graph" or "host"; see `Model.load`.
+        executor: "onnx" or "cpu"; see `Model.load`.
         precision: of what is learned, "fp32", "fp16" or "int8".
         history_bytes: what one frame leaves for the next, twice: one is read while the other is written.
         working_bytes: what a step works in, which Upscalers of one Model share; what they keep to know what

@@ -38,8 +38,8 @@ class ExecutorChoice(StrEnum):
     """How a model runs."""
 
     auto = "auto"
-    graph = "graph"
-    host = "host"
+    onnx = "onnx"
+    cpu = "cpu"
 
 
 class PresetChoice(StrEnum):

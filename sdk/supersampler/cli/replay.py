@@ -44,7 +44,7 @@ def replay(
     executor: Annotated[
         ExecutorChoice | None,
         typer.Option(
-            help="How to run it. graph: in ONNX Runtime. host: as kernels.", show_default="recorded"
+            help="How to run it. onnx: in ONNX Runtime. cpu: as compiled kernels.", show_default="recorded"
         ),
     ] = None,
     precision: Annotated[
@@ -69,7 +69,7 @@ def replay(
     \b
     Examples:
       supersampler replay kitchen.recording
-      supersampler replay kitchen.recording -o out --format png --executor graph
+      supersampler replay kitchen.recording -o out --format png --executor onnx
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.recording import open_recording
     from supersampler.recording.replay import Replay, Summary

@@ -21,13 +21,13 @@ from rich.progress import (
 from rich.text import Text
 
 from supersampler import __version__
-from supersampler.aux_outputs import LEGENDS, map_layers
+from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.results import Results
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart, remove_files
 from supersampler.io.compare import (
     ERROR_LEGEND,
@@ -197,7 +197,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
                 results.write(item.index, result.image, exposure, result.carry)
             if page is not None and item.index >= page_start:
                 layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
-                page.add(item.index, {**layers, **map_layers(result)}, numbers)
+                page.add(item.index, {**layers, **aux_output_layers(result)}, numbers)
             progress.advance(task)
     stats, seconds = upscaler.stats, time.perf_counter() - began
     rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
@@ -209,12 +209,12 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
         job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was left out: nothing moved.")
 
 
-def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> Result:
+def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
     """Step, and ask for what the pictures and the page show."""
     maps = [*upscaler.model.info.maps, "work"] if job.maps else []
     step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
     result = step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
-    return result if isinstance(result, Result) else Result(result)
+    return result if isinstance(result, StepResult) else StepResult(result)
 
 
 def _last_cut(shot: Shot, index: int) -> int:

@@ -5,24 +5,24 @@ import warnings
 from collections.abc import Mapping
 
 from supersampler.backends.base import Executor
-from supersampler.backends.cpu.threads import Bands
+from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.errors import BackendWarning, KernelError
-from supersampler.methods.classifier.cpu import ClassifierHost
+from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.cpu_checks import check_constants, has_known_history
-from supersampler.methods.extrapolation.cpu import GuidedWarpHost
+from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 from supersampler.methods.model_file import ModelInfo
-from supersampler.methods.taa.cpu import TaaHost
-from supersampler.methods.taau.cpu import TaauHost
+from supersampler.methods.taa.cpu import TaaCpu
+from supersampler.methods.taau.cpu import TaauCpu
 
 _SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
-_HOSTS: Mapping[str, type[ClassifierHost] | type[TaaHost] | type[TaauHost]] = {
-    "classifier": ClassifierHost,
-    "taa": TaaHost,
-    "taau": TaauHost,
+_HOSTS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
+    "classifier": ClassifierCpu,
+    "taa": TaaCpu,
+    "taau": TaauCpu,
 }
 
 
-def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
+def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
     """Return the CPU backend of a model; None where it has no kernels, or they cannot be compiled.
 
     Args:
@@ -41,24 +41,20 @@ def host_executor(info: ModelInfo, threads: int, *, required: bool = False) -> E
         return None
     check_constants(info, kernels)
     try:
-        return _HOSTS[kernels](info, Bands(threads or len(_cores())))
+        return _HOSTS[kernels](info, ThreadPool(threads or len(_cores())))
     except KernelError as error:
         _fall_back(error, required=required)
         return None
 
 
-def host_drawing(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpHost | None:
-    """Return what extrapolates unshaded frames on the CPU; see `host_executor`."""
+def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpCpu | None:
+    """Return what extrapolates unshaded frames on the CPU; see `cpu_executor`."""
     kernels = "guided-warp"
-    if (
-        info.method != kernels
-        or not GuidedWarpHost.draws(info.config)
-        or not has_known_history(info, kernels)
-    ):
+    if info.method != kernels or not GuidedWarpCpu.draws(info.config) or not has_known_history(info, kernels):
         return None
     check_constants(info, kernels)
     try:
-        return GuidedWarpHost(info, Bands(threads or len(_cores())))
+        return GuidedWarpCpu(info, ThreadPool(threads or len(_cores())))
     except KernelError as error:
         _fall_back(error, required=required)
         return None

@@ -57,7 +57,7 @@ class Setup(RecordedModel):
     Attributes:
         contract: version of the meaning of a frame's inputs (docs/contract.md).
         extrapolation: the model that draws frames that were not shaded; None where there was none.
-        executor: "graph" or "host".
+        executor: "onnx" or "cpu".
         precision: of what is learned, "fp32" or "int8".
         providers: of ONNX Runtime.
         threads: as asked for; 0 takes every core.
@@ -148,7 +148,7 @@ def setup_of(record: Record) -> Setup:
         **_model_of(values),
         contract=whole(values["contract"], 0, _MANY),
         extrapolation=None if extrapolation is None else RecordedModel(**_model_of(members(extrapolation))),
-        executor=text(values["executor"], ("graph", "host")),
+        executor=text(values["executor"], ("onnx", "cpu")),
         precision=text(values["precision"], ("fp32", "fp16", "int8")),
         providers=texts(values["providers"], 16),
         threads=whole(values["threads"], 0, MAX_THREADS),

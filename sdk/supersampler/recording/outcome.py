@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.recording.format import Record, octets
 from supersampler.recording.values import members, texts, whole
 
@@ -25,7 +25,7 @@ class Outcome:
     """What a step returned, or raised.
 
     Attributes:
-        digests: CRC-32 of each array that was returned, by its name in `Result`.
+        digests: CRC-32 of each array that was returned, by its name in `StepResult`.
         samples: pixels of the image and of what was carried; see `sampled`.
         error: name of the exception's class and its text; "" and "" where none was raised.
     """
@@ -35,7 +35,7 @@ class Outcome:
     error: tuple[str, str] = ("", "")
 
 
-def returned(index: int, result: Result) -> Outcome:
+def returned(index: int, result: StepResult) -> Outcome:
     """Outcome of the step of this index that returned `result`."""
     arrays = {f.name: getattr(result, f.name) for f in fields(result)}
     there = {name: array for name, array in arrays.items() if array is not None}

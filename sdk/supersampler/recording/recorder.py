@@ -11,7 +11,7 @@ from supersampler import __version__
 from supersampler.backends.onnx.tensors import Tensor
 from supersampler.errors import ArgumentError, RecordingError
 from supersampler.frame import Float32, Frame, Size
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.io.machine import installed_versions, machine
 from supersampler.methods.gbuffers import only_gbuffers
 from supersampler.methods.model_file import CONTRACT, ModelInfo
@@ -55,10 +55,10 @@ class Recorder:
         self,
         frame: Frame,
         want: Collection[str],
-        run: Callable[[], Float32 | Result],
+        run: Callable[[], Float32 | StepResult],
         *,
         extrapolated: bool = False,
-    ) -> Float32 | Result:
+    ) -> Float32 | StepResult:
         """Carry out a step by `run`, of a frame whose colour is to be drawn if `extrapolated`, and record it.
 
         The frame is written first, so that one in which the process ends is there. What is refused for an
@@ -89,7 +89,7 @@ class Recorder:
             frame = frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs)
             return step_record(frame, (), tensors=True)
 
-        return self._around(run, record, lambda image: Result(image_of_tensor(image)))
+        return self._around(run, record, lambda image: StepResult(image_of_tensor(image)))
 
     def reset(self) -> None:
         """Record a reset that is about to be made."""
@@ -108,7 +108,7 @@ class Recorder:
         self._stop()
 
     def _around(
-        self, run: Callable[[], _Made], record: Callable[[], Record], result_of: Callable[[_Made], Result]
+        self, run: Callable[[], _Made], record: Callable[[], Record], result_of: Callable[[_Made], StepResult]
     ) -> _Made:
         self._raise_failure()
         if self._writer is None:
@@ -161,8 +161,8 @@ class Recorder:
         self._writer = self._last = None
 
 
-def _as_result(made: Float32 | Result) -> Result:
-    return made if isinstance(made, Result) else Result(made)
+def _as_result(made: Float32 | StepResult) -> StepResult:
+    return made if isinstance(made, StepResult) else StepResult(made)
 
 
 def setup_here(

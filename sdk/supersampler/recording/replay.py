@@ -9,7 +9,7 @@ import numpy as np
 
 from supersampler.backends.onnx.providers import resolve_providers
 from supersampler.errors import ProviderError, RecordingError
-from supersampler.history import Result
+from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
 from supersampler.methods.model_file import (
     extrapolation_names,
@@ -73,7 +73,7 @@ class Replayed:
     """
 
     index: int
-    result: Result | None
+    result: StepResult | None
     exposure: float
     exact: bool | None
     difference: Difference | None
@@ -183,17 +183,17 @@ class Replay:
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
-    def _made(self, call: StepCall) -> Result:
+    def _made(self, call: StepCall) -> StepResult:
         frame, upscaler = call.frame, self._upscaler
-        if call.tensors and self.model.executor == "graph":  # kernels take no tensors
+        if call.tensors and self.model.executor == "onnx":  # kernels take no tensors
             tensors = tensors_of_frame(frame, self.model.device)
             image = upscaler.step_tensors(
                 tensors, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
             )
-            return Result(image_of_tensor(image))
+            return StepResult(image_of_tensor(image))
         step = upscaler.extrapolate if call.extrapolated else upscaler.step
         made = step(frame, want=call.want)
-        return made if isinstance(made, Result) else Result(made)
+        return made if isinstance(made, StepResult) else StepResult(made)
 
 
 @dataclass

@@ -41,20 +41,20 @@ from supersampler_model.ops.color import (
     exposure_for,
     from_ycocg,
     luminance,
-    quarantine,
+    sanitize,
     valid,
     ycocg,
 )
 from supersampler_model.ops.motion import (
     Past,
-    closest_of_four,
     covered,
+    dilate_motion_2x2,
+    morphological_opening,
     past_of,
     read,
     read_cubic,
     usable_depth,
     usable_motion,
-    without_thin,
 )
 from supersampler_model.ops.rectification import clip_to_center, variance_box
 from supersampler_model.ops.sampling import (
@@ -236,13 +236,13 @@ class Classifier(LearnedMethod):
         before: View,
     ) -> Gathered:
         """Bring this frame and the past to display size."""
-        usable, color = valid(color), quarantine(color, 0.0)
+        usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history.exposure)
         exposure = followed.abs()
         depth = usable_depth(depth)
-        surfaces = torch.cat([depth, without_thin(depth)], dim=1)
+        surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
         motion, grid = usable_motion(motion), now.grid(render_size_of(color))
-        closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
+        closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         there = past_of(closest[:, 1:], now.display, now.extent)
         own = past_of(pick(motion, grid), now.display, now.extent)
         present = self.gather_present(self.toned(color * exposure) * usable, usable, depth, now, grid)
@@ -285,13 +285,13 @@ class Classifier(LearnedMethod):
         there = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = on * read(history.state, past.x, past.y)
-        linear = self.toned(quarantine(read(history.color, past.x, past.y), 0.0) * exposure) * on
-        cubic = quarantine(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
+        linear = self.toned(sanitize(read(history.color, past.x, past.y), 0.0) * exposure) * on
+        cubic = sanitize(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
         color = self.toned(cubic * exposure) * on
         return Remembered(
             color=color,
             detail=color - linear,
-            own=self.toned(quarantine(read(history.color, own.x, own.y), 0.0) * exposure),
+            own=self.toned(sanitize(read(history.color, own.x, own.y), 0.0) * exposure),
             samples=state[:, :1],
             range=state[:, 1:3],
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),

@@ -23,7 +23,7 @@ from supersampler_model.methods.classifier.network import (
     padded,
     shares,
 )
-from supersampler_model.ops.color import TONES, bounded, quarantine
+from supersampler_model.ops.color import TONES, bounded, sanitize
 from supersampler_model.ops.motion import Past, read, read_cubic
 from supersampler_model.ops.sampling import View, linear, positions, resample, taps
 
@@ -96,7 +96,7 @@ class PaperClassifier(Classifier):
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = read(history.state, (past.x + 0.5).floor(), (past.y + 0.5).floor(), mode="nearest")
         color = read_cubic(history.color, past.x, past.y)  # "similar to TAA"
-        toned = self.toned(quarantine(color, 0.0) * exposure)
+        toned = self.toned(sanitize(color, 0.0) * exposure)
         return Remembered(
             color=toned,
             detail=torch.zeros_like(toned),

@@ -15,7 +15,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.methods.base import Size, render_size_of
-from supersampler_model.ops.color import MAX_HALF, finite, quarantine, valid
+from supersampler_model.ops.color import MAX_HALF, finite, sanitize, valid
 from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, read, usable_depth, usable_motion
 from supersampler_model.ops.sampling import sum_of
 
@@ -84,7 +84,7 @@ class Chosen(NamedTuple):
 def shaded_of(color: Tensor, base_color: Tensor, normal: Tensor, depth: Tensor, jitter: Tensor) -> Shaded:
     """Return a shaded frame as light is taken from it."""
     surface = surface_of(base_color, normal, depth, valid(color))
-    return Shaded(quarantine(color, 0.0), surface, jitter)
+    return Shaded(sanitize(color, 0.0), surface, jitter)
 
 
 def light_of(color: Tensor, surface: Surface, config: GuidedWarpConfig) -> Tensor:

@@ -57,11 +57,11 @@ from supersampler_model.methods.gbuffer.surfaces import (
     weighed_mean,
 )
 from supersampler_model.methods.learned import LearnedMethod
-from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, quarantine, tone, valid
+from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
 from supersampler_model.ops.motion import (
     Past,
-    closest_of_four,
     covered,
+    dilate_motion_2x2,
     past_of,
     read,
     read_cubic,
@@ -243,7 +243,7 @@ class GBuffer(LearnedMethod):
         view: View,
     ) -> Gathered:
         """Bring this frame and the past to where they are needed."""
-        usable, color = valid(color), quarantine(color, 0.0)
+        usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
         present = self.gather_present(color, usable, motion, render, display, view, followed)
@@ -291,7 +291,7 @@ class GBuffer(LearnedMethod):
     def gather_change(self, present: Present, color: Tensor, before: Nearest) -> Tensor:
         """(1, 1, H, W) 1 where this frame's light says that the past is of no use, else 0."""
         known = present.usable * before.found[:, FRAME - 1 :] * before.on_screen
-        past = quarantine(before.found[:, :3], 0.0)
+        past = sanitize(before.found[:, :3], 0.0)
         changed = changed_light(color * present.exposure, past * present.exposure, known)
         return pick(changed, present.view.grid(render_size_of(color)))
 
@@ -302,12 +302,12 @@ class GBuffer(LearnedMethod):
         grid = view.grid(render)
         moved = motion_of_surface(depth, motion, present.display.depth, grid)
         own = past_of(moved, view.display, render)
-        front = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
+        front = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         there = past_of(front[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
         hidden = covered(present.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp)
         before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
-        plain = quarantine(read(history.color, own.x, own.y), 0.0)
+        plain = sanitize(read(history.color, own.x, own.y), 0.0)
         relit = self._warped(history.color, own) / before * present.reflectance
         past = Remembered(
             color=_shown(self._warped(history.color, there) * present.exposure, there),
@@ -320,7 +320,7 @@ class GBuffer(LearnedMethod):
 
     def _warped(self, image: Tensor, past: Past) -> Tensor:
         sharp = read_cubic(image, past.x, past.y, self.config.history_sharpness)
-        return quarantine(sharp, 0.0)
+        return sanitize(sharp, 0.0)
 
     def finish(self, gathered: Gathered, said: Tensor, history: History) -> Finished:
         """Weigh, count, and go back to linear RGB."""

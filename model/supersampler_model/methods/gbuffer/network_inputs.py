@@ -14,7 +14,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
     occluded,
     relative_depth,
 )
-from supersampler_model.ops.color import quarantine, tone
+from supersampler_model.ops.color import sanitize, tone
 
 LONG = 8.0  # render pixels: motion is seen in these
 
@@ -73,7 +73,7 @@ def _warped(present: Present, nearest: Nearest, motion: Tensor, *, masked: bool)
     render, jitter = present.render, present.view.jitter
     found, off, on_screen = nearest
     color, past_depth, base, normal, usable = found.split_with_sizes([3, 1, 3, 3, 1], dim=1)
-    toned = tone(quarantine(color, 0.0) * present.exposure)
+    toned = tone(sanitize(color, 0.0) * present.exposure)
     kept = on_screen * usable
     if masked:
         now = (present.toned, render.base_color, render.depth)

@@ -5,7 +5,7 @@ from typing import ClassVar, NamedTuple
 from torch import Tensor
 
 from supersampler_model.methods.base import Method, display_size_of, render_size_of
-from supersampler_model.ops.color import bounded, quarantine
+from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
 
 
@@ -35,7 +35,7 @@ class Spatial(Method):
         grid = grid_of(display, render, jitter)
         x = taps(grid.x, render.width, self.kernel, reach=self.reach)
         y = taps(grid.y, render.height, self.kernel, reach=self.reach)
-        return Step(bounded(resample(quarantine(color, 0.0), x, y)))
+        return Step(bounded(resample(sanitize(color, 0.0), x, y)))
 
 
 class Bilinear(Spatial):

@@ -21,7 +21,7 @@ from supersampler_model.ops.color import (
     exposure_for,
     from_ycocg,
     inverse_tone,
-    quarantine,
+    sanitize,
     tone,
     valid,
     ycocg,
@@ -33,7 +33,7 @@ from supersampler_model.ops.motion import (
     usable_motion,
 )
 from supersampler_model.ops.rectification import (
-    Box,
+    Rect,
     clamp_to,
     clip_to_center,
     clip_to_sample,
@@ -74,7 +74,7 @@ class Gathered(NamedTuple):
     sample: Tensor  # (1, 3, H, W)
     past: Tensor  # (1, 3, H, W)
     has_past: Tensor  # (1, 1, H, W) 0 or 1
-    box: Box
+    box: Rect
 
 
 class Step(NamedTuple):
@@ -109,7 +109,7 @@ class Taa(Method):
         history_exposure: Tensor,  # (1,) 0: no past
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
-        usable, color = valid(color), quarantine(color, 0.0)
+        usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
         seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
@@ -133,10 +133,10 @@ class Taa(Method):
         x = taps(grid.x, render.width, linear, reach=1)
         y = taps(grid.y, render.height, linear, reach=1)
         sample = resample(toned, x, y)
-        box = Box(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
+        box = Rect(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
         past = past_of(pick(longest(usable_motion(motion)), grid), display, render)
         warped = read_cubic(history_color, past.x, past.y)
-        return Gathered(sample, self.to_space(quarantine(warped, 0.0) * exposure), past.on_screen, box)
+        return Gathered(sample, self.to_space(sanitize(warped, 0.0) * exposure), past.on_screen, box)
 
     def network(self, seen: Gathered, history_exposure: Tensor) -> Tensor:
         """Weight of the new sample (1, 1, H, W): alpha, and one where there is no past."""
@@ -152,7 +152,7 @@ class Taa(Method):
         blend = past + weight * (seen.sample - past)
         return bounded(inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
 
-    def neighbourhood_box(self, color: Tensor) -> Box:
+    def neighbourhood_box(self, color: Tensor) -> Rect:
         """Box of each 3x3 neighbourhood at render size."""
         extent = extent_box(color)
         if self.config.gamma is None:

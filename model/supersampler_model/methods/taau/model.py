@@ -34,22 +34,22 @@ from supersampler_model.ops.color import (
     exposure_for,
     from_ycocg,
     inverse_tone,
-    quarantine,
+    sanitize,
     tone,
     valid,
     ycocg,
 )
 from supersampler_model.ops.motion import (
     Past,
-    closest_of_four,
     covered,
+    dilate_motion_2x2,
+    morphological_opening,
     past_of,
     read,
     read_cubic,
     squared_length,
     usable_depth,
     usable_motion,
-    without_thin,
 )
 from supersampler_model.ops.rectification import clip_to_center, overshoot, variance_box
 from supersampler_model.ops.sampling import (
@@ -200,15 +200,15 @@ class Taau(Method):
         """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
-        usable, color = valid(color), quarantine(color, 0.0)
+        usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
         toned = ycocg(tone(color * exposure)) * usable
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
+        surface = torch.cat([morphological_opening(depth), shade_of(toned[:, :1], usable)], dim=1)
 
         present = self.gather_present(toned, usable, surface, grid, display, render)
-        closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
+        closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         past = past_of(closest[:, 1:], display, render)
         exposure_before = history_exposure.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
@@ -274,7 +274,7 @@ class Taau(Method):
         samples = read(history_samples, past.x, past.y)
         across, down = past.x - past.x.floor(), past.y - past.y.floor()
         return Remembered(
-            color=ycocg(tone(quarantine(color, 0.0) * exposure)),
+            color=ycocg(tone(sanitize(color, 0.0) * exposure)),
             samples=samples[:, :1],
             power=samples[:, 1:2],
             shade=surface[1],

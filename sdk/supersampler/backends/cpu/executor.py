@@ -5,21 +5,21 @@ from typing import Any, Protocol
 
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.frame_preprocess import Reader
+from supersampler.backends.cpu.frame_preprocess import FramePreprocess
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.threads import Bands
-from supersampler.backends.cpu.tile_reuse import Skipping
-from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.threads import ThreadPool
+from supersampler.backends.cpu.tile_reuse import TileReuse
+from supersampler.backends.cpu.tile_state import TileState
 from supersampler.frame import Float32, Size
 
 
 class Buffers(Protocol):
     """A history, whatever else it holds."""
 
-    trail: Trail
+    tile_state: TileState
 
 
-class Host:
+class CpuExecutor:
     """Base of the executors on this processor; see `Executor`.
 
     Args:
@@ -27,11 +27,11 @@ class Host:
         bands: threads.
     """
 
-    name = "host"
+    name = "cpu"
 
-    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
+    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self.bands = bands
-        self._reader, self._skipping = Reader(kernels, bands), Skipping(kernels, bands)
+        self._reader, self._skipping = FramePreprocess(kernels, bands), TileReuse(kernels, bands)
 
     def note_stages(self) -> Mapping[str, float]:
         """See `Executor`."""
@@ -40,8 +40,8 @@ class Host:
 
     def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""
-        return buffers.trail.arrays()
+        return buffers.tile_state.arrays()
 
     def work(self, buffers: Buffers, display: Size) -> Float32:  # noqa: ARG002  # known
         """See `Executor`."""
-        return buffers.trail.work
+        return buffers.tile_state.work

@@ -10,13 +10,13 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, Kernel, Looks, up_to
-from supersampler.backends.cpu.threads import Bands
+from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
 
 _KERNELS = "backends.cpu.kernels.frame"
-READING = (
+PREPROCESS_KERNELS = (
     f"{_KERNELS}.measure",
     f"{_KERNELS}.prepare",
     f"{_KERNELS}.closest",
@@ -108,7 +108,7 @@ def bordered(plane: Float32, wide: int) -> Float32:
     return np.pad(plane.transpose(1, 2, 0), ((0, 0), room, (0, 0)), "edge")
 
 
-class Reader:
+class FramePreprocess:
     """What every method begins with.
 
     Args:
@@ -116,9 +116,9 @@ class Reader:
         bands: threads.
     """
 
-    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
+    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self._bands = bands
-        self._measure, self._prepare, self._closest = (kernels[name] for name in READING)
+        self._measure, self._prepare, self._closest = (kernels[name] for name in PREPROCESS_KERNELS)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
         """What the frame gives, else 0.18 over its log-average luminance; see `followed_exposure`."""

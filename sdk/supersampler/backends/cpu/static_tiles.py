@@ -23,7 +23,7 @@ _MANY = 1 << 53  # frames: a million years
 
 
 @dataclass(frozen=True, eq=False)
-class Stillness:
+class StaticTiles:
     """What a frame knows of the frames before: not changed by anything, so it can be kept and shared.
 
     Attributes:
@@ -38,21 +38,21 @@ class Stillness:
     period: int = 0
     same: NDArray[np.bool_] | None = None
 
-    def after(self, jitter: Jitter, sums: Sums) -> "Stillness":
+    def after(self, jitter: Jitter, sums: Sums) -> "StaticTiles":
         """Return what is known after one more frame.
 
         Args:
             jitter: of the frame.
             sums: (rows, columns) of its tiles.
         """
-        begun = self if self.same is not None and self.same.shape == sums.shape else Stillness()
+        begun = self if self.same is not None and self.same.shape == sums.shape else StaticTiles()
         when, before = begun.phases.get(jitter, (begun.frames, None))
         same = (sums == before) & (sums != MOVING) if before is not None else np.zeros(sums.shape, bool)
         phases = {key: seen for key, seen in begun.phases.items() if key != jitter}
         while len(phases) >= PHASES:
             del phases[next(iter(phases))]
         phases[jitter] = begun.frames, sums
-        return Stillness(begun.frames + 1, phases, begun.frames - when, same)
+        return StaticTiles(begun.frames + 1, phases, begun.frames - when, same)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Copies, for `of_arrays`; none before the first frame."""
@@ -67,11 +67,11 @@ class Stillness:
         }
 
     @classmethod
-    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "Stillness":
+    def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "StaticTiles":
         """Continue from copies by `arrays`, which may lie among others; from nothing where there are none.
 
         Args:
-            arrays: as `stillness_specs` says.
+            arrays: as `static_tile_specs` says.
 
         Raises:
             ArgumentError: a jitter was seen after the last frame.
@@ -91,8 +91,8 @@ class Stillness:
         return cls(frames, phases, same=arrays["still.same"].copy())
 
 
-def stillness_specs(render: Size) -> dict[str, ArraySpec]:
-    """What `Stillness.arrays` are after a frame of this size."""
+def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
+    """What `StaticTiles.arrays` are after a frame of this size."""
     tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
     return {
         "still.frames": ArraySpec("int64", (), (1, _MANY)),

@@ -5,13 +5,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from supersampler.backends.cpu.workers import Workers
+from supersampler.backends.cpu.workers import WorkerThreads
 
 Work = Callable[[int, int, int], None]
 """Does rows from the first to before the second, as the worker of the third number."""
 
 
-class Box(NamedTuple):
+class Rect(NamedTuple):
     """Rows y0 to before y1, columns x0 to before x1."""
 
     y0: int
@@ -20,7 +20,7 @@ class Box(NamedTuple):
     x1: int
 
 
-BoxWork = Callable[[Box, int], None]
+RectWork = Callable[[Rect, int], None]
 """Does a box, as the worker of this number."""
 
 
@@ -33,12 +33,12 @@ class Job(NamedTuple):
         multiple: of rows, after a box's first, at which it may be cut.
     """
 
-    boxes: Sequence[Box]
-    work: BoxWork
+    boxes: Sequence[Rect]
+    work: RectWork
     multiple: int = 1
 
 
-class Bands:
+class ThreadPool:
     """Threads that do bands of rows; the caller's own is one of them.
 
     Kernels let other threads run, so Python's lock is no limit. What a row becomes must not depend on the
@@ -54,20 +54,20 @@ class Bands:
     def __init__(self, threads: int) -> None:
         self.threads = threads
         self.seconds: dict[str, float] | None = None
-        self._workers = Workers(threads - 1)
+        self._workers = WorkerThreads(threads - 1)
 
     def run(self, stage: str, rows: int, work: Work) -> None:
         """Do all rows."""
-        self.cover(stage, [Box(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker))
+        self.cover(stage, [Rect(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker))
 
-    def cover(self, stage: str, boxes: Sequence[Box], work: BoxWork, *, multiple: int = 1) -> None:
+    def cover(self, stage: str, boxes: Sequence[Rect], work: RectWork, *, multiple: int = 1) -> None:
         """Do all boxes, cut where the threads' shares end; see `Job`."""
         self.together(stage, Job(boxes, work, multiple))
 
     def together(self, stage: str, *jobs: Job) -> None:
         """Do jobs of which none needs what another does. When this returns or raises, nothing is under way.
 
-        So no thread writes to what the caller then frees or reads; see `Workers.run`.
+        So no thread writes to what the caller then frees or reads; see `WorkerThreads.run`.
 
         Args:
             stage: what the time counts as.
@@ -90,10 +90,10 @@ class Bands:
         self._workers.close()
 
 
-def shared(boxes: Sequence[Box], count: int, multiple: int) -> list[list[Box]]:
+def shared(boxes: Sequence[Rect], count: int, multiple: int) -> list[list[Rect]]:
     """Cut boxes into at most `count` shares of about the same area."""
     left = sum((y1 - y0) * (x1 - x0) for y0, y1, x0, x1 in boxes)
-    shares: list[list[Box]] = [[]]
+    shares: list[list[Rect]] = [[]]
     room = -(-left // count)
     for box in boxes:
         y, width = box.y0, box.x1 - box.x0
@@ -104,6 +104,6 @@ def shared(boxes: Sequence[Box], count: int, multiple: int) -> list[list[Box]]:
             rows = box.y1 - y
             if len(shares) < count:
                 rows = min(rows, max(-(-room // (width * multiple)), 1) * multiple)
-            shares[-1].append(Box(y, y + rows, box.x0, box.x1))
+            shares[-1].append(Rect(y, y + rows, box.x0, box.x1))
             y, room, left = y + rows, room - rows * width, left - rows * width
     return shares

@@ -12,14 +12,14 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import SAMPLES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.static_tiles import Jitter, Sums
-from supersampler.backends.cpu.threads import Bands, Box
-from supersampler.backends.cpu.tile_state import Looks, Pending, Trail, new_stamp
+from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.tile_state import Looks, Pending, TileState, next_generation
 from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, seen_from
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
 
 _KERNELS = "backends.cpu.kernels.stillness"
-SKIPPING = (
+TILE_REUSE_KERNELS = (
     f"{_KERNELS}.fingerprints",
     f"{_KERNELS}.show",
     f"{_KERNELS}.look",
@@ -34,7 +34,7 @@ CIRCLES = 1.0, 4.0, 8.0
 _FACTORS = np.array([pow(0x9E3779B97F4A7C15, k, 2**64) for k in range(1, 9)], np.uint64)
 
 
-class Skipping:
+class TileReuse:
     """Decides what a step draws, and keeps the rest.
 
     Args:
@@ -42,9 +42,9 @@ class Skipping:
         bands: threads.
     """
 
-    def __init__(self, kernels: Mapping[str, Call], bands: Bands) -> None:
+    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self._bands = bands
-        self._sum, self._show, self._look = (kernels[name] for name in SKIPPING)
+        self._sum, self._show, self._look = (kernels[name] for name in TILE_REUSE_KERNELS)
 
     @staticmethod
     def most_bytes(display: Size, render: Size) -> int:
@@ -54,10 +54,10 @@ class Skipping:
         return display[0] * display[1] * 3 * 4 + phases * tiles * 8
 
     def begin(
-        self, planes: Planes, jitter: Jitter, display: Size, past: Trail, left: Trail, *, skips: bool
+        self, planes: Planes, jitter: Jitter, display: Size, past: TileState, left: TileState, *, skips: bool
     ) -> Tiles:
         """Say what is to be drawn, and that `left` does not hold it yet; `skips`: not necessarily all."""
-        drawn = np.ones(past.stamps.shape, bool)
+        drawn = np.ones(past.generations.shape, bool)
         left.forget()
         if skips:
             self._keep_looks(past)
@@ -69,15 +69,15 @@ class Skipping:
             if left.still.mean() >= LEAST:
                 drawn = ~left.still
         tiles = Tiles(drawn)
-        left.stamps[tiles.drawn] = new_stamp()
+        left.generations[tiles.drawn] = next_generation()
         left.work = tiles.work()
         return tiles
 
     def end(
         self,
         tiles: Tiles,
-        past: Trail,
-        left: Trail,
+        past: TileState,
+        left: TileState,
         kept: Sequence[tuple[int, NDArray[Any], NDArray[Any]]],
         image: Float32,
         *,
@@ -100,20 +100,20 @@ class Skipping:
         self._settle(tiles, left, kept[0][2], exposure, tolerance)
         if tiles.all:
             return
-        stale = ~tiles.drawn & (left.stamps != past.stamps)
+        stale = ~tiles.drawn & (left.generations != past.generations)
         if stale.any():
             runs = runs_of(stale)
             for unit, before, after in kept:
                 boxes = scaled(runs, unit, (before.shape[1], before.shape[0]))
                 self._bands.cover("skip", boxes, partial(_copy, before, after))
-        left.stamps[~tiles.drawn] = past.stamps[~tiles.drawn]
+        left.generations[~tiles.drawn] = past.generations[~tiles.drawn]
         pixels, (height, width) = kept[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
         self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, address(image)))
 
     def _settle(
-        self, tiles: Tiles, left: Trail, pixels: NDArray[Any], exposure: float, tolerance: float
+        self, tiles: Tiles, left: TileState, pixels: NDArray[Any], exposure: float, tolerance: float
     ) -> None:
         """Once a period, look at tiles of a scene that stands still; those that have not changed may rest."""
         interval = left.stillness.period * -(-SETTLED // max(left.stillness.period, 1))
@@ -129,13 +129,13 @@ class Skipping:
         arguments = address(pixels), pixels.shape[2], width, height, due.shape[1], exposure
         places = address(left.looks.pixels), address(changes)
         self._bands.cover("skip", runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
-        known = (left.looked == left.looks.stamps) & (left.matched > interval)
+        known = (left.looked == left.looks.generations) & (left.matched > interval)
         allowed = allowed_change(tolerance, (left.matched - 1) // interval)
         left.still |= due & known & (changes <= allowed * allowed)
-        left.looked[due] = new_stamp()
+        left.looked[due] = next_generation()
         left.pending = Pending(due, pixels)
 
-    def _keep_looks(self, past: Trail) -> None:
+    def _keep_looks(self, past: TileState) -> None:
         """Copy tiles that have been looked at to where all histories find them.
 
         Done again, it changes nothing more: a step that is interrupted may repeat it.
@@ -145,10 +145,10 @@ class Skipping:
         tiles, image = past.pending
         height, width = image.shape[:2]
         arguments, to = (address(image), image.shape[2], width), address(past.looks.pixels)
-        past.looks.stamps[tiles] = 0  # for other histories: these are no longer what they knew
+        past.looks.generations[tiles] = 0  # for other histories: these are no longer what they knew
         boxes = scaled(runs_of(tiles), TILE, (width, height))
         self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, to))
-        past.looks.stamps[tiles] = past.looked[tiles]
+        past.looks.generations[tiles] = past.looked[tiles]
 
     def _sums(self, planes: Planes) -> Sums:
         h, w = planes.depth.shape
@@ -171,6 +171,6 @@ def allowed_change(tolerance: float, periods: NDArray[np.int32]) -> Float32:
     return tolerance * np.array(CIRCLES, np.float32)[np.clip(periods, 1, len(CIRCLES)) - 1]
 
 
-def _copy(before: NDArray[Any], after: NDArray[Any], box: Box, worker: int) -> None:  # noqa: ARG001  # any
+def _copy(before: NDArray[Any], after: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any
     y0, y1, x0, x1 = box
     after[y0:y1, x0:x1] = before[y0:y1, x0:x1]

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.layout import TILE
-from supersampler.backends.cpu.static_tiles import Stillness, stillness_specs
+from supersampler.backends.cpu.static_tiles import StaticTiles, static_tile_specs
 from supersampler.backends.cpu.tiles import Bool, runs_of, scaled
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, values_of
@@ -17,12 +17,12 @@ from supersampler.methods.array_spec import ArraySpec, values_of
 _STAMPS = itertools.count(1)
 
 
-def new_stamp() -> int:
+def next_generation() -> int:
     """A number that no tile has had."""
     return next(_STAMPS)
 
 
-class Trail:
+class TileState:
     """What goes from frame to frame beside a picture.
 
     Args:
@@ -42,8 +42,8 @@ class Trail:
 
     def __init__(self, display: Size) -> None:
         shape = -(-display[1] // TILE), -(-display[0] // TILE)
-        self.stamps = np.zeros(shape, np.int64)
-        self.stillness = Stillness()
+        self.generations = np.zeros(shape, np.int64)
+        self.stillness = StaticTiles()
         self.matched = np.zeros(shape, np.int32)
         self.still = np.zeros(shape, bool)
         self.looks: Looks | None = None
@@ -51,7 +51,7 @@ class Trail:
         self.pending: Pending | None = None
         self.work = np.ones(shape, np.float32)
 
-    def follow(self, past: "Trail", stillness: Stillness, same: Bool) -> None:
+    def follow(self, past: "TileState", stillness: StaticTiles, same: Bool) -> None:
         """Know what the past knew, and that these tiles look at what they looked at one period before."""
         self.stillness = stillness
         self.matched = np.where(same, past.matched + 1, 0).astype(np.int32)
@@ -60,7 +60,7 @@ class Trail:
 
     def forget(self) -> None:
         """Know nothing."""
-        self.stillness, self.looks, self.pending = Stillness(), None, None
+        self.stillness, self.looks, self.pending = StaticTiles(), None, None
         self.matched[:], self.still[:] = 0, False
 
     def arrays(self) -> Mapping[str, NDArray[Any]]:
@@ -70,7 +70,7 @@ class Trail:
             arrays |= {"still.matched": self.matched.copy(), "still.tiles": self.still.copy()}
         if self.looks is not None:
             arrays["still.looks"] = pixels = self.looks.pixels.copy()
-            arrays["still.looked"] = looked = self.looked == self.looks.stamps
+            arrays["still.looked"] = looked = self.looked == self.looks.generations
             if self.pending is not None:
                 looked |= self.pending.tiles
                 for y0, y1, x0, x1 in scaled(runs_of(self.pending.tiles), TILE, pixels.shape[1::-1]):
@@ -78,22 +78,22 @@ class Trail:
         return arrays
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> None:
-        """Continue from there, arrays as `trail_specs` says; the picture is loaded, too.
+        """Continue from there, arrays as `tile_state_specs` says; the picture is loaded, too.
 
         Raises:
             ArgumentError: they contradict each other.
         """
-        self.stamps[:] = new_stamp()
-        self.stillness = Stillness.of_arrays(arrays)
+        self.generations[:] = next_generation()
+        self.stillness = StaticTiles.of_arrays(arrays)
         if "still.matched" in arrays:
             self.matched, self.still = arrays["still.matched"].copy(), arrays["still.tiles"].copy()
         if "still.looks" in arrays:
-            self.looked = np.where(arrays["still.looked"], new_stamp(), 0)
+            self.looked = np.where(arrays["still.looked"], next_generation(), 0)
             self.looks = Looks(arrays["still.looks"].copy(), self.looked.copy())
 
 
-def trail_specs(names: Collection[str], display: Size, render: Size) -> dict[str, ArraySpec]:
-    """What arrays by `Trail.arrays` must be, where any of their names is among these.
+def tile_state_specs(names: Collection[str], display: Size, render: Size) -> dict[str, ArraySpec]:
+    """What arrays by `TileState.arrays` must be, where any of their names is among these.
 
     Args:
         names: of arrays, others among them.
@@ -104,7 +104,7 @@ def trail_specs(names: Collection[str], display: Size, render: Size) -> dict[str
     if not still:
         return {}
     tiles = tuple(-(-extent // TILE) for extent in display[::-1])
-    specs = stillness_specs(render)
+    specs = static_tile_specs(render)
     specs["still.matched"] = ArraySpec("int32", tiles, (0, np.iinfo(np.int32).max))
     specs["still.tiles"] = ArraySpec("bool", tiles)
     if looks & still:
@@ -135,4 +135,4 @@ class Looks:
     """
 
     pixels: Float32
-    stamps: NDArray[np.int64]
+    generations: NDArray[np.int64]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.layout import SAMPLES, TILE
-from supersampler.backends.cpu.threads import Box
+from supersampler.backends.cpu.threads import Rect
 from supersampler.frame import Float32, Size
 
 Bool = NDArray[np.bool_]
@@ -41,7 +41,7 @@ class Tiles:
         self.seen = _covered(around, wanted.shape)
         self._runs = {False: runs, True: around}
 
-    def boxes(self, unit: int, size: Size, *, halo: bool = False) -> list[Box]:
+    def boxes(self, unit: int, size: Size, *, halo: bool = False) -> list[Rect]:
         """Return rectangles of pixels that cover them.
 
         Args:
@@ -65,21 +65,21 @@ def grown(mask: Bool, tiles: int) -> Bool:
     return np.asarray(wide[tiles:-tiles, tiles:-tiles])
 
 
-def scaled(runs: Sequence[Box], unit: int, size: Size) -> list[Box]:
+def scaled(runs: Sequence[Rect], unit: int, size: Size) -> list[Rect]:
     """Boxes of tiles as boxes of pixels, without those beyond the image."""
     width, height = size
     boxes = [
-        Box(y0 * unit, min(y1 * unit, height), x0 * unit, min(x1 * unit, width)) for y0, y1, x0, x1 in runs
+        Rect(y0 * unit, min(y1 * unit, height), x0 * unit, min(x1 * unit, width)) for y0, y1, x0, x1 in runs
     ]
     return [box for box in boxes if box.y0 < box.y1 and box.x0 < box.x1]
 
 
-def runs_of(mask: Bool, gap: int = 1) -> list[Box]:
+def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
     """Boxes of tiles that cover a mask; those of a row are at least `gap` apart, equal rows are one."""
     if mask.all():  # mostly
-        return [Box(0, mask.shape[0], 0, mask.shape[1])]
-    runs: list[Box] = []
-    above: list[Box] = []
+        return [Rect(0, mask.shape[0], 0, mask.shape[1])]
+    runs: list[Rect] = []
+    above: list[Rect] = []
     for y, row in enumerate(mask):
         if y and np.array_equal(row, mask[y - 1]):  # mostly
             above = [box._replace(y1=y + 1) for box in above]
@@ -94,11 +94,11 @@ def runs_of(mask: Bool, gap: int = 1) -> list[Box]:
             above = [box._replace(y1=y + 1) for box in above]
         else:
             runs += above
-            above = [Box(y, y + 1, *span) for span in spans]
+            above = [Rect(y, y + 1, *span) for span in spans]
     return runs + above
 
 
-def _covered(runs: Sequence[Box], shape: tuple[int, ...]) -> Bool:
+def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
     mask = np.zeros(shape, bool)
     for y0, y1, x0, x1 in runs:
         mask[y0:y1, x0:x1] = True

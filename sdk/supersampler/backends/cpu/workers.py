@@ -68,7 +68,7 @@ class WorkItem:
             self._end.acquire()
 
 
-class Workers:
+class WorkerThreads:
     """So many threads, started with the first work, until `close` or until this object is dropped.
 
     Args:
@@ -115,7 +115,7 @@ def _settle(items: Sequence[WorkItem]) -> None:
 
 
 class _Crew:
-    """Queue and threads of one `Workers`; others in a forked child, where none of the threads is."""
+    """Queue and threads of one `WorkerThreads`; others in a forked child, where none of the threads is."""
 
     def __init__(self) -> None:
         self.begin()

@@ -22,7 +22,7 @@ _TAKES = [
 _GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
 
 
-def check_carry(frame: Frame, past: Float32 | None) -> None:
+def check_aovs(frame: Frame, past: Float32 | None) -> None:
     """Raise FrameError where the frame carries nothing, or other channels than `past`, (1, k, H, W), has."""
     if frame.carry is None:
         raise FrameError("carry", got=None, want="(h, w, k), as it is asked for")
@@ -32,7 +32,7 @@ def check_carry(frame: Frame, past: Float32 | None) -> None:
         raise FrameError("carry", got=f"{channels} channels", want=want)
 
 
-class Carrier:
+class AovBlender:
     """The graph beside a model's step, loaded when a frame first carries something; safe to share."""
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
@@ -46,7 +46,7 @@ class Carrier:
         """Bring the channels to display size and blend them with the past.
 
         Args:
-            frame: with `carry` (h, w, k); see `check_carry`.
+            frame: with `carry` (h, w, k); see `check_aovs`.
             weight: (1, 1, H, W) share of the past; None for a method without one.
             past: (1, k, H, W) of the frame before; None where it carried nothing, which is no past.
             display_size: (W, H).

@@ -20,7 +20,7 @@ from supersampler.methods.model_file import ModelInfo, TensorInfo
 Tensors = dict[str, ort.OrtValue]
 
 
-class GraphExecutor:
+class OnnxExecutor:
     """Runs a graph of the whole step; see `Executor`.
 
     Args:
@@ -36,7 +36,7 @@ class GraphExecutor:
         device: that buffers lie on, as ONNX Runtime calls it.
     """
 
-    name = "graph"
+    name = "onnx"
 
     def __init__(
         self, info: ModelInfo, threads: int, providers: Sequence[str], precision: str, *, capture: bool

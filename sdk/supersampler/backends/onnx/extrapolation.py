@@ -13,11 +13,11 @@ from supersampler.frame import Float32, Frame
 from supersampler.methods.model_file import ModelInfo
 
 
-class Drawing(Protocol):
+class ExtrapolationExecutor(Protocol):
     """Runs a model that extrapolates; remembers nothing between calls.
 
     Attributes:
-        name: "graph" or "host", as executors' are.
+        name: "onnx" or "cpu", as executors' are.
     """
 
     name: str
@@ -32,8 +32,8 @@ class Drawing(Protocol):
         """Draw the colour of a checked frame; returns it, (h, w, 3), and what the frame leaves."""
 
 
-class GraphDrawing:
-    """Runs the graph; see `Drawing`.
+class OnnxExtrapolation:
+    """Runs the graph; see `ExtrapolationExecutor`.
 
     Args:
         info: the model.
@@ -44,7 +44,7 @@ class GraphDrawing:
         ProviderError: a provider could not start.
     """
 
-    name = "graph"
+    name = "onnx"
 
     def __init__(self, info: ModelInfo, providers: Sequence[str], threads: int) -> None:
         self._info = info
@@ -55,17 +55,17 @@ class GraphDrawing:
         self._device = device_of(used[0])
 
     def placed(self, array: NDArray[Any]) -> ort.OrtValue:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         return ort.OrtValue.ortvalue_from_numpy(array, self._device, 0)
 
     def copied(self, tensor: ort.OrtValue) -> NDArray[Any]:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         return np.array(tensor.numpy())
 
     def draw(
         self, frame: Frame, past: Mapping[str, ort.OrtValue]
     ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
         planes = np.empty((1, 3, *frame.size[::-1]), np.float32)
         binding = self._session.io_binding()

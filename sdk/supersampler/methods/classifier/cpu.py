@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.executor import Host
-from supersampler.backends.cpu.frame_preprocess import READING, Planes, View, Weight, bordered
+from supersampler.backends.cpu.executor import CpuExecutor
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, View, Weight, bordered
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
-from supersampler.backends.cpu.threads import Bands, Box, Job
-from supersampler.backends.cpu.tile_reuse import SKIPPING
-from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.threads import Job, Rect, ThreadPool
+from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
+from supersampler.backends.cpu.tile_state import TileState
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
@@ -48,7 +48,7 @@ class ClassifierHistory:
     pixels: Float32
     classes: NDArray[np.uint8]
     surfaces: Float32
-    trail: Trail
+    tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
 
@@ -56,7 +56,7 @@ class ClassifierHistory:
 class _Space:
     """Buffers for displays of one size."""
 
-    def __init__(self, host: "ClassifierHost", display: Size) -> None:
+    def __init__(self, host: "ClassifierCpu", display: Size) -> None:
         self.display = big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
@@ -90,7 +90,7 @@ class _Scratch:
         ]
 
 
-class ClassifierHost(Host):
+class ClassifierCpu(CpuExecutor):
     """Runs `classifier` and its relatives; see `Executor`.
 
     Args:
@@ -100,10 +100,10 @@ class ClassifierHost(Host):
 
     precision = "int8"
 
-    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         self.variant = Variant.of(info.config)
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
-        kernels = load_kernels(gather, *READING, *SKIPPING, SURFACES, LEVEL, finish)
+        kernels = load_kernels(gather, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, SURFACES, LEVEL, finish)
         super().__init__(kernels, bands)
         self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
         self._config = c = info.config
@@ -125,7 +125,7 @@ class ClassifierHost(Host):
             aligned((big_h, big_w, CLASSIFIER_PIXEL)),
             np.zeros(((big_h + 1) // 2, (big_w + 1) // 2, 8), np.uint8),
             np.zeros((h, up_to(w, LANES) + 2 * PAD, 2), np.float32),
-            Trail(display),
+            TileState(display),
         )
 
     def fits(self, buffers: ClassifierHistory, display: Size, render: Size) -> bool:
@@ -146,7 +146,7 @@ class ClassifierHost(Host):
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
         tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
         if tiles.any:
             self._draw(planes, frame, display, past, left, image, weight, tiles)
@@ -155,7 +155,7 @@ class ClassifierHost(Host):
             left.surfaces[:] = past.surfaces
         kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
         self._skipping.end(
-            tiles, past.trail, left.trail, kept, image,
+            tiles, past.tile_state, left.tile_state, kept, image,
             exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
@@ -181,7 +181,7 @@ class ClassifierHost(Host):
 
     def load(self, buffers: ClassifierHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
-        buffers.trail.load(tensors)
+        buffers.tile_state.load(tensors)
         pixels = buffers.pixels
         pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
@@ -240,17 +240,17 @@ class ClassifierHost(Host):
             means.shape[2], address(means),
         )  # fmt: skip
 
-        def gather(box: Box, worker: int) -> None:
+        def gather(box: Rect, worker: int) -> None:
             lines = address(v.lines[worker])
             self._gather(*inputs, *box, lines, *s.scratch[worker].gathering, *outputs)
 
         depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
 
-        def leave(box: Box, _: int) -> None:
+        def leave(box: Rect, _: int) -> None:
             self._surfaces(depths, eroded, w, h, read.stride, box.y0, box.y1, to)
 
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
-        self.bands.together("gather", Job(boxes, gather, 2), Job([Box(0, h, 0, 1)], leave))
+        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], leave))
 
     def _compose(
         self,
@@ -281,7 +281,7 @@ class ClassifierHost(Host):
             (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip
 
-        def finish(box: Box, worker: int) -> None:
+        def finish(box: Rect, worker: int) -> None:
             seen, decoded, said, mixed, columns, out = s.scratch[worker].finishing
             self._finish(
                 *e.kept, pitches, seen, seen, decoder.weights, decoder.scale, decoder.bias,

@@ -10,14 +10,14 @@ from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RECORD, TILE
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
-from supersampler.backends.cpu.threads import Bands, Box
+from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.frame import Size
 from supersampler.methods.classifier.network_file import KEPT, read_network
 from supersampler.methods.model_file import ModelInfo
 
 Bytes = NDArray[np.uint8]
-LevelWork = Callable[[int, int, Box, int], None]
+LevelWork = Callable[[int, int, Rect, int], None]
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size; rows beyond that are not cut from its last ones
 ROOM = 16  # pixels after a row: kernels do several at once
 SIX = 6  # so many; they write nothing beyond a row that is at least as long
@@ -84,7 +84,7 @@ class Encoder:
         pitches: bytes a pixel of each, then bytes a row.
     """
 
-    def __init__(self, network: ByteNetwork, half: Size, bands: Bands) -> None:
+    def __init__(self, network: ByteNetwork, half: Size, bands: ThreadPool) -> None:
         self._bands = bands
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
@@ -119,23 +119,23 @@ class Encoder:
             else:
                 self._run_whole(level, boxes, work)
 
-    def _run_whole(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+    def _run_whole(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
         """All layers of a level at once, of one box."""
         (whole,) = boxes
 
-        def do(box: Box, worker: int) -> None:
+        def do(box: Rect, worker: int) -> None:
             # a row more on either side, in place of a wait: what two threads both write is the same
             work(max(box.y0 - 1, whole.y0), min(box.y1 + 1, whole.y1), box, worker)
 
         self._bands.cover("encode", boxes, do, multiple=level.multiple)
 
-    def _run_apart(self, level: _Level, boxes: Sequence[Box], work: LevelWork) -> None:
+    def _run_apart(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
         """The first layer, then those that see one pixel around them, which another box may have done."""
 
-        def first(box: Box, worker: int) -> None:
+        def first(box: Rect, worker: int) -> None:
             work(box.y0, box.y1, box._replace(y1=box.y0), worker)
 
-        def others(box: Box, worker: int) -> None:
+        def others(box: Rect, worker: int) -> None:
             work(box.y0, box.y0, box, worker)
 
         for do in (first, others):

@@ -10,7 +10,7 @@ from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import GUIDED, LANES
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
-from supersampler.backends.cpu.threads import Bands
+from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
@@ -30,17 +30,17 @@ class _Space:
         self.scratch = [(np.zeros(LANES, np.int32), np.zeros(5 * LANES, np.float32)) for _ in range(threads)]
 
 
-class GuidedWarpHost:
-    """Runs `guided-warp`; see `Drawing`.
+class GuidedWarpCpu:
+    """Runs `guided-warp`; see `ExtrapolationExecutor`.
 
     Args:
         info: the model.
         bands: threads.
     """
 
-    name = "host"
+    name = "cpu"
 
-    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         kernels = load_kernels(f"{KERNELS}.draw", f"{KERNELS}.enter")
         self._enter, self._draw, self._bands = (
             kernels[f"{KERNELS}.enter"],
@@ -60,17 +60,17 @@ class GuidedWarpHost:
         return config.get("taps") == 4 and are_rings(config.get("strides"))
 
     def placed(self, array: NDArray[Any]) -> NDArray[Any]:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         return array
 
     def copied(self, tensor: NDArray[Any]) -> NDArray[Any]:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         return tensor.copy()
 
     def draw(
         self, frame: Frame, past: Mapping[str, NDArray[Any]]
     ) -> tuple[Float32, Mapping[str, NDArray[Any]]]:
-        """See `Drawing`."""
+        """See `ExtrapolationExecutor`."""
         color, before = past["history.color"], past["history.motion"]
         (h, w), (then_h, then_w) = frame.depth.shape, color.shape[2:]
         image, total = np.empty((h, w, 3), np.float32), np.empty((1, 2, h, w), np.float32)

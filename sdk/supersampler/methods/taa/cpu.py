@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.executor import Host
-from supersampler.backends.cpu.frame_preprocess import READING, Planes, Weight
+from supersampler.backends.cpu.executor import CpuExecutor
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, Weight
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Columns, Filter, Looks, linear, up_to
-from supersampler.backends.cpu.threads import Bands, Box
-from supersampler.backends.cpu.tile_reuse import SKIPPING
-from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
+from supersampler.backends.cpu.tile_state import TileState
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
@@ -39,7 +39,7 @@ class TaaHistory:
 
     display: Size
     pixels: Float32
-    trail: Trail
+    tile_state: TileState
     exposure: float = 0.0
 
     @property
@@ -68,7 +68,7 @@ class _Space:
         ]
 
 
-class TaaHost(Host):
+class TaaCpu(CpuExecutor):
     """Runs `taa`; see `Executor`.
 
     Args:
@@ -78,13 +78,13 @@ class TaaHost(Host):
 
     precision = "fp32"
 
-    def __init__(self, info: ModelInfo, bands: Bands) -> None:
+    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         kernels = load_kernels(
             f"{KERNELS}.step_rows",
             f"{KERNELS}.boxes",
             f"{KERNELS}.enter",
-            *SKIPPING,
-            *READING,
+            *TILE_REUSE_KERNELS,
+            *PREPROCESS_KERNELS,
         )
         super().__init__(kernels, bands)
         self._alpha, self._gamma = info.config["alpha"], info.config["gamma"]
@@ -95,7 +95,7 @@ class TaaHost(Host):
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
         """See `Executor`."""
         pixels = np.zeros(3 * display[0] * display[1] + 1, np.float32)
-        return TaaHistory(display, pixels, Trail(display))
+        return TaaHistory(display, pixels, TileState(display))
 
     def fits(self, buffers: TaaHistory, display: Size, render: Size) -> bool:  # noqa: ARG002
         """See `Executor`."""
@@ -115,7 +115,7 @@ class TaaHost(Host):
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
         tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
         left.exposure = past.exposure
         if tiles.any:
@@ -124,7 +124,7 @@ class TaaHost(Host):
                 self._read(space, planes, abs(left.exposure))
                 self._draw(space, frame, past, left, image, weight, tiles)
         self._skipping.end(
-            tiles, past.trail, left.trail, [(TILE, past.image, left.image)], image,
+            tiles, past.tile_state, left.tile_state, [(TILE, past.image, left.image)], image,
             exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
@@ -143,7 +143,7 @@ class TaaHost(Host):
 
     def load(self, buffers: TaaHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
-        buffers.trail.load(tensors)
+        buffers.tile_state.load(tensors)
         buffers.image[:] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.exposure = float(tensors["history.exposure"][0])
 
@@ -183,7 +183,7 @@ class TaaHost(Host):
         )  # fmt: skip
         outputs = address(left.pixels), address(image), *weight.arguments
 
-        def draw(box: Box, worker: int) -> None:
+        def draw(box: Rect, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
         self.bands.cover("draw", tiles.boxes(TILE, display), draw)

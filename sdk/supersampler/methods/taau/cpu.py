@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.executor import Host
-from supersampler.backends.cpu.frame_preprocess import READING, Planes, View, Weight, bordered
+from supersampler.backends.cpu.executor import CpuExecutor
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, View, Weight, bordered
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
-from supersampler.backends.cpu.threads import Bands, Box
-from supersampler.backends.cpu.tile_reuse import SKIPPING
-from supersampler.backends.cpu.tile_state import Trail
+from supersampler.backends.cpu.threads import Rect, ThreadPool
+from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
+from supersampler.backends.cpu.tile_state import TileState
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
@@ -46,7 +46,7 @@ class TaauHistory:
     render: Size
     pixels: Float32
     surface: Float32
-    trail: Trail
+    tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
 
@@ -70,7 +70,7 @@ class _Space(View):
         ]
 
 
-class TaauHost(Host):
+class TaauCpu(CpuExecutor):
     """Runs `taau`; see `Executor`.
 
     Args:
@@ -80,8 +80,10 @@ class TaauHost(Host):
 
     precision = "fp32"
 
-    def __init__(self, info: ModelInfo, bands: Bands) -> None:
-        kernels = load_kernels(f"{KERNELS}.step_rows", f"{KERNELS}.shade", *SKIPPING, *READING)
+    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
+        kernels = load_kernels(
+            f"{KERNELS}.step_rows", f"{KERNELS}.shade", *TILE_REUSE_KERNELS, *PREPROCESS_KERNELS
+        )
         super().__init__(kernels, bands)
         self._config = c = info.config
         self._filters = [
@@ -101,7 +103,7 @@ class TaauHost(Host):
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
-        return TaauHistory(render, pixels, surface, Trail(display))
+        return TaauHistory(render, pixels, surface, TileState(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -121,7 +123,7 @@ class TaauHost(Host):
         """See `Executor`."""
         planes, weight = Planes.of(frame), Weight(told, display)
         tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.trail, left.trail, skips=tolerance is not None
+            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
         if tiles.any:
             exposure = self._reader.exposure(frame, planes.color, past.exposure)
@@ -136,7 +138,7 @@ class TaauHost(Host):
             left.surface[:] = past.surface
         kept = [(TILE, past.pixels, left.pixels)]
         self._skipping.end(
-            tiles, past.trail, left.trail, kept, image,
+            tiles, past.tile_state, left.tile_state, kept, image,
             exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.told()
@@ -161,7 +163,7 @@ class TaauHost(Host):
 
     def load(self, buffers: TaauHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
         """See `Executor`."""
-        buffers.trail.load(tensors)
+        buffers.tile_state.load(tensors)
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
@@ -212,7 +214,7 @@ class TaauHost(Host):
         )  # fmt: skip
         outputs = address(left.pixels), address(image), *weight.arguments
 
-        def draw(box: Box, worker: int) -> None:
+        def draw(box: Rect, worker: int) -> None:
             self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
 
         self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)
