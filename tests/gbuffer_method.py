@@ -60,12 +60,12 @@ class Demodulated(Method):
 
 
 def exported(folders: pytest.TempPathFactory) -> Path:
-    """Folder of the method, once a session, with a copy of `carry.onnx`, which is the same in all folders."""
+    """Folder of the method, once a session, with a copy of `aovs.onnx`, which is the same in all folders."""
     folder = folders.getbasetemp() / Demodulated.name
     if (folder / "model.json").exists():
         return folder
-    carry = find_model("bilinear") / "carry.onnx"
-    with patch("supersampler_export.folder.carry_graph", carry.read_bytes):
+    aovs = find_model("bilinear") / "aovs.onnx"
+    with patch("supersampler_export.folder.carry_graph", aovs.read_bytes):
         write_model_folder(Demodulated(), folder)
     return folder
 

@@ -9,7 +9,7 @@ from typing import Any
 import onnx
 from onnx import TensorProto, helper
 
-from supersampler.methods.model_file import DRAWN, find_model
+from supersampler.methods.model_file import EXTRAPOLATED, find_model
 
 SURFACE = "gbuffer_base_color"
 
@@ -18,16 +18,16 @@ def joint_folder(folder: Path) -> Path:
     """Write `classifier` as a model whose drawn frames are brighter by their mean base colour."""
     shipped = find_model("classifier")
     described: dict[str, Any] = json.loads((shipped / "model.json").read_text("utf-8"))
-    for there in (folder, folder / DRAWN):
+    for there in (folder, folder / EXTRAPOLATED):
         there.mkdir(parents=True)
-        shutil.copy(shipped / "carry.onnx", there)
+        shutil.copy(shipped / "aovs.onnx", there)
     shutil.copy(shipped / "step.onnx", folder)
-    onnx.save(brightened(onnx.load(shipped / "step.onnx")), folder / DRAWN / "step.onnx")
+    onnx.save(brightened(onnx.load(shipped / "step.onnx")), folder / EXTRAPOLATED / "step.onnx")
     surface = {"name": SURFACE, "type": "float32", "shape": [1, 3, "render_height", "render_width"]}
-    inner = {"method": "joint-drawn", "only_drawn": True, "inputs": [*described["inputs"], surface]}
-    written(folder / DRAWN, {**described, **inner}, ["step.onnx", "carry.onnx"])
+    inner = {"method": "joint-drawn", "only_extrapolated": True, "inputs": [*described["inputs"], surface]}
+    written(folder / EXTRAPOLATED, {**described, **inner}, ["step.onnx", "aovs.onnx"])
     outer = {**described, "method": "joint"}
-    written(folder, outer, ["step.onnx", "carry.onnx", f"{DRAWN}/model.json"])
+    written(folder, outer, ["step.onnx", "aovs.onnx", f"{EXTRAPOLATED}/model.json"])
     return folder
 
 

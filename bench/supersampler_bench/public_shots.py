@@ -228,7 +228,7 @@ def _json(path: Path) -> dict[str, Any]:
 
 
 def _arrays(raw: RawFrame) -> dict[str, Any]:
-    arrays: dict[str, Any] = {name: getattr(raw, name) for name in ("color", "depth", "motion", "carry")}
+    arrays: dict[str, Any] = {name: getattr(raw, name) for name in ("color", "depth", "motion", "aovs")}
     for group in ("gbuffer", "gbuffer_display"):
         arrays |= {f"{group}.{name}": array for name, array in (getattr(raw, group) or {}).items()}
     return arrays

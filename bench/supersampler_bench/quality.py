@@ -177,7 +177,7 @@ def _stepper(method: str | Path, display_size: Size) -> Stepper:
     want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
     def step(item: ShotFrame) -> Stepped:
-        result = upscaler.step(item.frame, want=want)
+        result = upscaler.step(item.frame, outputs=want)
         return Stepped(result.image, result.class_map) if isinstance(result, StepResult) else Stepped(result)
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)

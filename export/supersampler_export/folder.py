@@ -16,7 +16,7 @@ from supersampler import __version__
 from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
 from supersampler.io.shot.json_keys import read_json
-from supersampler.methods.model_file import CONTRACT, DRAWN
+from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -34,11 +34,11 @@ from supersampler_model.methods.aovs import Carry
 from supersampler_model.methods.base import RENDER, TENSORS, Fused, Method, Shape
 
 _FILES = {
-    "carry.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",
+    "aovs.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",
     "network.onnx": "is the learned part alone.",
     "step.fp16.onnx": "is the step with the learned part in half precision.",
     "network.npz": "is it in bytes, for the host executor.",
-    f"{DRAWN}/model.json": "describes what steps on frames whose colour was drawn, on the same history.",
+    f"{EXTRAPOLATED}/model.json": "describes what steps on frames whose colour was drawn, on the same history.",
 }
 """What a model card says of files that not all folders have."""
 
@@ -52,11 +52,13 @@ def write_model_folder(method: Method, folder: Path) -> None:
         ExportError: opset, operators or parity are not as they must be; nothing is written.
         ShotError: files that no export wrote are in the way; likewise.
     """
-    drawn = method.on_drawn()
-    inner = {} if drawn is None else {f"{DRAWN}/{name}": made for name, made in _made(drawn, {}).items()}
+    drawn = method.on_extrapolated()
+    inner = (
+        {} if drawn is None else {f"{EXTRAPOLATED}/{name}": made for name, made in _made(drawn, {}).items()}
+    )
     content = {**inner, **_made(method, inner)}
     _check_free(folder, content)
-    (folder / DRAWN if inner else folder).mkdir(parents=True, exist_ok=True)
+    (folder / EXTRAPOLATED if inner else folder).mkdir(parents=True, exist_ok=True)
     for name, made in content.items():
         _replace(folder / name, made)
 
@@ -84,7 +86,7 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
     files = {"step.onnx": _serialized(graph)}
     parity = check_parity(method, files["step.onnx"])
     if not method.extrapolates():  # what is carried along comes with every frame
-        files["carry.onnx"] = carry_graph()
+        files["aovs.onnx"] = aovs_graph()
     fused = method.fused()
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
@@ -96,7 +98,7 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
     host = host_network(method)
     if host is not None:
         files["network.npz"] = host
-    known = files | {name: content for name, content in inner.items() if name == f"{DRAWN}/model.json"}
+    known = files | {name: content for name, content in inner.items() if name == f"{EXTRAPOLATED}/model.json"}
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in known.items()}
     described["parity"] = _parity_record(parity)
     files["MODEL_CARD.md"] = model_card(described, graph, parity).encode()
@@ -105,7 +107,7 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
 
 
 @cache
-def carry_graph() -> bytes:
+def aovs_graph() -> bytes:
     """Export what blends the channels that frames carry along, once: it is the same in every folder.
 
     Raises:
@@ -138,14 +140,14 @@ def describe(method: Method) -> dict[str, Any]:
         "ratios": list(method.ratios),
         "opset": OPSET,
         "inputs": [_tensor(name, TENSORS[name]) for name in method.inputs()],
-        **({"only_drawn": True} if method.only_drawn else {}),
+        **({"only_extrapolated": True} if method.only_extrapolated else {}),
         "history": [
             {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
             for name, shape in method.history.items()
         ],
         "image": _tensor("image", method.image),
         **({} if fused is None else {"network": _network(fused)}),
-        "told": [_tensor(name, TENSORS[name]) for name in method.told],
+        "aux_outputs": [_tensor(name, TENSORS[name]) for name in method.aux_outputs],
         "maps": {name: where._asdict() for name, where in method.maps.items()},
         "config": {} if config is None else dataclasses.asdict(config),
         **({"learned": dict(method.learned)} if method.learned else {}),
@@ -161,7 +163,7 @@ def describe(method: Method) -> dict[str, Any]:
 
 def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Sequence[Parity]) -> str:
     """MODEL_CARD.md: what a person wants to know before shipping the file."""
-    tensors = [*described["inputs"], *described["history"], described["image"], *described["told"]]
+    tensors = [*described["inputs"], *described["history"], described["image"], *described["aux_outputs"]]
     operators = Counter(node.op_type for node in graph.graph.node)
     lines = [
         f"# {described['method']}",
@@ -203,7 +205,7 @@ def _draws(described: Mapping[str, Any]) -> str:
             "Draws the colour of a frame that was not shaded, at render size, for an upscaler to step on. "
             "After a shaded frame the history is that frame."
         )
-    if described.get("only_drawn"):
+    if described.get("only_extrapolated"):
         return (
             "Steps only on frames whose colour was drawn, on the history of the model whose folder it is in."
         )

@@ -79,12 +79,12 @@ def export_graph(method: Method) -> onnx.ModelProto:
         for name, shape in shapes.items()
     }
     inputs = [history_name(name) for name in names]
-    outputs = ["image", *(f"next.{name}" for name in method.history), *method.told]
+    outputs = ["image", *(f"next.{name}" for name in method.history), *method.aux_outputs]
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
     left = [[current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()]
     model = _traced(method, arguments, inputs, outputs, dynamic)
     _declare(model.graph.input, list(shapes.values()))
-    _declare(model.graph.output, [method.image, *left, *(TENSORS[name] for name in method.told)])
+    _declare(model.graph.output, [method.image, *left, *(TENSORS[name] for name in method.aux_outputs)])
     _strip(model)
     return model
 

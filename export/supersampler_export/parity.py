@@ -154,7 +154,7 @@ def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor
             "jitter": torch.tensor(random.uniform(-0.5, 0.5, (1, 2)).astype(np.float32)),
             "exposure": torch.zeros(1),
             "display_size": torch.tensor(display),
-            "carry": _tensor(0.5 + 0.5 * waves),
+            "aovs": _tensor(0.5 + 0.5 * waves),
             "weight": _tensor(random.random((1, display.height, display.width))),
             **_gbuffers(render, display, phase=a, steps=(a, b)),
         }

@@ -216,8 +216,8 @@ def checked_skip(skip: Skip) -> Skip:
     return number
 
 
-def tolerance_of(skip: Skip, want: Collection[str]) -> float | None:
+def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
     """Return the tolerance for tiles that stay as they are; None where all is to be drawn."""
-    if skip == "exact" or "carry" in want:  # what is carried may change where nothing else does
+    if skip == "exact" or "aovs" in outputs:  # what is carried may change where nothing else does
         return None
     return TOLERANCE if skip == "auto" else float(skip)

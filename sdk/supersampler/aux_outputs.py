@@ -28,7 +28,7 @@ LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
     "weight": false_color_legend("this frame", "the past"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
-    "work": false_color_legend("left as it is", "drawn"),
+    "work": false_color_legend("reused", "computed"),
 }
 """By layer, for `compare.About`."""
 

@@ -15,7 +15,7 @@ Float32: TypeAlias = NDArray[np.float32]
 Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
-MAX_CARRIED = 1024
+MAX_AOVS = 1024
 """Channels that a frame may carry along."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
@@ -64,10 +64,10 @@ class Frame:
     exposure: float | None = None
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
-    carry: Array | None = None
+    aovs: Array | None = None
 
     def __post_init__(self) -> None:
-        for name in ("color", "depth", "motion", "carry"):
+        for name in ("color", "depth", "motion", "aovs"):
             value = getattr(self, name)
             if value is not None or name in ("depth", "motion"):
                 object.__setattr__(self, name, as_array(name, value))
@@ -96,10 +96,10 @@ class Frame:
             _check("color", self.color, (h, w, 3), _HALF_OR_SINGLE)
         _check("depth", self.depth, (h, w), _SINGLE)
         _check("motion", self.motion, (h, w, 2), _HALF_OR_SINGLE)
-        if self.carry is not None:
-            channels = self.carry.shape[-1] if self.carry.ndim == 3 else 0
-            channels = channels if 1 <= channels <= MAX_CARRIED else "k"
-            _check("carry", self.carry, (h, w, channels), _HALF_OR_SINGLE)
+        if self.aovs is not None:
+            channels = self.aovs.shape[-1] if self.aovs.ndim == 3 else 0
+            channels = channels if 1 <= channels <= MAX_AOVS else "k"
+            _check("aovs", self.aovs, (h, w, channels), _HALF_OR_SINGLE)
 
     def _check_scalars(self) -> None:
         object.__setattr__(self, "jitter", checked_jitter(self.jitter))
@@ -124,7 +124,7 @@ def checked_frame(frame: Frame) -> Frame:
 def arrays_of(frame: Frame) -> list[NDArray[Any]]:
     """Return all arrays of a frame."""
     buffers = [*(frame.gbuffer or {}).values(), *(frame.gbuffer_display or {}).values()]
-    return [a for a in (frame.color, frame.depth, frame.motion, frame.carry, *buffers) if a is not None]
+    return [a for a in (frame.color, frame.depth, frame.motion, frame.aovs, *buffers) if a is not None]
 
 
 def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
@@ -238,7 +238,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
         return "Drop the last axis: array[..., 0]."
     if len(shape) == 3 and array.ndim == 3 and array.shape[:2] == shape[:2] and isinstance(shape[2], int):
         return f"Keep the first {shape[2]} channels." if array.shape[2] > shape[2] else ""
-    return f"k is 1 to {MAX_CARRIED}." if shape[-1] == "k" else ""
+    return f"k is 1 to {MAX_AOVS}." if shape[-1] == "k" else ""
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:

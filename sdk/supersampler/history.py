@@ -13,7 +13,7 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
 from supersampler.methods.model_file import ModelInfo
 
-CARRY = "history.carry"
+AOVS = "history.aovs"
 WORK = "work"
 
 
@@ -32,7 +32,7 @@ class History:
     display_size: Size
     render_size: Size
     buffers: Buffers
-    carry: Float32 | None = None
+    aovs: Float32 | None = None
     kind: Any = None
 
 
@@ -74,7 +74,7 @@ class StepResult:
     """
 
     image: Float32
-    carry: Float32 | None = None
+    aovs: Float32 | None = None
     class_map: Float32 | None = None
     weight: Float32 | None = None
     count: Float32 | None = None
@@ -97,8 +97,8 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
         h.input.name: h.input.spec_for(render=render, display=display, previous=render) for h in info.history
     }
     names = {name for name in arrays if isinstance(name, str)} if isinstance(arrays, Mapping) else set()
-    if CARRY in names:
-        specs[CARRY] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(CARRY))
+    if AOVS in names:
+        specs[AOVS] = ArraySpec("float32", (1, "k", *display[::-1]), values_of(AOVS))
     specs |= tile_state_specs(names, display, render)
     return checked_arrays(arrays, specs, lambda got, want: ArgumentError("state", got=got, want=want))
 

@@ -40,7 +40,7 @@ from supersampler.frame import (
     checked_frame,
     checked_jitter,
 )
-from supersampler.history import CARRY, WORK, History, StepResult, check_histories, checked_history
+from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
 from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
 from supersampler.methods.model_file import ModelInfo, read_model_info, read_upscaling_info
@@ -69,7 +69,7 @@ class Model:
         carrier: AovBlender,
         providers: list[str],
         threads: int,
-        on_drawn: "Model | None" = None,
+        on_extrapolated: "Model | None" = None,
     ) -> None:
         self.info = info
         self.providers = providers
@@ -77,7 +77,7 @@ class Model:
         self._carrier = carrier
         self._executor = executor
         self._kind = type(executor), self.device, info.history
-        self.on_drawn = on_drawn or self
+        self.on_extrapolated = on_extrapolated or self
 
     @classmethod
     def load(
@@ -127,8 +127,12 @@ class Model:
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
         graph = OnnxExecutor(info, threads, names, kind, capture=capture)
-        on_drawn = None if info.drawn is None else _on_drawn(info.drawn, kind, graph.providers, threads)
-        return cls(info, graph, carrier, graph.providers, threads, on_drawn)
+        on_extrapolated = (
+            None
+            if info.extrapolated is None
+            else _on_extrapolated(info.extrapolated, kind, graph.providers, threads)
+        )
+        return cls(info, graph, carrier, graph.providers, threads, on_extrapolated)
 
     @property
     def executor(self) -> str:
@@ -183,66 +187,66 @@ class Model:
             FrameError: the frame lacks an input, or its size does not fit.
             ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
         """
-        result, left = self.run_wanted(frame, history, (), out=out, history_out=history_out)
+        result, left = self.run_outputs(frame, history, (), out=out, history_out=history_out)
         return result.image, left
 
-    def run_wanted(
+    def run_outputs(
         self,
         frame: Frame,
         history: History,
-        want: Collection[str],
+        outputs: Collection[str],
         *,
         out: Float32 | None = None,
         history_out: History | None = None,
         skip: Skip = "exact",
     ) -> tuple[StepResult, History]:
-        """Upscale as `run` does, and return what `want` names of `StepResult` with the image.
+        """Upscale as `run` does, and return what `outputs` names of `StepResult` with the image.
 
         What is not named costs nothing.
 
         Args:
             frame: see `run`.
             history: see `run`.
-            want: names of `StepResult`'s.
+            outputs: names of `StepResult`'s.
             out: see `run`.
             history_out: see `run`.
             skip: see `Upscaler`.
 
         Raises:
             FrameError: as `run`; or the frame carries nothing, or other channels than the one before, and
-                "carry" is wanted.
-            ArgumentError: as `run`; or the model does not know what `want` names.
+                "aovs" is among the outputs.
+            ArgumentError: as `run`; or the model has no output of that name.
         """
-        want = checked_names("want", want)
+        outputs = checked_names("outputs", outputs)
         check_histories(history, history_out, self._kind, self._executor.fits)
-        self.check(frame, history.display_size, want, history.carry, out)
-        return self.run_checked(frame, history, want, out=out, history_out=history_out, skip=skip)
+        self.check(frame, history.display_size, outputs, history.aovs, out)
+        return self.run_checked(frame, history, outputs, out=out, history_out=history_out, skip=skip)
 
     def run_checked(
         self,
         frame: Frame,
         history: History,
-        want: Collection[str],
+        outputs: Collection[str],
         *,
         out: Float32 | None,
         history_out: History | None,
         skip: Skip,
     ) -> tuple[StepResult, History]:
-        """Do as `run_wanted`, for arguments that `check` has passed and histories of this model."""
-        tolerance, display_size = tolerance_of(checked_skip(skip), want), history.display_size
+        """Do as `run_outputs`, for arguments that `check` has passed and histories of this model."""
+        tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
         left = self._prepared(history_out, display_size, frame.size)
-        needed = {self.info.maps[name].output for name in want if name in self.info.maps}
-        needed |= {"weight"} if "carry" in want else set()
+        needed = {self.info.maps[name].output for name in outputs if name in self.info.maps}
+        needed |= {"weight"} if "aovs" in outputs else set()
         drawn = image if image.flags.c_contiguous else aligned(image.shape)
-        told = self._executor.step(
+        aux_outputs = self._executor.step(
             frame, display_size, history.buffers, left.buffers, drawn, needed, tolerance=tolerance
         )
         if drawn is not image:
             np.copyto(image, drawn)
-        if "carry" in want:
-            left.carry = self._carrier.blend(frame, told.get("weight"), history.carry, display_size)
-        return self._result(image, want, told, left), left
+        if "aovs" in outputs:
+            left.aovs = self._carrier.blend(frame, aux_outputs.get("weight"), history.aovs, display_size)
+        return self._result(image, outputs, aux_outputs, left), left
 
     def run_tensors(
         self,
@@ -316,7 +320,7 @@ class Model:
             name: np.array(self._executor.tensor(history.buffers, name)) for name in names
         }
         copies |= self._executor.memory(history.buffers)
-        return copies if history.carry is None else {**copies, CARRY: history.carry.copy()}
+        return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
     def work(self, history: History) -> Float32:
         """Return what `StepResult.work` is for the step that left this history."""
@@ -337,7 +341,7 @@ class Model:
         try:
             history = self.first_history(display_size, render_size)
             self._executor.load(history.buffers, checked)
-            history.carry = checked[CARRY].copy() if CARRY in checked else None
+            history.aovs = checked[AOVS].copy() if AOVS in checked else None
         except MemoryError:
             raise ArgumentError("state", got=f"at {display_size}", want="what fits into memory") from None
         return history
@@ -346,21 +350,21 @@ class Model:
         self,
         frame: Frame,
         display_size: Size,
-        want: Collection[str] = (),
+        outputs: Collection[str] = (),
         carried: Float32 | None = None,
         out: Float32 | None = None,
     ) -> None:
-        """Raise what `run_wanted` would for this frame, before anything is done with it.
+        """Raise what `run_outputs` would for this frame, before anything is done with it.
 
         Args:
             frame: the frame.
             display_size: (width, height) of the image.
-            want: what else than the image.
-            carried: what the frame before carried, `History.carry`.
+            outputs: names of what else is to be returned.
+            carried: what the frame before carried, `History.aovs`.
             out: where the image is to be written.
 
         Raises:
-            FrameError, ArgumentError: see `run_wanted`.
+            FrameError, ArgumentError: see `run_outputs`.
         """
         if checked_frame(frame).color is None:
             hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."
@@ -368,28 +372,28 @@ class Model:
             raise FrameError("color", got=None, want=want, hint=hint)
         check_ratio(self.info.ratios, frame.size, display_size)
         check_gbuffers(frame, self.info.gbuffers, display_size, self.info.method)
-        for name in checked_names("want", want):
-            checked_choice("want", name, ("carry", WORK, *self.info.maps))
-        if "carry" in want:
+        for name in checked_names("outputs", outputs):
+            checked_choice("outputs", name, ("aovs", WORK, *self.info.maps))
+        if "aovs" in outputs:
             check_aovs(frame, carried)
         if out is not None:
             check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def _result(
-        self, image: Float32, want: Collection[str], told: Mapping[str, Float32], left: History
+        self, image: Float32, outputs: Collection[str], aux_outputs: Mapping[str, Float32], left: History
     ) -> StepResult:
         inputs = {h.output: h.input.name for h in self.info.history}
         maps: dict[str, Float32] = {}
-        for name in set(want) & set(self.info.maps):
+        for name in set(outputs) & set(self.info.maps):
             where = self.info.maps[name]
-            planes = told.get(where.output)
+            planes = aux_outputs.get(where.output)
             if planes is None:
                 planes = self._executor.tensor(left.buffers, inputs[where.output])
             maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
-        carry = None if left.carry is None else left.carry[0].transpose(1, 2, 0).copy()
-        if WORK in want:
+        aovs = None if left.aovs is None else left.aovs[0].transpose(1, 2, 0).copy()
+        if WORK in outputs:
             maps[WORK] = self.work(left).copy()
-        return StepResult(image, carry=carry, **maps)
+        return StepResult(image, aovs=aovs, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
         """Room for what this frame leaves, that of `history` where it fits."""
@@ -398,7 +402,7 @@ class Model:
         return self.first_history(display, render)
 
 
-def _on_drawn(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
+def _on_extrapolated(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
     info = read_model_info(folder)
     graph = OnnxExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
     return Model(info, graph, AovBlender(info, session_options(threads)), graph.providers, threads)

@@ -121,8 +121,8 @@ class Upscaler:
             display_size = display_size_of(self._render_size, self._scale)
         self._memory = _Memory(display_size)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
-        self._on_drawn = self.model.on_drawn if self._extrapolation.infos else self.model
-        infos = (self.model.info, self._on_drawn.info, *self._extrapolation.infos)
+        self._on_extrapolated = self.model.on_extrapolated if self._extrapolation.infos else self.model
+        infos = (self.model.info, self._on_extrapolated.info, *self._extrapolation.infos)
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
@@ -151,49 +151,61 @@ class Upscaler:
         return self._memory.stats
 
     @overload
-    def step(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
+    def step(self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ...) -> Float32: ...
 
     @overload
     def step(
-        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]
+        self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[str, *tuple[str, ...]]
+    ) -> StepResult: ...
+
+    @overload
+    def step(
+        self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]
     ) -> Float32 | StepResult: ...
 
     def step(
-        self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
+        self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()
     ) -> Float32 | StepResult:
         """Upscale the next frame.
 
         Args:
             frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
             out: (H, W, 3) float32 to write the image to.
-            want: what else to return: "carry", and what tells why the image is as it is, "class_map",
+            outputs: names of what else to return: "aovs", and maps that explain the image: "class_map",
                 "weight", "count", "work", as far as the method knows it. What is not named costs nothing.
                 What frames carry along must be asked for from one frame to the next, or begins anew, and
                 while it is, nothing is skipped.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
-            Where `want` names something, a `StepResult` with it as `image`.
+            Where `outputs` names something, a `StepResult` with it as `image`.
 
         Raises:
             FrameError: the frame breaks the contract. The history is as before; go on with the next frame.
-            ArgumentError: `out` has the wrong shape or type, or the method does not know what `want` names.
+            ArgumentError: `out` has the wrong shape or type, or the method has none of that name.
         """
-        want = self._checked_call(frame, want)
+        outputs = self._checked_call(frame, outputs)
         if self._recorder is None:
-            return self._step(frame, out, want)
-        return self._recorder.step(frame, want, partial(self._step, frame, out, want))
-
-    @overload
-    def extrapolate(self, frame: Frame, *, out: Float32 | None = ..., want: tuple[()] = ...) -> Float32: ...
+            return self._step(frame, out, outputs)
+        return self._recorder.step(frame, outputs, partial(self._step, frame, out, outputs))
 
     @overload
     def extrapolate(
-        self, frame: Frame, *, out: Float32 | None = ..., want: Collection[str]
+        self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[()] = ...
+    ) -> Float32: ...
+
+    @overload
+    def extrapolate(
+        self, frame: Frame, *, out: Float32 | None = ..., outputs: tuple[str, *tuple[str, ...]]
+    ) -> StepResult: ...
+
+    @overload
+    def extrapolate(
+        self, frame: Frame, *, out: Float32 | None = ..., outputs: Collection[str]
     ) -> Float32 | StepResult: ...
 
     def extrapolate(
-        self, frame: Frame, *, out: Float32 | None = None, want: Collection[str] = ()
+        self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()
     ) -> Float32 | StepResult:
         """Upscale the next frame, which was not shaded: its colour is drawn from the last one that was.
 
@@ -206,7 +218,7 @@ class Upscaler:
         Args:
             frame: without colour, with the G-buffers that the extrapolation and the method read.
             out: see `step`.
-            want: see `step`.
+            outputs: see `step`.
 
         Returns:
             As `step`.
@@ -215,9 +227,11 @@ class Upscaler:
             FrameError: as `step`; or the frame has colour, or is the first after a start, a reset or a cut.
             ArgumentError: as `step`; or the Upscaler was made without `extrapolation`.
         """
-        want = self._checked_call(frame, want)
-        run = partial(self._extrapolate, frame, out, want)
-        return run() if self._recorder is None else self._recorder.step(frame, want, run, extrapolated=True)
+        outputs = self._checked_call(frame, outputs)
+        run = partial(self._extrapolate, frame, out, outputs)
+        if self._recorder is None:
+            return run()
+        return self._recorder.step(frame, outputs, run, extrapolated=True)
 
     def step_tensors(
         self,
@@ -284,8 +298,8 @@ class Upscaler:
         self._extrapolation.warm_up(frame)
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
-        if self._on_drawn is not self.model:
-            self._on_drawn.run(frame, history)
+        if self._on_extrapolated is not self.model:
+            self._on_extrapolated.run(frame, history)
         if self.model.capture:
             tensors = tensors_of_frame(frame, self.model.device)
             self.model.run_tensors(tensors, history, jitter=frame.jitter)
@@ -331,17 +345,19 @@ class Upscaler:
     ) -> None:
         self.close()
 
-    def _step(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | StepResult:
+    def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> Float32 | StepResult:
         shaded = None
         if frame.color is not None:
             shaded = self._extrapolation.after_shaded(frame, self._memory.shaded)
-        return self._upscaled(self.model, frame, frame, shaded, out, want)
+        return self._upscaled(self.model, frame, frame, shaded, out, outputs)
 
-    def _extrapolate(self, frame: Frame, out: Float32 | None, want: Collection[str]) -> Float32 | StepResult:
+    def _extrapolate(
+        self, frame: Frame, out: Float32 | None, outputs: Collection[str]
+    ) -> Float32 | StepResult:
         started = time.perf_counter()
         drawn, shaded = self._extrapolation.draw(frame, self._memory.shaded)
         seconds = time.perf_counter() - started
-        return self._upscaled(self._on_drawn, frame, drawn, shaded, out, want, seconds)
+        return self._upscaled(self._on_extrapolated, frame, drawn, shaded, out, outputs, seconds)
 
     def _upscaled(
         self,
@@ -350,7 +366,7 @@ class Upscaler:
         frame: Frame,
         shaded: ShadedHistory | None,
         out: Float32 | None,
-        want: Collection[str],
+        outputs: Collection[str],
         extrapolation_seconds: float | None = None,
     ) -> Float32 | StepResult:
         """Step on a frame that has colour, as it was `given` or extrapolated."""
@@ -358,11 +374,11 @@ class Upscaler:
         kept = None if frame.reset else memory.history
         display = memory.display_size or display_size_of(frame.size, self._scale)
         # first: no frame is remembered, and no memory taken for one, that is then refused
-        model.check(frame, display, want, None if kept is None else kept.carry, out)
+        model.check(frame, display, outputs, None if kept is None else kept.aovs, out)
         self._checker.check(given, display, self.gbuffers)
         history = model.first_history(display, frame.size) if kept is None else kept
         result, next_history = model.run_checked(
-            frame, history, want, out=out, history_out=memory.spare, skip=self.skip
+            frame, history, outputs, out=out, history_out=memory.spare, skip=self.skip
         )
         stats = memory.stats.after_step(
             fresh=kept is None,
@@ -371,7 +387,7 @@ class Upscaler:
             extrapolation_seconds=extrapolation_seconds,
         )
         self._memory = _Memory(display, next_history, history, shaded, stats)
-        return result if want else result.image
+        return result if outputs else result.image
 
     def _step_tensors(
         self,
@@ -400,8 +416,8 @@ class Upscaler:
         if self._closed:
             raise ArgumentError("upscaler", got="closed", want="open", hint="Make a new one.")
 
-    def _checked_call(self, frame: Frame, want: Collection[str]) -> tuple[str, ...]:
-        """Return `want`, once it is known that the call may be made, and recorded."""
+    def _checked_call(self, frame: Frame, outputs: Collection[str]) -> tuple[str, ...]:
+        """Return `outputs`, once it is known that the call may be made, and recorded."""
         self._check_open()
         checked_frame(frame)
-        return checked_names("want", want)
+        return checked_names("outputs", outputs)

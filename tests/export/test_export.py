@@ -100,7 +100,7 @@ def test_the_description_names_every_tensor_of_the_graph(name: str) -> None:
     graph = onnx.load(info.steps["fp32"]).graph
     inputs = [t.name for t in info.inputs] + [h.input.name for h in info.history]
     assert [value.name for value in graph.input] == inputs
-    outputs = [info.image.name, *(h.output for h in info.history), *(t.name for t in info.told)]
+    outputs = [info.image.name, *(h.output for h in info.history), *(t.name for t in info.aux_outputs)]
     assert [value.name for value in graph.output] == outputs
     assert {where.output for where in info.maps.values()} <= set(outputs)
     for value, tensor in zip(graph.input, [*info.inputs, *(h.input for h in info.history)], strict=True):
@@ -148,7 +148,7 @@ def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:
             color=random.random((14, 21, 3), np.float32), depth=random.random((14, 21), np.float32),
             motion=random.normal(size=(14, 21, 2)).astype(np.float32), jitter=(0.1, -0.2),
         )  # fmt: skip
-        result = upscaler.step(frame, want=("class_map", "weight", "count"))
+        result = upscaler.step(frame, outputs=("class_map", "weight", "count"))
         assert isinstance(result, StepResult)
         assert np.isfinite(result.image).all()
         assert (result.image >= 0.0).all()

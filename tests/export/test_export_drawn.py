@@ -63,7 +63,7 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
         stepping: Method = method
         with torch.no_grad():
             if kind == "u":
-                drawing, stepping = GuidedWarp(), method.on_drawn()
+                drawing, stepping = GuidedWarp(), method.on_extrapolated()
                 drawn = drawing.step(*(given[name] for name in drawing.inputs()), *past)
                 given["color"], past = drawn.image, drawn.history
             else:
@@ -86,15 +86,15 @@ def test_upscalers_draw_what_torch_draws_however_frames_alternate(shipped: Extra
 
 def test_both_folders_say_what_they_are_and_have_one_history() -> None:
     folder = find_model("extrapolate")
-    outer, inner = read_model_info(folder), read_model_info(folder / "drawn")
+    outer, inner = read_model_info(folder), read_model_info(folder / "extrapolated")
     assert (outer.method, inner.method) == ("extrapolate", "extrapolate-drawn")
-    assert (outer.drawn, inner.drawn) == (folder / "drawn", None)
-    assert (outer.only_drawn, inner.only_drawn) == (False, True)
+    assert (outer.drawn, inner.drawn) == (folder / "extrapolated", None)
+    assert (outer.only_extrapolated, inner.only_extrapolated) == (False, True)
     assert outer.history == inner.history
     assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]
     assert "network.npz" not in outer.files
-    assert "colour was drawn" in (folder / "drawn" / "MODEL_CARD.md").read_text(encoding="utf-8")
-    assert "`drawn/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "colour was drawn" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "`extrapolated/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize("inner", [True, False])
@@ -102,7 +102,7 @@ def test_nothing_is_written_where_either_is_off(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
 ) -> None:
     def made(one: Method, _: object) -> dict[str, bytes]:
-        if one.only_drawn is inner:
+        if one.only_extrapolated is inner:
             raise ExportError("off")
         return {"model.json": b""}
 
@@ -118,13 +118,13 @@ def test_each_is_written_to_its_own_folder(
     monkeypatch.setattr(folder_module, "_made", lambda one, _: {"model.json": one.name.encode()})
     write_model_folder(method, tmp_path / "mine")
     written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
-    assert written == {"mine/model.json": "extrapolate", "mine/drawn/model.json": "extrapolate-drawn"}
+    assert written == {"mine/model.json": "extrapolate", "mine/extrapolated/model.json": "extrapolate-drawn"}
 
 
 def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None:
     packed, carried = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.carried, 8, 8)
     surface = torch.rand(1, 12, 8, 8)
-    for one, given in ((method, (packed, carried)), (method.on_drawn(), (packed, carried, surface))):
+    for one, given in ((method, (packed, carried)), (method.on_extrapolated(), (packed, carried, surface))):
         half = in_half(one)
         assert half is not None
         with torch.no_grad():
@@ -134,5 +134,5 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
 
 def test_there_are_no_kernels_for_two_encoders(method: Extrapolate) -> None:
     assert host_network(method) is None
-    assert "only_drawn" not in describe(method)
-    assert describe(method.on_drawn())["only_drawn"] is True
+    assert "only_extrapolated" not in describe(method)
+    assert describe(method.on_extrapolated())["only_extrapolated"] is True

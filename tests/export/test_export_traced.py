@@ -9,7 +9,7 @@ import pytest
 from supersampler import model_names
 from supersampler.methods.model_file import find_model
 from supersampler_export.cli import made_method, shipped_methods
-from supersampler_export.folder import carry_graph
+from supersampler_export.folder import aovs_graph
 from supersampler_export.graph import export_graph
 from supersampler_model.methods import LEARNED
 
@@ -33,6 +33,6 @@ def test_the_shipped_graph_is_what_the_exporter_writes_today(name: str) -> None:
 
 
 def test_what_carries_channels_along_is_what_the_exporter_writes_today() -> None:
-    fresh = structure(onnx.load_from_string(carry_graph()))
-    files = [find_model(name) / "carry.onnx" for name in model_names()]
+    fresh = structure(onnx.load_from_string(aovs_graph()))
+    files = [find_model(name) / "aovs.onnx" for name in model_names()]
     assert all(structure(onnx.load(file)) == fresh for file in files)

@@ -32,7 +32,7 @@ def recorded(method: str) -> list[Record]:
         upscaler.step(frame(0))
         upscaler.extrapolate(frame(1, color=None))
         upscaler.load_state(still_state(method))
-        upscaler.step(frame(FRAMES, carry=np.ones((24, 40, 2), np.float32)), want=("carry", "weight"))
+        upscaler.step(frame(FRAMES, aovs=np.ones((24, 40, 2), np.float32)), outputs=("aovs", "weight"))
         upscaler.reset()
         upscaler.step(frame(0))
     records = list(read_records(path))

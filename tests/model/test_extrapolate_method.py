@@ -72,7 +72,7 @@ def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
 def test_before_training_drawn_frames_are_those_of_classifier_on_drawn_colours(
     begun: Extrapolate, pattern: str
 ) -> None:
-    drawn, history, past = begun.on_drawn(), first(begun), State()
+    drawn, history, past = begun.on_extrapolated(), first(begun), State()
     model = Model.load("classifier", executor="onnx", threads=1)
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
@@ -104,13 +104,13 @@ def test_each_encoder_sees_frames_of_one_kind_alone(
     _, history = step(begun, given(0), first(begun))
     of_shaded, of_drawn = (
         torch.equal(step(a, given(1), history)[0], step(b, given(1), history)[0])
-        for a, b in ((begun, other), (begun.on_drawn(), other.on_drawn()))
+        for a, b in ((begun, other), (begun.on_extrapolated(), other.on_extrapolated()))
     )
     assert (of_shaded, of_drawn) == (encoder != "encoder", encoder == "encoder")
 
 
 def test_once_trained_drawn_frames_depend_on_base_colour(begun: Extrapolate) -> None:
-    drawn = changed(begun, "drawn_encoder").on_drawn()
+    drawn = changed(begun, "drawn_encoder").on_extrapolated()
     _, history = step(begun, given(0), first(begun))
     inputs = given(1)
     black = {**inputs, "gbuffer_base_color": torch.zeros_like(inputs["gbuffer_base_color"])}
@@ -120,7 +120,7 @@ def test_once_trained_drawn_frames_depend_on_base_colour(begun: Extrapolate) -> 
 def test_the_method_on_drawn_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
     assert DrawnExtrapolate.history == Extrapolate.history == Classifier.history
     assert set(DrawnExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
-    assert DrawnExtrapolate.only_drawn
+    assert DrawnExtrapolate.only_extrapolated
     assert DrawnExtrapolate.name not in LEARNED
 
 
@@ -139,7 +139,7 @@ def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
 
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
 def test_odd_sizes_are_drawn(begun: Extrapolate, render: Sizes, display: Sizes) -> None:
-    drawn, history = changed(begun, "drawn_encoder").on_drawn(), first(begun, render, display)
+    drawn, history = changed(begun, "drawn_encoder").on_extrapolated(), first(begun, render, display)
     for index, method in enumerate((begun, drawn, drawn, begun)):
         image, history = step(method, given(index, render, display), history)
         assert image.shape == (1, 3, *display[::-1])
@@ -148,7 +148,7 @@ def test_odd_sizes_are_drawn(begun: Extrapolate, render: Sizes, display: Sizes) 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf"), -3.0, 1e30])
 def test_base_colour_that_is_no_number_in_range_spoils_nothing(begun: Extrapolate, bad: float) -> None:
-    drawn = changed(begun, "drawn_encoder").on_drawn()
+    drawn = changed(begun, "drawn_encoder").on_extrapolated()
     _, history = step(begun, given(0), first(begun))
     inputs = given(1)
     inputs["gbuffer_base_color"][:, :, 3:9, 4:20] = bad

@@ -44,6 +44,7 @@ from supersampler.model import ExecutorName
 
 SIZE, DISPLAY = (32, 18), (64, 36)
 GOOD = noise(1, SIZE)
+UNSHADED = replace(GOOD, color=None)
 TENSORS: dict[str, Any] = {
     name: planes_of(np.asarray(getattr(GOOD, name))) for name in ("color", "depth", "motion")
 }
@@ -200,10 +201,12 @@ PURE: dict[str, Call] = {
 SESSION: dict[str, Callable[[Upscaler, Any], object]] = {
     "step(frame)": lambda upscaler, value: upscaler.step(value),
     "step(out)": lambda upscaler, value: upscaler.step(GOOD, out=value),
-    "step(want)": lambda upscaler, value: upscaler.step(GOOD, want=value),
+    "step(outputs)": lambda upscaler, value: upscaler.step(GOOD, outputs=value),
     "step(gbuffer)": lambda upscaler, value: upscaler.step(replace(GOOD, gbuffer={"normal": value})),
     "extrapolate(frame)": lambda upscaler, value: upscaler.extrapolate(value),
-    "extrapolate(want)": lambda upscaler, value: upscaler.extrapolate(replace(GOOD, color=None), want=value),
+    "extrapolate(want)": lambda upscaler, value: upscaler.extrapolate(
+        replace(GOOD, color=None), outputs=value
+    ),
     "step_tensors(tensors)": lambda upscaler, value: upscaler.step_tensors(value, jitter=(0.0, 0.0)),
     "step_tensors(color)": lambda upscaler, value: upscaler.step_tensors({"color": value}, jitter=(0.0, 0.0)),
     "step_tensors(jitter)": lambda upscaler, value: upscaler.step_tensors(TENSORS, jitter=value),
@@ -267,14 +270,14 @@ def test_a_refused_call_changes_no_history(name: str, executor: ExecutorName) ->
     np.testing.assert_array_equal(disturbed.step(GOOD), innocent.step(GOOD))
 
 
-@pytest.mark.parametrize("name", ["frame", "history", "want", "out", "history_out", "skip"])
+@pytest.mark.parametrize("name", ["frame", "history", "outputs", "out", "history_out", "skip"])
 def test_a_model_takes_hostile_arguments_or_refuses_them(name: str) -> None:
     model = Model.load("taau", threads=1)
-    given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "want": ()}
-    expected, _ = model.run_wanted(**given)
+    given: dict[str, Any] = {"frame": GOOD, "history": model.first_history(DISPLAY, SIZE), "outputs": ()}
+    expected, _ = model.run_outputs(**given)
     for make in HOSTILE.values():
-        refusal(lambda: model.run_wanted(**{**given, name: make()}))  # noqa: B023  # called at once
-    np.testing.assert_array_equal(model.run_wanted(**given)[0].image, expected.image)
+        refusal(lambda: model.run_outputs(**{**given, name: make()}))  # noqa: B023  # called at once
+    np.testing.assert_array_equal(model.run_outputs(**given)[0].image, expected.image)
 
 
 def _values() -> st.SearchStrategy[Any]:

@@ -24,7 +24,7 @@ from supersampler import (
 )
 from supersampler.arguments import MAX_PIXELS, MAX_SIDE, MAX_THREADS, checked_threads
 from supersampler.backends.onnx.session import planes_of
-from supersampler.frame import MAX_CARRIED
+from supersampler.frame import MAX_AOVS
 from supersampler.model import ExecutorName
 
 SIZE, DISPLAY = (32, 18), (64, 36)
@@ -143,7 +143,7 @@ def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
         ("exposure", "1", "exposure is '1'"),
         ("reset", "no", "reset is 'no'; want True or False"),
         ("jitter", ("0", "0"), r"jitter is \('0', '0'\); want \(x, y\), two numbers"),
-        ("carry", np.zeros((18, 32, 0), np.float32), r"carry is \(18, 32, 0\)"),
+        ("aovs", np.zeros((18, 32, 0), np.float32), r"carry is \(18, 32, 0\)"),
         ("gbuffer", [1], r"gbuffer is \[1\]; want a mapping"),
     ],
 )
@@ -210,7 +210,7 @@ def test_the_page_about_security_has_the_limits_that_hold() -> None:
     page = (Path(__file__).parents[2] / "docs/security.md").read_text(encoding="utf-8")
     for limit in (
         f"render or display | {MAX_SIDE} pixels a side, 2^26 ({MAX_PIXELS:,}) together",
-        f"AOVs of a frame (`carry`) | {MAX_CARRIED} channels",
+        f"AOVs of a frame (`aovs`) | {MAX_AOVS} channels",
         f"threads of a model | {MAX_THREADS} |",
     ):
         assert limit in page

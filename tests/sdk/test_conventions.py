@@ -61,7 +61,7 @@ def make_frame(seed: int, size: Size, *, reset: bool = False) -> Frame:
         exposure=1.5,
         gbuffer={"roughness": random.random((h, w), np.float32)},
         gbuffer_display={"depth": depth},
-        carry=random.random((h, w, 2), np.float32),
+        aovs=random.random((h, w, 2), np.float32),
     )
 
 
@@ -79,8 +79,8 @@ def assert_same(got: Frame, want: Frame) -> None:
     assert want.gbuffer is not None
     np.testing.assert_array_equal(got.gbuffer["roughness"], want.gbuffer["roughness"])
     np.testing.assert_allclose(got.gbuffer_display["depth"], want.depth, rtol=1e-5, atol=2e-7)
-    assert got.carry is not None
-    np.testing.assert_array_equal(got.carry, want.carry)
+    assert got.aovs is not None
+    np.testing.assert_array_equal(got.aovs, want.aovs)
 
 
 @settings(deadline=None, max_examples=150)

@@ -102,7 +102,7 @@ def test_the_folder_says_what_it_is(folder: Path) -> None:
     assert described["network"]["multiply_adds"] > 0
     assert described["image"]["shape"] == [1, 3, "render_height", "render_width"]
     assert "network.onnx" in described["files"]
-    assert "carry.onnx" not in described["files"]
+    assert "aovs.onnx" not in described["files"]
     assert all(size["difference"] <= 1e-4 for size in described["parity"]["sizes"])
     assert "at render size, for an upscaler to step on" in (folder / "MODEL_CARD.md").read_text()
 

@@ -28,7 +28,7 @@ H, W = 18, 32
         ("jitter", 0.25, r"is 0.25; want \(x, y\)"),
         ("exposure", 0.0, r"is 0.0; want a finite number > 0, or None"),
         ("exposure", float("inf"), r"is inf"),
-        ("carry", np.zeros((H, W), np.float32), r"want \(18, 32, k\)"),
+        ("aovs", np.zeros((H, W), np.float32), r"want \(18, 32, k\)"),
     ],
 )
 def test_a_bad_input_is_named(name: str, value: object, message: str) -> None:

@@ -39,7 +39,7 @@ def step_both(
     models: dict[tuple[str, str], Model], method: str, frames: list[Frame], display: Size
 ) -> list[tuple[Any, Any]]:
     pair = [Upscaler(models[method, name], display_size=display, validate="off") for name in ("onnx", "cpu")]
-    results = [[u.step(frame, want=("weight",)) for u in pair] for frame in frames]
+    results = [[u.step(frame, outputs=("weight",)) for u in pair] for frame in frames]
     return [(one, other) for one, other in results]
 
 

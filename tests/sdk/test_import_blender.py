@@ -38,11 +38,11 @@ def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict
     assert shot.reference_indices == [1]
     item = shot.read(1)
     np.testing.assert_array_equal(item.reference, truth(1))
-    gbuffer, carry = item.frame.gbuffer, item.frame.carry
+    gbuffer, aovs = item.frame.gbuffer, item.frame.aovs
     assert gbuffer is not None
-    assert carry is not None
-    assert carry.shape == (36, 64, 1)
-    assert (carry == 0.5).all()
+    assert aovs is not None
+    assert aovs.shape == (36, 64, 1)
+    assert (aovs == 0.5).all()
     np.testing.assert_array_equal(gbuffer["normal"][0, 0], [0, 1, 2])
     np.testing.assert_array_equal(gbuffer["base_color"][0, 0], [0, 0.25, 0.5])
 

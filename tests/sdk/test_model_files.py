@@ -77,10 +77,14 @@ OK = "0" * 64
         ({"history": [{**HISTORY, "output": "image"}]}, "'image' twice"),
         ({"image": TENSOR | {"shape": [1, 4, "display_height", "display_width"]}}, "image"),
         (
-            {"told": [TENSOR | {"name": "weight", "shape": [1, 2, "display_height", "display_width"]}]},
+            {
+                "aux_outputs": [
+                    TENSOR | {"name": "weight", "shape": [1, 2, "display_height", "display_width"]}
+                ]
+            },
             "weight",
         ),
-        ({"told": [TENSOR | {"name": "x"}]}, "told 'x'"),
+        ({"aux_outputs": [TENSOR | {"name": "x"}]}, "told 'x'"),
         ({"maps": {"weight": {"output": "weight", "first": 0, "channels": 2}}}, "map 'weight'"),
         ({"maps": {"weight": {"output": "weight", "first": -1, "channels": 1}}}, "maps.weight.first is -1"),
         ({"maps": {"image": {"output": "weight", "first": 0, "channels": 1}}}, "map 'image'"),
@@ -89,10 +93,10 @@ OK = "0" * 64
         ({"files": {"../step.onnx": OK}}, r"files has '\.\./step\.onnx'; want plain names"),
         ({"files": {"/etc/passwd": OK}}, "plain names"),
         ({"files": {"a\\b": OK}}, "plain names"),
-        ({"files": {"drawn/step.onnx": OK}}, "plain names"),
+        ({"files": {"extrapolated/step.onnx": OK}}, "plain names"),
         ({"files": {"..": OK}}, "plain names"),
         ({"files": {"\0": OK}}, "printable"),
-        ({"only_drawn": 1}, "only_drawn is 1; want true or false"),
+        ({"only_extrapolated": 1}, "only_drawn is 1; want true or false"),
         ({"network": {"multiply_adds": -1}}, "network.multiply_adds is -1"),
         ({"attributions": "x"}, "attributions"),
         ({"versions": {"torch": 2}}, "versions.torch is 2"),
@@ -143,13 +147,13 @@ def test_a_link_out_of_the_folder_is_refused(folder: Path, tmp_path: Path) -> No
 
 def test_a_folder_of_drawn_frames_with_another_history_is_refused(tmp_path: Path) -> None:
     folder = Path(shutil.copytree(find_model("extrapolate"), tmp_path / "model"))
-    inner = json.loads((folder / "drawn" / "model.json").read_text())
+    inner = json.loads((folder / "extrapolated" / "model.json").read_text())
     inner["history"][0]["shape"] = [1, 4, "display_height", "display_width"]
     content = json.dumps(inner).encode()
-    (folder / "drawn" / "model.json").write_bytes(content)
+    (folder / "extrapolated" / "model.json").write_bytes(content)
     files = json.loads((folder / "model.json").read_text())["files"]
-    change(folder, files={**files, "drawn/model.json": hashlib.sha256(content).hexdigest()})
-    with pytest.raises(ModelError, match="only_drawn"):
+    change(folder, files={**files, "extrapolated/model.json": hashlib.sha256(content).hexdigest()})
+    with pytest.raises(ModelError, match="only_extrapolated"):
         read_model_info(folder)
 
 

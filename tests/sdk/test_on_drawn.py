@@ -85,15 +85,18 @@ def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
 
 
 def test_a_model_without_one_steps_on_drawn_frames_itself(classifier: Model) -> None:
-    assert classifier.on_drawn is classifier
-    assert classifier.info.drawn is None
+    assert classifier.on_extrapolated is classifier
+    assert classifier.info.extrapolated is None
 
 
 def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
-    assert joint.on_drawn is not joint
-    assert joint.executor == joint.on_drawn.executor == "onnx"
-    assert (joint.providers, joint.threads) == (joint.on_drawn.providers, joint.on_drawn.threads)
-    assert joint.info.drawn == folder / "drawn"
+    assert joint.on_extrapolated is not joint
+    assert joint.executor == joint.on_extrapolated.executor == "onnx"
+    assert (joint.providers, joint.threads) == (
+        joint.on_extrapolated.providers,
+        joint.on_extrapolated.threads,
+    )
+    assert joint.info.extrapolated == folder / "extrapolated"
 
 
 def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> None:
@@ -107,15 +110,16 @@ def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> No
 def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Model) -> None:
     ours, theirs = make(joint), make(classifier)
     for index in range(4):
-        carry = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
-        frame = shaded(index, carry=carry, **({"color": None} if index % 2 else {}))
+        aovs = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
+        frame = shaded(index, aovs=aovs, **({"color": None} if index % 2 else {}))
         made = [
-            (u.extrapolate if index % 2 else u.step)(frame, want=("weight", "carry")) for u in (ours, theirs)
+            (u.extrapolate if index % 2 else u.step)(frame, outputs=("weight", "aovs"))
+            for u in (ours, theirs)
         ]
         one, other = (result for result in made if isinstance(result, StepResult))
-        assert one.carry is not None
+        assert one.aovs is not None
         assert one.weight is not None
-        np.testing.assert_array_equal(one.carry, other.carry)
+        np.testing.assert_array_equal(one.aovs, other.aovs)
         np.testing.assert_array_equal(one.weight, other.weight)
 
 
@@ -136,7 +140,7 @@ def test_a_frame_without_base_colour_is_refused_and_changes_nothing(joint: Model
     with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is None; want \(23, 40, 3\)"):
         other.extrapolate(shaded(2, color=None, gbuffer=gbuffer))
     with pytest.raises(FrameError, match=r"gbuffer\['base_color'\] is None.*'joint-drawn' reads it"):
-        joint.on_drawn.check(shaded(2, gbuffer=None), DISPLAY)
+        joint.on_extrapolated.check(shaded(2, gbuffer=None), DISPLAY)
     for a, b in zip(run(one, "us", 2), run(other, "us", 2), strict=True):
         np.testing.assert_array_equal(a, b)
 
@@ -148,20 +152,20 @@ def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, j
         lambda p: Upscaler.plan(SIZE, DISPLAY, p),
     ):
         with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
-            use(folder / "drawn")
+            use(folder / "extrapolated")
     with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and draws no frames"):
-        make(joint, extrapolation=folder / "drawn")
-    assert not {"drawn", "extrapolate-drawn"} & {*model_names(), *extrapolation_names()}
+        make(joint, extrapolation=folder / "extrapolated")
+    assert not {"extrapolated", "extrapolate-drawn"} & {*model_names(), *extrapolation_names()}
     with pytest.raises(ModelError, match="no model 'extrapolate-drawn'"):
         Model.load("extrapolate-drawn")
 
 
 def test_a_folder_whose_inner_one_is_damaged_is_refused(tmp_path: Path) -> None:
     folder = joint_folder(tmp_path / "joint")
-    (folder / "drawn" / "step.onnx").write_bytes(b"")
+    (folder / "extrapolated" / "step.onnx").write_bytes(b"")
     with pytest.raises(ModelError, match=r"drawn.step\.onnx: its content is not what"):
         Model.load(folder, providers="cpu")
-    (folder / "drawn" / "model.json").write_text("{}")
+    (folder / "extrapolated" / "model.json").write_text("{}")
     with pytest.raises(ModelError, match=r"drawn.model\.json: its content is not what"):
         Model.load(folder, providers="cpu")
 
@@ -181,7 +185,7 @@ def test_a_state_continues_bit_for_bit(joint: Model, pattern: str) -> None:
 def test_warming_up_runs_both_and_leaves_the_past(joint: Model) -> None:
     one, other = make(joint), make(joint, render_size=SIZE)
     run(one, "s"), run(other, "s")
-    with patch.object(joint.on_drawn, "run", wraps=joint.on_drawn.run) as warmed:
+    with patch.object(joint.on_extrapolated, "run", wraps=joint.on_extrapolated.run) as warmed:
         other.warm_up()
     warmed.assert_called_once()
     np.testing.assert_array_equal(run(one, "u", 1)[0], run(other, "u", 1)[0])
@@ -189,7 +193,7 @@ def test_warming_up_runs_both_and_leaves_the_past(joint: Model) -> None:
 
 def test_a_plan_is_that_of_shaded_frames(folder: Path, joint: Model) -> None:
     plan = Upscaler.plan(SIZE, DISPLAY, folder, threads=1, providers="cpu")
-    assert plan == joint.plan(SIZE, DISPLAY) == joint.on_drawn.plan(SIZE, DISPLAY)
+    assert plan == joint.plan(SIZE, DISPLAY) == joint.on_extrapolated.plan(SIZE, DISPLAY)
 
 
 def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
@@ -206,10 +210,10 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
     assert replay.is_recorded_model
     steps = [step for step in map(replay.call, replay.recording) if step is not None]
     assert [step.exact for step in steps] == [True] * len(made)
-    assert "drawn/model.json" in replay.recording.setup.files
+    assert "extrapolated/model.json" in replay.recording.setup.files
     other = joint_folder(tmp_path / "other")
-    described = (other / "drawn" / "model.json").read_text().replace("joint-drawn", "another")
-    (other / "drawn" / "model.json").write_text(described)
+    described = (other / "extrapolated" / "model.json").read_text().replace("joint-drawn", "another")
+    (other / "extrapolated" / "model.json").write_text(described)
     with pytest.raises(ModelError, match=r"drawn.model\.json"):
         Replay(open_recording(file), model=other)
 
@@ -217,5 +221,5 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
 def test_info_says_what_steps_on_drawn_frames(folder: Path) -> None:
     lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
     assert [line.split() for line in lines if line.startswith("drawn frames")] == [
-        ["drawn", "frames", "by", "the", "model", "in", "drawn"]
+        ["drawn", "frames", "by", "the", "model", "in", "extrapolated"]
     ]

@@ -58,7 +58,7 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
         exposure=0.7 + 0.1 * seed,
         gbuffer={"normal": random.random((height, width, 3), np.float32)},
         gbuffer_display={"depth": random.random((high, wide), np.float32)},
-        carry=random.random((height, width, 4), np.float32)[..., ::2],
+        aovs=random.random((height, width, 4), np.float32)[..., ::2],
     )
 
 
@@ -66,9 +66,9 @@ def with_all_inputs(seed: int, size: tuple[int, int]) -> Frame:
 def test_a_replay_is_bit_for_bit_what_was_recorded(models: dict[str, Model], name: str, file: Path) -> None:
     made: list[Float32 | None] = []
     with recorded(models[name], file, skip="exact") as upscaler:
-        maps = ("carry", *models[name].info.maps)
+        maps = ("aovs", *models[name].info.maps)
         for seed, size in enumerate([(32, 18), (32, 18), (43, 24)]):
-            result = upscaler.step(with_all_inputs(seed, size), want=maps)
+            result = upscaler.step(with_all_inputs(seed, size), outputs=maps)
             assert not isinstance(result, np.ndarray)
             made.append(result.image)
         state = upscaler.save_state()
@@ -92,11 +92,11 @@ def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
     frames = [replace(still, jitter=(0.25 * (index % 2), 0.0), reset=index == 0) for index in range(60)]
     with recorded(models["taau"], file, skip=0.1) as upscaler:
         for frame in frames:
-            upscaler.step(frame, want=("work",))
+            upscaler.step(frame, outputs=("work",))
         state = upscaler.save_state()
         upscaler.step(noise(1))
         upscaler.load_state(state)
-        upscaler.step(replace(frames[1], reset=False), want=("work",))
+        upscaler.step(replace(frames[1], reset=False), outputs=("work",))
         assert upscaler.stats.work < upscaler.stats.frames
     assert all(step.exact for step in replayed(file))
 
@@ -104,7 +104,7 @@ def test_what_rested_rests_again(models: dict[str, Model], file: Path) -> None:
 def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path) -> None:
     frame = with_all_inputs(1, (32, 18))
     with recorded(models["taau"], file, scale=2.0, display_size=None, skip=0.25) as upscaler:
-        image = upscaler.step(frame, want=["carry"]).image  # type: ignore[union-attr]
+        image = upscaler.step(frame, outputs=["aovs"]).image  # type: ignore[union-attr]
         state = upscaler.save_state()
         upscaler.load_state(state)
         upscaler.reset()
@@ -116,7 +116,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
         np.testing.assert_equal(getattr(step.frame, field.name), getattr(read, field.name))
     assert step.frame.color is not None
     assert step.frame.color.dtype == np.float16
-    assert (step.index, step.want) == (0, ("carry",))
+    assert (step.index, step.outputs) == (0, ("aovs",))
     assert isinstance(loaded, LoadStateCall)
     assert (loaded.state.method, loaded.state.render_size) == (state.method, state.render_size)
     np.testing.assert_equal(loaded.state.history, state.history)
@@ -178,8 +178,8 @@ def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
         upscaler.step(noise(0))
         with pytest.raises(ArgumentError, match="out"):
             upscaler.step(noise(1), out=np.empty((1, 1, 3), np.float32))
-        with pytest.raises(ArgumentError, match="want"):
-            upscaler.step(noise(1), want=(3,))  # type: ignore[arg-type]
+        with pytest.raises(ArgumentError, match="outputs"):
+            upscaler.step(noise(1), outputs=(3,))  # type: ignore[arg-type]
         with monkeypatch.context() as patch:
             patch.setattr(Model, "run_checked", interrupt)
             with pytest.raises(KeyboardInterrupt):
@@ -295,9 +295,9 @@ def test_a_file_of_another_kind_or_version_is_refused(record: Record, message: s
 @pytest.mark.parametrize(
     "record",
     [
-        Record("step", {"frame": {"jitter": [9, 9]}, "want": []}, {"depth": np.ones((2, 2), np.float32)}),
-        Record("step", {"frame": {"surprise": 1}, "want": []}),
-        Record("step", {"frame": 1, "want": []}),
+        Record("step", {"frame": {"jitter": [9, 9]}, "outputs": []}, {"depth": np.ones((2, 2), np.float32)}),
+        Record("step", {"frame": {"surprise": 1}, "outputs": []}),
+        Record("step", {"frame": 1, "outputs": []}),
         Record("load_state", {"method": "taau"}),
         Record("explode"),
     ],

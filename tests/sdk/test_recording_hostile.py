@@ -73,9 +73,9 @@ def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
 @pytest.mark.parametrize(
     "record",
     [
-        Record("step", {"frame": {"jitter": [0, 0], "gbuffer": True}, "want": []}, FRAME),
-        Record("step", {"frame": {"jitter": [0, 10**400]}, "want": []}, FRAME),
-        Record("step", {"frame": {"jitter": [0, 0]}, "want": "carry", "tensors": False}, FRAME),
+        Record("step", {"frame": {"jitter": [0, 0], "gbuffer": True}, "outputs": []}, FRAME),
+        Record("step", {"frame": {"jitter": [0, 10**400]}, "outputs": []}, FRAME),
+        Record("step", {"frame": {"jitter": [0, 0]}, "outputs": "aovs", "tensors": False}, FRAME),
         Record("outcome", {"digests": {"image": 2**40}, "error": ["", ""]}),
         Record("outcome", {"digests": {}, "error": ["", "", ""]}),
         Record("outcome", {"digests": {}, "error": ["", ""]}, {"image": np.ones((2, 2), np.float32)}),

@@ -148,8 +148,8 @@ def test_a_strangers_file_has_no_say_over_the_terminal(file: Path, tmp_path: Pat
 
 
 def test_pictures_of_a_replay_hold_what_was_carried(tmp_path: Path) -> None:
-    frame = noise(0, carry=np.full((18, 32, 1), 0.5, np.float32))
+    frame = noise(0, aovs=np.full((18, 32, 1), 0.5, np.float32))
     with Upscaler("taau", display_size=(64, 36), record=tmp_path / "a") as upscaler:
-        upscaler.step(frame, want=("carry",))
+        upscaler.step(frame, outputs=("aovs",))
     assert run("replay", tmp_path / "a", "-o", tmp_path / "out").exit_code == 0
     np.testing.assert_allclose(read_exr(tmp_path / "out" / "0000.exr")["A"], 0.5, atol=1e-3)

@@ -39,7 +39,7 @@ def write_shot(folder: Path, count: int = 4, **options: Any) -> Shot:
 
 def assert_same(a: Frame | RawFrame, b: Frame | RawFrame, *, tolerance: float = 0.0) -> None:
     """All fields of two frames are equal; arrays within a tolerance, and of one type."""
-    for name in ("color", "depth", "motion", "carry"):
+    for name in ("color", "depth", "motion", "aovs"):
         x, y = getattr(a, name), getattr(b, name)
         assert (x is None) == (y is None), name
         if x is not None:
@@ -91,9 +91,9 @@ def test_every_input_a_frame_can_have_is_kept(tmp_path: Path) -> None:
             "normal": pixels(SIZE, 3),
         },
         gbuffer_display={"depth": pixels(DISPLAY_SIZE, kind=np.float32), "specular": pixels(DISPLAY_SIZE)},
-        carry=pixels(SIZE, 11),
+        aovs=pixels(SIZE, 11),
     )
-    one = Frame(color=None, depth=full.depth, motion=full.motion, jitter=(0.0, 0.0), carry=pixels(SIZE, 1))
+    one = Frame(color=None, depth=full.depth, motion=full.motion, jitter=(0.0, 0.0), aovs=pixels(SIZE, 1))
     with ShotWriter(tmp_path, name="full", display_size=DISPLAY_SIZE, frame_rate=30) as writer:
         writer.write(full)
         writer.write(one)

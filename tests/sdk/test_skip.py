@@ -78,7 +78,7 @@ def twin(upscaler: Upscaler) -> Upscaler:
 
 def work_of(upscaler: Upscaler, frame: Frame) -> tuple[Float32, Float32]:
     """Image and work of a step."""
-    result = upscaler.step(frame, want=("work",))
+    result = upscaler.step(frame, outputs=("work",))
     assert isinstance(result, StepResult)
     assert result.work is not None
     return result.image, result.work
@@ -214,9 +214,9 @@ def test_what_stands_still_for_longer_may_change_by_more_up_to_a_bound() -> None
 
 def test_what_is_carried_is_blended_in_every_frame(models: dict[str, Model]) -> None:
     upscaler, index = settled(models["taau"])
-    carry = np.ones((RENDER[1], RENDER[0], 1), np.float32)
+    aovs = np.ones((RENDER[1], RENDER[0], 1), np.float32)
     done = upscaler.stats.work
-    upscaler.step(replace(scene(index), carry=carry), want=("carry",))
+    upscaler.step(replace(scene(index), aovs=aovs), outputs=("aovs",))
     assert upscaler.stats.work == done + 1.0
 
 

@@ -55,16 +55,16 @@ def assert_refused(state: Any, match: str) -> None:
 def test_the_state_of_these_tests_holds_all_that_there_is() -> None:
     state = still_state()
     assert state.version == STATE_VERSION
-    assert {*STILL, "history.color", "history.carry"} <= set(state.history or ())
+    assert {*STILL, "history.color", "history.aovs"} <= set(state.history or ())
     assert (state.history or {})["still.looked"].any()
 
 
 @pytest.mark.parametrize("cut", CUTS)
-@pytest.mark.parametrize("name", [*STILL, "history.color", "history.jitter", "history.carry"])
+@pytest.mark.parametrize("name", [*STILL, "history.color", "history.jitter", "history.aovs"])
 def test_an_array_that_is_not_as_the_method_has_it_is_refused(name: str, cut: str) -> None:
     state = still_state()
     array = CUTS[cut]((state.history or {})[name])
-    if array is None and name == "history.carry":
+    if array is None and name == "history.aovs":
         return  # which a state need not have
     if cut == "of the other byte order" and array.dtype.itemsize == 1:
         return
@@ -87,7 +87,7 @@ def test_an_array_to_extrapolate_from_is_refused_likewise(name: str, cut: str) -
         ("history.color", np.nan),
         ("history.samples", np.inf),
         ("history.surface", -np.inf),
-        ("history.carry", np.nan),
+        ("history.aovs", np.nan),
         ("history.jitter", 0.51),
         ("still.looks", np.nan),
         ("still.frames", 0),

@@ -31,11 +31,11 @@ def carrying(seed: int, channels: int = 2) -> Frame:
     """Return a frame that carries its own colour's first channels, scaled to [0, 1]."""
     frame = noise(seed)
     assert frame.color is not None
-    return noise(seed, carry=(frame.color / 8.0)[..., :channels].copy())
+    return noise(seed, aovs=(frame.color / 8.0)[..., :channels].copy())
 
 
 def told(upscaler: Upscaler, frame: Frame, *want: str) -> StepResult:
-    result = upscaler.step(frame, want=want)
+    result = upscaler.step(frame, outputs=want)
     assert isinstance(result, StepResult)
     return result
 
@@ -43,7 +43,7 @@ def told(upscaler: Upscaler, frame: Frame, *want: str) -> StepResult:
 def test_asking_does_not_change_the_image(model: Model) -> None:
     silent, asked = make(model), make(model)
     for seed in range(3):
-        result = told(asked, carrying(seed), "weight", "carry")
+        result = told(asked, carrying(seed), "weight", "aovs")
         np.testing.assert_array_equal(result.image, silent.step(noise(seed)))
 
 
@@ -71,39 +71,39 @@ def test_the_count_of_a_still_scene_grows() -> None:
 def test_a_flat_channel_stays_flat_and_a_cut_forgets_it(model: Model) -> None:
     upscaler = make(model)
     for seed, value in ((0, 0.25), (1, 0.25), (0, 0.75)):  # noise(0) is a cut
-        carry = told(upscaler, noise(seed, carry=np.full((18, 32, 1), value, np.float32)), "carry").carry
-        assert carry is not None
-        np.testing.assert_allclose(carry, value, rtol=1e-5)
+        aovs = told(upscaler, noise(seed, aovs=np.full((18, 32, 1), value, np.float32)), "aovs").aovs
+        assert aovs is not None
+        np.testing.assert_allclose(aovs, value, rtol=1e-5)
 
 
 def test_a_channel_is_blended_by_the_weight_of_the_colour(model: Model) -> None:
     upscaler = make(model)
     zeros = np.zeros((18, 32, 1), np.float32)
-    told(upscaler, noise(0, carry=zeros), "carry")
+    told(upscaler, noise(0, aovs=zeros), "aovs")
     still = np.zeros((18, 32, 2), np.float32)
-    result = told(upscaler, noise(1, carry=zeros + 1.0, motion=still), "carry", "weight")
-    assert result.carry is not None
+    result = told(upscaler, noise(1, aovs=zeros + 1.0, motion=still), "aovs", "weight")
+    assert result.aovs is not None
     assert result.weight is not None
-    np.testing.assert_allclose(result.carry[..., 0], 1.0 - result.weight, atol=1e-5)
+    np.testing.assert_allclose(result.aovs[..., 0], 1.0 - result.weight, atol=1e-5)
 
 
 def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
     upscaler = make(model)
-    carry = np.full((18, 32, 1), 0.5, np.float32)
-    told(upscaler, noise(0, carry=carry), "carry")
-    bad = carry.copy()
+    aovs = np.full((18, 32, 1), 0.5, np.float32)
+    told(upscaler, noise(0, aovs=aovs), "aovs")
+    bad = aovs.copy()
     bad[4, 5], bad[9, 9], bad[2, 2] = np.nan, np.inf, -np.inf
     for seed in range(1, 4):
-        result = told(upscaler, noise(seed, carry=bad if seed == 1 else carry), "carry")
-        assert result.carry is not None
-        assert np.isfinite(result.carry).all()
+        result = told(upscaler, noise(seed, aovs=bad if seed == 1 else aovs), "aovs")
+        assert result.aovs is not None
+        assert np.isfinite(result.aovs).all()
 
 
 def test_a_saved_state_holds_what_was_carried(model: Model) -> None:
     upscaler, fork = make(model), make(model)
-    told(upscaler, carrying(0), "carry")
+    told(upscaler, carrying(0), "aovs")
     fork.load_state(upscaler.save_state())
-    ours, theirs = (told(u, carrying(1), "carry").carry for u in (upscaler, fork))
+    ours, theirs = (told(u, carrying(1), "aovs").aovs for u in (upscaler, fork))
     assert ours is not None
     assert theirs is not None
     np.testing.assert_array_equal(ours, theirs)
@@ -111,34 +111,34 @@ def test_a_saved_state_holds_what_was_carried(model: Model) -> None:
 
 def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> None:
     upscaler = make("taau")
-    told(upscaler, carrying(0), "carry")
+    told(upscaler, carrying(0), "aovs")
     with pytest.raises(ArgumentError, match="class_map"):
-        upscaler.step(carrying(1), want=("class_map",))
-    with pytest.raises(ArgumentError, match="want"):
-        upscaler.step(carrying(1), want="carry")
+        upscaler.step(carrying(1), outputs=("class_map",))
+    with pytest.raises(ArgumentError, match="outputs"):
+        upscaler.step(carrying(1), outputs="aovs")
     with pytest.raises(FrameError, match="carry is None"):
-        upscaler.step(noise(1), want=("carry",))
+        upscaler.step(noise(1), outputs=("aovs",))
     with pytest.raises(FrameError, match="carry is 1 channels"):
-        upscaler.step(carrying(1, channels=1), want=("carry",))
+        upscaler.step(carrying(1, channels=1), outputs=("aovs",))
     other = make("taau")
-    told(other, carrying(0), "carry")
-    ours, theirs = (told(u, carrying(1), "carry") for u in (upscaler, other))
+    told(other, carrying(0), "aovs")
+    ours, theirs = (told(u, carrying(1), "aovs") for u in (upscaler, other))
     np.testing.assert_array_equal(ours.image, theirs.image)
-    assert ours.carry is not None
-    assert theirs.carry is not None
-    np.testing.assert_array_equal(ours.carry, theirs.carry)
+    assert ours.aovs is not None
+    assert theirs.aovs is not None
+    np.testing.assert_array_equal(ours.aovs, theirs.aovs)
 
 
 def test_a_spatial_method_upsamples_what_is_carried() -> None:
-    carry = told(make("bilinear"), carrying(0), "carry").carry
-    assert carry is not None
-    assert carry.shape == (36, 64, 2)
+    aovs = told(make("bilinear"), carrying(0), "aovs").aovs
+    assert aovs is not None
+    assert aovs.shape == (36, 64, 2)
 
 
 def test_alpha_of_a_shot_ends_in_the_exr_files(tmp_path: Path) -> None:
     writer = ShotWriter(tmp_path / "shot", name="alpha", display_size=None, frame_rate=30.0)
     for seed in range(2):
-        writer.write(noise(seed, carry=np.full((18, 32, 1), 0.5, np.float32)))
+        writer.write(noise(seed, aovs=np.full((18, 32, 1), 0.5, np.float32)))
     out = tmp_path / "out"
     arguments = ["upscale", str(tmp_path / "shot"), "-o", str(out), "--compare", "--maps"]
     result = CliRunner().invoke(app, [*arguments, "--method", "taau"])
@@ -163,15 +163,15 @@ def test_classes_have_the_colours_of_the_legend() -> None:
 
 def test_a_saved_state_with_a_misshapen_carry_is_refused() -> None:
     upscaler = make("taau")
-    told(upscaler, carrying(0), "carry")
+    told(upscaler, carrying(0), "aovs")
     state = upscaler.save_state()
     assert state.history is not None
-    cut = {**state.history, "history.carry": state.history["history.carry"][..., 1:]}
+    cut = {**state.history, "history.aovs": state.history["history.aovs"][..., 1:]}
     with pytest.raises(ArgumentError, match=r"history\.carry"):
         upscaler.load_state(replace(state, history=cut))
 
 
-@pytest.mark.parametrize("want", [("carry",), ("colour",)])
+@pytest.mark.parametrize("outputs", [("aovs",), ("colour",)])
 def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
     want: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -179,7 +179,7 @@ def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
     monkeypatch.setattr(FrameChecker, "check", lambda _, frame, *__: seen.append(frame))
     upscaler = make("taau")
     with pytest.raises((FrameError, ArgumentError)):
-        upscaler.step(noise(0), want=want)
+        upscaler.step(noise(0), outputs=want)
     assert not seen
     upscaler.step(noise(0))
     assert len(seen) == 1

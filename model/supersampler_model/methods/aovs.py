@@ -1,7 +1,7 @@
 """What a frame carries along (alpha, any channels), blended by the weight that the colour was blended by.
 
 A graph of its own, so that frames without pay nothing. No method is named after it: every model folder has
-it as `carry.onnx`, and what a method tells as `weight` goes in; of a method without a past, zeros.
+it as `aovs.onnx`, and what a method tells as `weight` goes in; of a method without a past, zeros.
 """
 
 from typing import ClassVar, NamedTuple
@@ -27,33 +27,33 @@ class Step(NamedTuple):
     """The channels, twice: to be shown, and to be remembered."""
 
     image: Tensor
-    history_carry: Tensor
+    history_aovs: Tensor
 
 
 class Carry(Method):
     """Upsample, warp, blend."""
 
-    name, source = "carry", "Guo, Chen, Dong and Tong 2022: one weight for all that a pixel has"
-    history: ClassVar = {"carry": (1, CHANNELS, *DISPLAY)}
+    name, source = "aovs", "Guo, Chen, Dong and Tong 2022: one weight for all that a pixel has"
+    history: ClassVar = {"aovs": (1, CHANNELS, *DISPLAY)}
     image: ClassVar = (1, CHANNELS, *DISPLAY)
 
     def forward(
         self,
-        carry: Tensor,  # (1, k, h, w) at the samples of the colour
+        aovs: Tensor,  # (1, k, h, w) at the samples of the colour
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
         jitter: Tensor,  # (1, 2) render pixels
         display_size: Tensor,  # (2,) int64
         weight: Tensor,  # (1, 1, H, W) share of the past
-        history_carry: Tensor,  # (1, k, H, W)
+        history_aovs: Tensor,  # (1, k, H, W)
     ) -> Step:
         """Return the channels at display size, (1, k, H, W); NaN and Inf count as 0."""
-        display, render = display_size_of(display_size), render_size_of(carry)
+        display, render = display_size_of(display_size), render_size_of(aovs)
         grid = grid_of(display, render, jitter)
-        samples = torch.cat([finite(carry), torch.ones_like(depth)], dim=1)
+        samples = torch.cat([finite(aovs), torch.ones_like(depth)], dim=1)
         present = normalised(upsample(samples, grid, gaussian(SIGMA)))
         closest = torch.cat(dilate_motion_2x2(usable_depth(depth), usable_motion(motion)), dim=1)
         there = past_of(pick_first(closest, grid)[:, 1:], display, render)
-        past = read(finite(history_carry), there.x, there.y)
+        past = read(finite(history_aovs), there.x, there.y)
         blend = present + weight.clamp(0.0, 1.0) * (past - present)
         return Step(blend, blend * 1.0)

@@ -3,7 +3,7 @@
 The signature of `forward` is the contract: its parameters name the inputs that the method asks for, those
 that begin with `history_` the tensors it wants back from the frame before. Each has the shape in `TENSORS`
 or in the method's own `history`. An all-zero history means no past. What it returns is the image, the
-history in the order of `history`, then what else it tells, in the order of `told`.
+history in the order of `history`, then what else it tells, in the order of `aux_outputs`.
 """
 
 import inspect
@@ -34,7 +34,7 @@ TENSORS: Mapping[str, Shape] = {
     "jitter": (1, 2),
     "exposure": (1,),  # 0 asks the graph to measure it
     "display_size": (2,),  # int64 (width, height)
-    "carry": (1, CHANNELS, *RENDER),
+    "aovs": (1, CHANNELS, *RENDER),
     **{
         name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
         for name, place in GBUFFERS.items()
@@ -64,7 +64,7 @@ class Outputs(NamedTuple):
 
     image: Tensor
     history: list[Tensor]
-    told: list[Tensor]
+    aux_outputs: list[Tensor]
 
 
 class Fused(NamedTuple):
@@ -89,18 +89,18 @@ class Method(nn.Module):
         ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
             sizes are exactly that many times the render size, and a graph is traced so.
         only_drawn: whether it steps on frames whose colour was drawn alone, beside a method that has it
-            `on_drawn`.
+            `on_extrapolated`.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
     name: ClassVar[str]
     source: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]] = {}
-    told: ClassVar[tuple[str, ...]] = ()
+    aux_outputs: ClassVar[tuple[str, ...]] = ()
     maps: ClassVar[Mapping[str, MapOf]] = {}
     image: ClassVar[Shape] = TENSORS["image"]
     ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
-    only_drawn: ClassVar[bool] = False
+    only_extrapolated: ClassVar[bool] = False
     learned: Mapping[str, Any] = MappingProxyType({})
 
     @classmethod
@@ -150,7 +150,7 @@ class Method(nn.Module):
         """Return the learned part; None where nothing is learned, or not all of it is in one place."""
         return None
 
-    def on_drawn(self) -> "Method | None":
+    def on_extrapolated(self) -> "Method | None":
         """Return what steps on frames whose colour was drawn, on the same history; None: this does."""
         return None
 

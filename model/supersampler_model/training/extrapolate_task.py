@@ -26,7 +26,7 @@ from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.unshaded_crops import HiddenStream, draw_render_cut, hidden_set
 from supersampler_model.training.walk import AlternatingWalk, Walk
 
-DRAWN = 3
+EXTRAPOLATED = 3
 """Crops of which frames are hidden, to one of a set's own frames, which may be of other ratios."""
 
 
@@ -79,7 +79,7 @@ class ExtrapolateTask(ClassifierTask):
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Crops anywhere. Those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
-        every, ratios = [*(DRAWN * list(datasets)), *own], self.method.ratios
+        every, ratios = [*(EXTRAPOLATED * list(datasets)), *own], self.method.ratios
         return HiddenStream(every, ratios=ratios, size=size, seed=seed, draw=draw_render_cut)
 
     def walk(self, method: Method, display: Size) -> Walk:

@@ -56,7 +56,7 @@ class AlternatingWalk(Walk):
 
     def __init__(self, method: Method, display: Size, drawing: Method) -> None:
         super().__init__(method, display)
-        self._on_drawn, self._drawing = method.on_drawn() or method, drawing
+        self._on_extrapolated, self._drawing = method.on_extrapolated() or method, drawing
         self._past: list[Tensor] | None = None  # what the next frame is drawn from
 
     def _image(self, frame: TrainingFrame) -> Tensor | None:
@@ -67,7 +67,7 @@ class AlternatingWalk(Walk):
         method = self._method
         if past is not None and self.hidden:
             drawn = self._drawing.step(*(given[name] for name in self._drawing.inputs()), *past)
-            given["color"], self._past, method = drawn.image, drawn.history, self._on_drawn
+            given["color"], self._past, method = drawn.image, drawn.history, self._on_extrapolated
         else:
             self._past = self._drawing.after_shaded(given, past)
         image, self.history, _ = method.step(*(given[name] for name in method.inputs()), *self.history)

@@ -35,7 +35,7 @@ class Executor(Protocol):
         past: Buffers,
         left: Buffers,
         image: Float32,
-        told: Collection[str],
+        aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
@@ -47,13 +47,13 @@ class Executor(Protocol):
             past: what the frame before left.
             left: where this one leaves it; not `past`.
             image: (H, W, 3), written to.
-            told: names of tensors, of those that model.json lists as told.
+            aux_outputs: names of tensors, of those that model.json lists as such.
             tolerance: how far a tile that stays as it is, where the scene stands still, may be from what it
                 was one period of the jitter before: root mean square of what a screen shows. None: all is
                 drawn.
 
         Returns:
-            The told tensors, NCHW.
+            Those tensors, NCHW.
         """
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:

@@ -54,7 +54,7 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
     ratios = f"{ratio(*model.ratios)} (display over render size, each axis)"
     if model.extrapolates:
         ratios = "none: it draws frames that were not shaded, at render size"
-    drawn = {"drawn frames": "no others"} if model.only_drawn else {}
+    drawn = {"drawn frames": "no others"} if model.only_extrapolated else {}
     if model.drawn is not None:
         drawn = {"drawn frames": f"by the model in {model.drawn.name}"}
     return {
@@ -99,7 +99,7 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
         "references": f"{len(shot.reference_indices)} frames",
         "conventions": repr(shot.conventions),
         "G-buffers": listed(names_of(frame)),
-        "carried": "none" if frame.carry is None else f"{frame.carry.shape[2]} channels",
+        "carried": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
         "licence": shot.license or "not stated",
         "attribution": "\n".join(shot.attribution) or "none",
     }

@@ -168,7 +168,7 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
             if step.result is not None:
                 last = step
                 if results is not None:
-                    results.write(step.index, step.result.image, step.exposure, step.result.carry)
+                    results.write(step.index, step.result.image, step.exposure, step.result.aovs)
     if not isinstance(call, CloseCall):
         _say("The recording was not closed; it ends with its last whole call.")
     elif results is not None and last is not None and call.image is not None:

@@ -89,19 +89,19 @@ class Results:
                 return index
         return min(frame_count, listed)
 
-    def write(self, index: int, image: Float32, exposure: float, carry: Float32 | None = None) -> None:
+    def write(self, index: int, image: Float32, exposure: float, aovs: Float32 | None = None) -> None:
         """Write one frame: EXR as linear half floats, PNG as a screen shows it. Each file appears whole.
 
         Args:
             index: its place in the shot.
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
-            carry: (H, W, k) of the EXR: A where it is one channel, else carry.0, carry.1 and so on.
+            aovs: (H, W, k) of the EXR: A where it is one channel, else aovs.0, aovs.1 and so on.
 
         Raises:
             ShotError: the disk refused, or a file that no run here wrote has the name.
         """
-        self._write(self._patterns(), index, image, exposure, carry)
+        self._write(self._patterns(), index, image, exposure, aovs)
 
     def write_recorded(self, index: int, image: Float32, exposure: float) -> None:
         """Write a frame as it was recorded, into a folder of its own; see `write`."""
@@ -134,13 +134,13 @@ class Results:
         return [f"{below}{f'{name}/' if several else ''}####.{name}" for name in self.formats]
 
     def _write(
-        self, patterns: list[str], index: int, image: Float32, exposure: float, carry: Float32 | None
+        self, patterns: list[str], index: int, image: Float32, exposure: float, aovs: Float32 | None
     ) -> None:
         self._list(patterns, index + 1)
         for pattern in patterns:
             path = frame_path(self.folder, pattern, index)
             if path.suffix == ".exr":
-                write_exr(path, *_with_carry(image, carry))
+                write_exr(path, *_with_aovs(image, aovs))
             else:
                 write_png(path, to_uint8(display_transform(image, exposure)))
 
@@ -189,12 +189,12 @@ class Results:
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 
-def _with_carry(image: Float32, carry: Float32 | None) -> tuple[NDArray[np.float16], list[str]]:
+def _with_aovs(image: Float32, aovs: Float32 | None) -> tuple[NDArray[np.float16], list[str]]:
     """Pixels and channel names of an EXR."""
     names, arrays = ["R", "G", "B"], [image]
-    if carry is not None:
-        count = carry.shape[2]
-        names += ["A"] if count == 1 else [f"carry.{index}" for index in range(count)]
-        arrays.append(carry)
+    if aovs is not None:
+        count = aovs.shape[2]
+        names += ["A"] if count == 1 else [f"aovs.{index}" for index in range(count)]
+        arrays.append(aovs)
     pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
     return pixels.astype(np.float16), names

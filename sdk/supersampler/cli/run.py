@@ -194,7 +194,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
                 result = _step(job, upscaler, frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
             if item.index >= first:
-                results.write(item.index, result.image, exposure, result.carry)
+                results.write(item.index, result.image, exposure, result.aovs)
             if page is not None and item.index >= page_start:
                 layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
                 page.add(item.index, {**layers, **aux_output_layers(result)}, numbers)
@@ -213,7 +213,7 @@ def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
     """Step, and ask for what the pictures and the page show."""
     maps = [*upscaler.model.info.maps, "work"] if job.maps else []
     step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
-    result = step(frame, want=(*maps, *(["carry"] if frame.carry is not None else [])))
+    result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))
     return result if isinstance(result, StepResult) else StepResult(result)
 
 

@@ -68,7 +68,7 @@ class Converter:
             exposure=raw.exposure,
             gbuffer=self._gbuffer("gbuffer", raw.gbuffer),
             gbuffer_display=self._gbuffer("gbuffer_display", raw.gbuffer_display),
-            carry=None if raw.carry is None else self._rows(_floating("carry", raw.carry)),
+            aovs=None if raw.aovs is None else self._rows(_floating("aovs", raw.aovs)),
         )
         self._previous_in = _in_uv(jitter, size)
         return frame
@@ -91,7 +91,7 @@ class Converter:
             exposure=frame.exposure,
             gbuffer=self._gbuffer("gbuffer", frame.gbuffer, encode=True),
             gbuffer_display=self._gbuffer("gbuffer_display", frame.gbuffer_display, encode=True),
-            carry=None if frame.carry is None else self._rows(frame.carry),
+            aovs=None if frame.aovs is None else self._rows(frame.aovs),
         )
         self._previous_out = _in_uv(frame.jitter, frame.size)
         return raw

@@ -30,4 +30,4 @@ class RawFrame:
     exposure: float | None = None
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
-    carry: Array | None = None
+    aovs: Array | None = None

@@ -40,7 +40,11 @@ def check_contract(info: "ModelInfo") -> None:
         _refuse(info, "image", _text(info.image), f"{(1, 3, *_DISPLAY)} or {(1, 3, *_RENDER)} float32")
     history = [h.input.name for h in info.history]
     _check_unique(info, "inputs and history", [*(tensor.name for tensor in info.inputs), *history])
-    outputs = [info.image.name, *(h.output for h in info.history), *(tensor.name for tensor in info.told)]
+    outputs = [
+        info.image.name,
+        *(h.output for h in info.history),
+        *(tensor.name for tensor in info.aux_outputs),
+    ]
     _check_unique(info, "image, history's outputs and told", outputs)
     if info.extrapolates:
         _check_extrapolation(info)
@@ -49,12 +53,12 @@ def check_contract(info: "ModelInfo") -> None:
     _check_told(info)
 
 
-def check_drawn(info: "ModelInfo", drawn: "ModelInfo") -> None:
+def check_extrapolated(info: "ModelInfo", drawn: "ModelInfo") -> None:
     """Raise ModelError unless the model in a model's folder steps on the same history to the same image."""
-    tensors = [(m.history, m.image.shape, {t.name for t in m.told}) for m in (info, drawn)]
-    if not drawn.only_drawn or tensors[0] != tensors[1]:
-        want = f"true, with history, image and told as in {info.folder / 'model.json'}"
-        _refuse(drawn, "only_drawn", repr(drawn.only_drawn), want)
+    tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (info, drawn)]
+    if not drawn.only_extrapolated or tensors[0] != tensors[1]:
+        want = f"true, with history, image and aux_outputs as in {info.folder / 'model.json'}"
+        _refuse(drawn, "only_extrapolated", repr(drawn.only_extrapolated), want)
 
 
 def _check_upscaling(info: "ModelInfo") -> None:
@@ -62,7 +66,7 @@ def _check_upscaling(info: "ModelInfo") -> None:
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
     known = {*_RENDER, *_DISPLAY, *_HALF, *_PREVIOUS}
     for tensor in (h.input for h in info.history):
-        if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.carry":
+        if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
 
 
@@ -85,21 +89,24 @@ def _check_extrapolation(info: "ModelInfo") -> None:
 
 
 def _check_told(info: "ModelInfo") -> None:
-    for tensor in info.told:
+    for tensor in info.aux_outputs:
         named = tensor.shape[2:]
         if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (_DISPLAY, _HALF):
             _refuse(
-                info, f"told {tensor.name!r}", _text(tensor), f"(1, k, ...) float32 of {_DISPLAY} or {_HALF}"
+                info,
+                f"aux_outputs {tensor.name!r}",
+                _text(tensor),
+                f"(1, k, ...) float32 of {_DISPLAY} or {_HALF}",
             )
         if tensor.name == "weight" and tensor.shape != (1, 1, *_DISPLAY):
-            _refuse(info, "told 'weight'", _text(tensor), f"{(1, 1, *_DISPLAY)} float32")
-    shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.told}
+            _refuse(info, "aux_outputs 'weight'", _text(tensor), f"{(1, 1, *_DISPLAY)} float32")
+    shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())
         channels = shape[1] if len(shape) == 4 else 0
         if name not in _MAPS or not isinstance(channels, int) or where.first + where.channels > channels:
             got = f"channels {where.first} to {where.first + where.channels} of {where.output!r}"
-            want = f"{', '.join(sorted(_MAPS))}, of channels that a told or history tensor has"
+            want = f"{', '.join(sorted(_MAPS))}, of channels that an auxiliary or history tensor has"
             _refuse(info, f"map {name!r}", got, want)
 
 

@@ -66,7 +66,7 @@ _RINGS, _FARTHEST = 7, 64
 def has_known_history(info: ModelInfo, kernels: str) -> bool:
     """Whether a model's history lies as the kernels of a method ("taa", say) read and leave it."""
     shapes = {h.input.name: h.input.shape for h in info.history}
-    return shapes == _HISTORIES[kernels] and {tensor.name for tensor in info.told} <= {"weight"}
+    return shapes == _HISTORIES[kernels] and {tensor.name for tensor in info.aux_outputs} <= {"weight"}
 
 
 def check_constants(info: ModelInfo, kernels: str) -> None:

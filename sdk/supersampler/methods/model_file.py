@@ -17,14 +17,14 @@ from supersampler.errors import ModelError, shown
 from supersampler.frame import Size
 from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.array_spec import ArraySpec, values_of
-from supersampler.methods.contract import check_contract, check_drawn
+from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.gbuffers import GBUFFERS
 
-CONTRACT = 1
+CONTRACT = 2
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
-DRAWN = "drawn"
+EXTRAPOLATED = "extrapolated"
 """Folder in a model's folder, of what steps on frames whose colour was drawn."""
-DRAWN_FILE = f"{DRAWN}/model.json"
+EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
 """How `files` names it: the one name with a folder."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Bytes of a model's file, and of model.json, at most."""
@@ -91,7 +91,7 @@ class ModelInfo:
     inputs: tuple[TensorInfo, ...]
     history: tuple[HistoryInfo, ...]
     image: TensorInfo
-    told: tuple[TensorInfo, ...]
+    aux_outputs: tuple[TensorInfo, ...]
     maps: Mapping[str, MapInfo]
     files: Mapping[str, str]
     multiply_adds: float  # of what is learned, per pixel of the display
@@ -100,12 +100,14 @@ class ModelInfo:
     licence: str
     attributions: tuple[str, ...]
     versions: Mapping[str, str]
-    only_drawn: bool  # steps on frames whose colour was drawn alone, for the model whose folder this is in
+    only_extrapolated: (
+        bool  # steps on frames whose colour was drawn alone, for the model whose folder this is in
+    )
 
     @property
-    def drawn(self) -> Path | None:
+    def extrapolated(self) -> Path | None:
         """Folder of the model that steps on frames whose colour was drawn; None where this one does."""
-        return self.folder / DRAWN if DRAWN_FILE in self.files else None
+        return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
 
     @property
     def steps(self) -> Mapping[str, Path]:
@@ -132,7 +134,7 @@ class ModelInfo:
     def gives(self) -> list[TensorInfo]:
         """All that its graph gives; a history as long and wide as it goes in, but for the sizes' names."""
         left = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
-        return [self.image, *left, *self.told]
+        return [self.image, *left, *self.aux_outputs]
 
     @property
     def only_ratio(self) -> float | None:
@@ -140,9 +142,9 @@ class ModelInfo:
         return only_ratio(self.ratios)
 
     @property
-    def carry_path(self) -> Path:
+    def aovs_path(self) -> Path:
         """The graph that blends what frames carry along."""
-        return self.folder / "carry.onnx"
+        return self.folder / "aovs.onnx"
 
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
@@ -222,8 +224,8 @@ def read_model_info(folder: Path) -> ModelInfo:
         info = _described_in(folder)
         for name, digest in info.files.items():
             _check_file(folder, name, digest)
-        if info.drawn is not None:
-            check_drawn(info, _described_in(info.drawn))
+        if info.extrapolated is not None:
+            check_extrapolated(info, _described_in(info.extrapolated))
     except (OSError, ValueError) as error:  # the latter of paths that no system has
         if isinstance(error, ModelError):
             raise
@@ -243,7 +245,7 @@ def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
             f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
             f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
         )
-    if info.only_drawn:
+    if info.only_extrapolated:
         raise ModelError(
             f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
             f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
@@ -285,7 +287,7 @@ def _described_in(folder: Path) -> ModelInfo:
 
 
 def _parse(folder: Path, data: Field) -> ModelInfo:
-    network, only_drawn = data.optional("network"), data.optional("only_drawn")
+    network, only_extrapolated = data.optional("network"), data.optional("only_extrapolated")
     products = None if network is None else network["multiply_adds"]
     return ModelInfo(
         folder=folder,
@@ -298,7 +300,7 @@ def _parse(folder: Path, data: Field) -> ModelInfo:
             HistoryInfo(_tensor(item), item["output"].text(80)) for item in data["history"].items(_MANY)
         ),
         image=_tensor(data["image"]),
-        told=tuple(_tensor(item) for item in data["told"].items(_MANY)),
+        aux_outputs=tuple(_tensor(item) for item in data["aux_outputs"].items(_MANY)),
         maps={name: _map(item) for name, item in data["maps"].members(_MANY).items()},
         files={_file_name(item, name): _digest(item) for name, item in data["files"].members(_MANY).items()},
         multiply_adds=0.0 if products is None else products.number(0.0, 1e12),
@@ -307,7 +309,7 @@ def _parse(folder: Path, data: Field) -> ModelInfo:
         licence=data["licence"].text(),
         attributions=tuple(item.text() for item in data["attributions"].items(1000)),
         versions={name: item.text(200) for name, item in data["versions"].members(_MANY).items()},
-        only_drawn=only_drawn is not None and only_drawn.flag(),
+        only_extrapolated=only_extrapolated is not None and only_extrapolated.flag(),
     )
 
 
@@ -336,8 +338,8 @@ def _map(data: Field) -> MapInfo:
 
 
 def _file_name(data: Field, name: str) -> str:
-    if name != DRAWN_FILE and not _FILE_NAME.fullmatch(name):
-        want = f"plain names of files in the folder, or {DRAWN_FILE!r}"
+    if name != EXTRAPOLATED_FILE and not _FILE_NAME.fullmatch(name):
+        want = f"plain names of files in the folder, or {EXTRAPOLATED_FILE!r}"
         raise ModelError(f"{data.path}: files has {reprlib.repr(name)}; want {want}. Export the model again.")
     return name
 

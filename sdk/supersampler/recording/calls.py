@@ -89,7 +89,7 @@ class StepCall:
     Attributes:
         index: how many steps were before it, those that were refused included.
         frame: as it was handed in, but for G-buffers that the model does not read.
-        want: what else than the image was asked for.
+        outputs: what else than the image was asked for.
         tensors: whether the frame came as tensors on a device, whose pixels nothing checks.
         extrapolated: whether its colour was to be drawn.
         outcome: what came of it; None where the process ended within the step, or just after it.
@@ -97,7 +97,7 @@ class StepCall:
 
     index: int
     frame: Frame
-    want: tuple[str, ...]
+    outputs: tuple[str, ...]
     tensors: bool
     extrapolated: bool
     outcome: Outcome | None
@@ -179,7 +179,7 @@ def _model_of(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def step_record(
-    frame: Frame, want: Collection[str], *, tensors: bool = False, extrapolated: bool = False
+    frame: Frame, outputs: Collection[str], *, tensors: bool = False, extrapolated: bool = False
 ) -> Record:
     """A frame: what is no array as JSON, arrays by their field, those of a mapping as field.key."""
     values: dict[str, Any] = {}
@@ -193,7 +193,7 @@ def step_record(
             arrays |= {f"{field.name}.{key}": array for key, array in value.items()}
         else:
             values[field.name] = value
-    asked = {"want": list(map(str, want)), "tensors": tensors, "extrapolated": extrapolated}
+    asked = {"outputs": list(map(str, outputs)), "tensors": tensors, "extrapolated": extrapolated}
     return Record("step", {"frame": values, **asked}, arrays)
 
 

@@ -17,7 +17,7 @@ from supersampler.recording.values import members, texts, whole
 SAMPLES = 4096
 """Pixels of each image that are kept, about: little beside a frame."""
 
-_SAMPLED = ("image", "carry")  # maps tell why a picture is as it is, and may differ where it does not
+_SAMPLED = ("image", "aovs")  # maps tell why a picture is as it is, and may differ where it does not
 
 
 @dataclass(frozen=True, eq=False)

@@ -54,7 +54,7 @@ class Recorder:
     def step(
         self,
         frame: Frame,
-        want: Collection[str],
+        outputs: Collection[str],
         run: Callable[[], Float32 | StepResult],
         *,
         extrapolated: bool = False,
@@ -68,7 +68,7 @@ class Recorder:
             RecordingError: it, or the outcome of the step before, cannot be written; nothing was done.
         """
         kept = only_gbuffers(frame, self._inputs)
-        return self._around(run, lambda: step_record(kept, want, extrapolated=extrapolated), _as_result)
+        return self._around(run, lambda: step_record(kept, outputs, extrapolated=extrapolated), _as_result)
 
     def step_tensors(
         self,

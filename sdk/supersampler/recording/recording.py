@@ -65,9 +65,9 @@ class Recording:
             match record.kind:
                 case "step":
                     told = None if outcome is None else outcome_of(outcome)
-                    want, tensors = texts(record.values["want"], 16), flag(record.values["tensors"])
+                    outputs, tensors = texts(record.values["outputs"], 16), flag(record.values["tensors"])
                     extrapolated = flag(record.values.get("extrapolated", False))
-                    return StepCall(index, frame_of(record), want, tensors, extrapolated, told)
+                    return StepCall(index, frame_of(record), outputs, tensors, extrapolated, told)
                 case "load_state":
                     return LoadStateCall(state_of(record))
                 case "reset":

@@ -192,7 +192,7 @@ class Replay:
             )
             return StepResult(image_of_tensor(image))
         step = upscaler.extrapolate if call.extrapolated else upscaler.step
-        made = step(frame, want=call.want)
+        made = step(frame, outputs=call.outputs)
         return made if isinstance(made, StepResult) else StepResult(made)
 
 

@@ -163,7 +163,7 @@ class Classifier(LearnedMethod):
         "jitter": (1, 2),
         "exposure": (1,),  # see `exposure_for`
     }
-    told: ClassVar = ("weight",)
+    aux_outputs: ClassVar = ("weight",)
     maps: ClassVar = {
         "class_map": MapOf("next.classes", 0, CLASSES),
         "weight": MapOf("weight", 0, 1),

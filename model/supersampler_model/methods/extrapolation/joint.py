@@ -40,7 +40,7 @@ class TwoEncoders(Classifier):
 
 
 class Extrapolate(TwoEncoders):
-    """Steps on shaded frames; `on_drawn` returns what steps on the others."""
+    """Steps on shaded frames; `on_extrapolated` returns what steps on the others."""
 
     name = "extrapolate"
 
@@ -63,7 +63,7 @@ class Extrapolate(TwoEncoders):
         method.learned = trained.facts
         return method.eval()
 
-    def on_drawn(self) -> "DrawnExtrapolate":
+    def on_extrapolated(self) -> "DrawnExtrapolate":
         """Return what steps on drawn frames, with these weights."""
         drawn = DrawnExtrapolate(self.config)
         drawn.load_state_dict(self.state_dict())
@@ -74,7 +74,7 @@ class Extrapolate(TwoEncoders):
 class DrawnExtrapolate(TwoEncoders):
     """Steps on frames whose colour was drawn: `extrapolate` with its other encoder."""
 
-    name, only_drawn = "extrapolate-drawn", True
+    name, only_extrapolated = "extrapolate-drawn", True
 
     def fused(self) -> Fused:
         """See `Classifier`; the third input is base colour, packed."""

@@ -135,7 +135,7 @@ class GBuffer(LearnedMethod):
         "jitter_before": (1, 2),
         "exposure": (1,),  # see `exposure_for`
     }
-    told: ClassVar = ("weight",)
+    aux_outputs: ClassVar = ("weight",)
 
     def __init__(self, config: GBufferConfig | None = None) -> None:
         super().__init__()

@@ -91,7 +91,7 @@ class Taa(Method):
 
     name, source = "taa", "Salvi, An Excursion in Temporal Supersampling, GDC 2016"
     history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}  # see `exposure_for`
-    told: ClassVar = ("weight",)
+    aux_outputs: ClassVar = ("weight",)
     maps: ClassVar = {"weight": MapOf("weight", 0, 1)}
 
     def __init__(self, config: TaaConfig | None = None) -> None:

@@ -176,7 +176,7 @@ class Taau(Method):
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # see `exposure_for`
     }
-    told: ClassVar = ("weight",)
+    aux_outputs: ClassVar = ("weight",)
     maps: ClassVar = {"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)}
 
     def __init__(self, config: TaauConfig | None = None) -> None:

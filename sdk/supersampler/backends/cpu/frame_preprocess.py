@@ -87,8 +87,8 @@ class View:
 class Weight:
     """The share of the past, in rows of whole LANES, where it is asked for; 1 where nothing is drawn."""
 
-    def __init__(self, told: Collection[str], display: Size) -> None:
-        self._width, asked = display[0], "weight" in told
+    def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
+        self._width, asked = display[0], "weight" in aux_outputs
         shape = (1, 1, display[1], up_to(display[0], LANES))
         self._rows = np.ones(shape, np.float32) if asked else None
 
@@ -97,7 +97,7 @@ class Weight:
         """Address, and whether it is one."""
         return (0, 0) if self._rows is None else (address(self._rows), 1)
 
-    def told(self) -> dict[str, Float32]:
+    def aux_outputs(self) -> dict[str, Float32]:
         """What an executor returns."""
         return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
 

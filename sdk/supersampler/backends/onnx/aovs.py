@@ -1,4 +1,4 @@
-"""What frames carry along (alpha, any channels), blended by the weight of the colour: `carry.onnx`."""
+"""What frames carry along (alpha, any channels), blended by the weight of the colour: `aovs.onnx`."""
 
 import numpy as np
 
@@ -11,32 +11,32 @@ from supersampler.methods.model_file import ModelInfo, TensorInfo
 
 _RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
 _TAKES = [
-    TensorInfo("carry", "float32", (1, "channels", *_RENDER)),
+    TensorInfo("aovs", "float32", (1, "channels", *_RENDER)),
     TensorInfo("depth", "float32", (1, 1, *_RENDER)),
     TensorInfo("motion", "float32", (1, 2, *_RENDER)),
     TensorInfo("jitter", "float32", (1, 2)),
     TensorInfo("display_size", "int64", (2,)),
     TensorInfo("weight", "float32", (1, 1, *_DISPLAY)),
-    TensorInfo("history.carry", "float32", (1, "channels", *_DISPLAY)),
+    TensorInfo("history.aovs", "float32", (1, "channels", *_DISPLAY)),
 ]
 _GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
 
 
 def check_aovs(frame: Frame, past: Float32 | None) -> None:
     """Raise FrameError where the frame carries nothing, or other channels than `past`, (1, k, H, W), has."""
-    if frame.carry is None:
-        raise FrameError("carry", got=None, want="(h, w, k), as it is asked for")
-    channels = frame.carry.shape[2]
+    if frame.aovs is None:
+        raise FrameError("aovs", got=None, want="(h, w, k), as it is asked for")
+    channels = frame.aovs.shape[2]
     if past is not None and past.shape[1] != channels:
         want = f"{past.shape[1]} channels as before, or a reset"
-        raise FrameError("carry", got=f"{channels} channels", want=want)
+        raise FrameError("aovs", got=f"{channels} channels", want=want)
 
 
 class AovBlender:
     """The graph beside a model's step, loaded when a frame first carries something; safe to share."""
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
-        self._path, self._options = info.carry_path, options
+        self._path, self._options = info.aovs_path, options
         self._lock = ForkSafeLock()
         self._session: ort.InferenceSession | None = None
 
@@ -46,7 +46,7 @@ class AovBlender:
         """Bring the channels to display size and blend them with the past.
 
         Args:
-            frame: with `carry` (h, w, k); see `check_aovs`.
+            frame: with `aovs` (h, w, k); see `check_aovs`.
             weight: (1, 1, H, W) share of the past; None for a method without one.
             past: (1, k, H, W) of the frame before; None where it carried nothing, which is no past.
             display_size: (W, H).
@@ -54,11 +54,11 @@ class AovBlender:
         Returns:
             (1, k, H, W) float32.
         """
-        inputs = frame_inputs(frame, display_size, ("carry", "depth", "motion", "jitter", "display_size"))
-        shape = (1, inputs["carry"].shape[1], *display_size[::-1])
+        inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
+        shape = (1, inputs["aovs"].shape[1], *display_size[::-1])
         if weight is None or past is None:
             weight = np.zeros((1, 1, *shape[2:]), np.float32)
-        inputs |= {"weight": weight, "history.carry": np.zeros(shape, np.float32) if past is None else past}
+        inputs |= {"weight": weight, "history.aovs": np.zeros(shape, np.float32) if past is None else past}
         session = self._loaded()
         with running(self._path):
             image: Float32 = session.run(["image"], inputs)[0]

@@ -70,7 +70,7 @@ class OnnxExecutor:
         past: Tensors,
         left: Tensors,
         image: Float32,
-        told: Collection[str],
+        aux_outputs: Collection[str],
         *,
         tolerance: float | None,  # noqa: ARG002  # a graph draws all
     ) -> Mapping[str, Float32]:
@@ -78,8 +78,8 @@ class OnnxExecutor:
         planes = np.empty((1, 3, *display[::-1]), np.float32)
         outputs = {
             t.name: np.empty(t.shape_for(render=display, display=display, previous=display), np.float32)
-            for t in self._info.told
-            if t.name in told
+            for t in self._info.aux_outputs
+            if t.name in aux_outputs
         }
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         self._run(

@@ -108,7 +108,7 @@ def _channel_map(channels: Sequence[str], layer: str) -> ChannelMap:
         "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
     }
     if f"{layer}.Combined.A" in channels:
-        found["carry"] = [f"{layer}.Combined.A"]
+        found["aovs"] = [f"{layer}.Combined.A"]
     if f"{layer}.Normal.X" in channels:
         found["normal"] = [f"{layer}.Normal.{axis}" for axis in "XYZ"]
     for diffuse in _DIFFUSE:  # the second is Blender 5's

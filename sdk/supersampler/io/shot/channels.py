@@ -172,7 +172,7 @@ class _MappedFiles:
             sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
             if sources:
                 arrays.update(_read_file(files[self.numbers[index]], sources, render_size))
-        carry = arrays.get("carry")
+        aovs = arrays.get("aovs")
         return RawFrame(
             color=arrays.get("color"),
             depth=arrays["depth"].astype(np.float32, copy=False),
@@ -180,7 +180,7 @@ class _MappedFiles:
             jitter=jitter,
             reset=reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
-            carry=carry[..., None] if carry is not None and carry.ndim == 2 else carry,
+            aovs=aovs[..., None] if aovs is not None and aovs.ndim == 2 else aovs,
         )
 
     def read_reference(self, index: int, display_size: Size | None = None) -> Float32:
@@ -198,7 +198,7 @@ def _read_file(path: Path, sources: Mapping[str, _Source], render_size: Size | N
 def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
-        if name not in _COUNTS and name != "carry":
+        if name not in _COUNTS and name != "aovs":
             want = f"one of {', '.join(_COUNTS)}, carry"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
         texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]

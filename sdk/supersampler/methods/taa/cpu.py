@@ -108,12 +108,12 @@ class TaaCpu(CpuExecutor):
         past: TaaHistory,
         left: TaaHistory,
         image: Float32,
-        told: Collection[str],
+        aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(told, display)
+        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
         tiles = self._skipping.begin(
             planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
@@ -127,7 +127,7 @@ class TaaCpu(CpuExecutor):
             tiles, past.tile_state, left.tile_state, [(TILE, past.image, left.image)], image,
             exposure=abs(left.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
-        return weight.told()
+        return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
