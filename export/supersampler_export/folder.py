@@ -38,7 +38,7 @@ _FILES = {
     "network.onnx": "is the learned part alone.",
     "step.fp16.onnx": "is the step with the learned part in half precision.",
     "network.npz": "is it in bytes, for the host executor.",
-    f"{EXTRAPOLATED}/model.json": "describes what steps on frames whose colour was drawn, on the same history.",
+    f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
 """What a model card says of files that not all folders have."""
 

@@ -88,7 +88,7 @@ def test_both_folders_say_what_they_are_and_have_one_history() -> None:
     folder = find_model("extrapolate")
     outer, inner = read_model_info(folder), read_model_info(folder / "extrapolated")
     assert (outer.method, inner.method) == ("extrapolate", "extrapolate-drawn")
-    assert (outer.drawn, inner.drawn) == (folder / "extrapolated", None)
+    assert (outer.extrapolated, inner.extrapolated) == (folder / "extrapolated", None)
     assert (outer.only_extrapolated, inner.only_extrapolated) == (False, True)
     assert outer.history == inner.history
     assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]

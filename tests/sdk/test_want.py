@@ -34,8 +34,8 @@ def carrying(seed: int, channels: int = 2) -> Frame:
     return noise(seed, aovs=(frame.color / 8.0)[..., :channels].copy())
 
 
-def told(upscaler: Upscaler, frame: Frame, *want: str) -> StepResult:
-    result = upscaler.step(frame, outputs=want)
+def told(upscaler: Upscaler, frame: Frame, *outputs: str) -> StepResult:
+    result = upscaler.step(frame, outputs=outputs)
     assert isinstance(result, StepResult)
     return result
 
@@ -173,13 +173,13 @@ def test_a_saved_state_with_a_misshapen_carry_is_refused() -> None:
 
 @pytest.mark.parametrize("outputs", [("aovs",), ("colour",)])
 def test_a_refused_frame_does_not_reach_the_checks_that_remember_frames(
-    want: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+    outputs: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     seen: list[Frame] = []
     monkeypatch.setattr(FrameChecker, "check", lambda _, frame, *__: seen.append(frame))
     upscaler = make("taau")
     with pytest.raises((FrameError, ArgumentError)):
-        upscaler.step(noise(0), outputs=want)
+        upscaler.step(noise(0), outputs=outputs)
     assert not seen
     upscaler.step(noise(0))
     assert len(seen) == 1

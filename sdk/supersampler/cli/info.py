@@ -55,8 +55,8 @@ def _model_rows(model: "ModelInfo") -> dict[str, str]:
     if model.extrapolates:
         ratios = "none: it draws frames that were not shaded, at render size"
     drawn = {"drawn frames": "no others"} if model.only_extrapolated else {}
-    if model.drawn is not None:
-        drawn = {"drawn frames": f"by the model in {model.drawn.name}"}
+    if model.extrapolated is not None:
+        drawn = {"drawn frames": f"by the model in {model.extrapolated.name}"}
     return {
         "method": model.method,
         "source": model.source,
