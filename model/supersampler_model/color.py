@@ -16,6 +16,8 @@ LEAST_EXPOSURE, MOST_EXPOSURE = 2.0**-24, 2.0**24
 OUTLIER = 64.0
 DARKEST = 1e-4
 DARKNESS = 1e-12
+GLARING = 1024.0 / 1025.0
+"""Of a toned colour: ten stops over white, from where on no screen tells one light from another."""
 
 
 def valid(color: Tensor) -> Tensor:

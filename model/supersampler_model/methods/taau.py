@@ -11,6 +11,9 @@ frame adds its samples near that pixel, weighted by their distance. The past los
 The box also reaches as far as the pixel's own samples have been spreading over time. Without that, whatever
 is thinner than a sample's distance vanishes from the box in the frames that miss it and flickers, which Salvi
 names as the weakness of variance clipping.
+
+Light ten stops over white, of which the frame before had none near, is shown, but not accumulated: there the
+history stays as it was, warped. The next frame confirms such light, or never knows of it.
 """
 
 from dataclasses import dataclass
@@ -21,10 +24,12 @@ from torch import Tensor
 
 from supersampler_model.color import (
     DARKNESS,
+    GLARING,
     bounded,
     exposure_for,
     from_ycocg,
     inverse_tone,
+    largest,
     quarantine,
     tone,
     valid,
@@ -69,6 +74,7 @@ from supersampler_model.sampling import (
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
+GLARE = 1e3  # deviation of a neighbourhood that has light over GLARING; of others, at most 1
 
 
 @dataclass(frozen=True)
@@ -135,10 +141,12 @@ class Present(NamedTuple):
 class Remembered(NamedTuple):
     """The warped past at display size."""
 
-    color: Tensor  # (1, 3, H, W) toned YCoCg
+    light: Tensor  # (1, 3, H, W) linear RGB
+    color: Tensor  # (1, 3, H, W) the same, toned YCoCg
     samples: Tensor  # (1, 1, H, W) it is made of, 0 where there is no past
     power: Tensor  # (1, 1, H, W) mean square of sample - past, toned luma
     shade: Tensor  # (1, 2, H, W) as in Present
+    calm: Tensor  # (1, 1, H, W) whether it had no light over GLARING near
     surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
     speed: Tensor  # (1, 1, H, W) display pixels
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
@@ -151,6 +159,8 @@ class Blend(NamedTuple):
     weight: Tensor  # (1, 1, H, W) of this frame's sample
     samples: Tensor  # (1, 1, H, W) of the past that count
     spreads: Tensor  # (1, 1, H, W) 1 where the past's spread still holds
+    kept: Tensor  # (1, 1, H, W) samples of the past that stay where this frame adds none
+    unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds none
 
 
 class Step(NamedTuple):
@@ -203,9 +213,10 @@ class Taau(Method):
         usable, color = valid(color), quarantine(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        toned = ycocg(tone(color * exposure)) * usable
+        light = tone(color * exposure)
+        toned, glaring = ycocg(light) * usable, (largest(light * usable) > GLARING).float()
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
+        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable, glaring)], dim=1)
 
         present = self.gather_present(toned, usable, surface, grid, display, render)
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
@@ -216,8 +227,9 @@ class Taau(Method):
         remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
         image, samples = self.finish(present, remembered, blend, exposure)
+        left = torch.where(blend.unconfirmed, remembered.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > UNKNOWN)
-        return Step(image, image, samples, surface, jitter * 1.0, followed, weight)
+        return Step(image, left, samples, surface, jitter * 1.0, followed, weight)
 
     def gather_present(
         self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size
@@ -248,8 +260,8 @@ class Taau(Method):
         depth: Tensor,
         display: Size,
         change: Tensor,
-    ) -> tuple[Tensor, Tensor]:
-        """Read where the past may show what is there now (1, 1, H, W), and its shade at this exposure."""
+    ) -> tuple[Tensor, Tensor, Tensor]:
+        """Read where the past may show what is there now (1, 1, H, W), its shade at this exposure, its calm."""
         before = View(display, render_size_of(history_surface), history_jitter)
         x, y = before.to_render(past.x, past.y)
         c = self.config
@@ -259,25 +271,28 @@ class Taau(Method):
         shade = read(history_surface[:, 1:3], x, y)
         mean, deviation = shade[:, :1], shade[:, 1:2]
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
-        return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
+        now = torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
+        return same, now, deviation <= 1.0
 
     def gather_past(
         self,
         history_color: Tensor,
         history_samples: Tensor,
         past: Past,
-        surface: tuple[Tensor, Tensor],
+        surface: tuple[Tensor, Tensor, Tensor],
         exposure: Tensor,
     ) -> Remembered:
         """Warp the history."""
-        color = read_cubic(history_color, past.x, past.y, self.config.history_sharpness)
+        light = quarantine(read_cubic(history_color, past.x, past.y, self.config.history_sharpness), 0.0)
         samples = read(history_samples, past.x, past.y)
         across, down = past.x - past.x.floor(), past.y - past.y.floor()
         return Remembered(
-            color=ycocg(tone(quarantine(color, 0.0) * exposure)),
+            light=light,
+            color=ycocg(tone(light * exposure)),
             samples=samples[:, :1],
             power=samples[:, 1:2],
             shade=surface[1],
+            calm=surface[2],
             surface=surface[0],
             speed=squared_length(past.motion).sqrt(),
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
@@ -296,7 +311,9 @@ class Taau(Method):
         holds = past.surface * unchanged
         samples = torch.minimum(past.samples * holds * inside, limit)
         weight = present.confidence / (samples + present.confidence).clamp(min=1e-6)
-        return Blend(clip_to_center(past.color, box), weight, samples, holds)
+        kept = torch.minimum(past.samples * past.surface, limit)
+        unconfirmed = (present.shade[:, 1:2] > 1.0) & past.calm & (kept > UNKNOWN)
+        return Blend(clip_to_center(past.color, box), weight, samples, holds, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
         """(1, 1, H, W) 1 where the mean luma of a neighbourhood moved by more than jitter explains."""
@@ -322,17 +339,21 @@ class Taau(Method):
         rate = present.confidence / seen.clamp(min=1e-6)
         known = (blend.samples > UNKNOWN).float() * blend.spreads
         power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
-        return image, torch.cat([blend.samples + present.confidence, power], dim=1)
+        now = torch.cat([blend.samples + present.confidence, power], dim=1)
+        before = torch.cat([blend.kept, past.surface * past.power], dim=1)
+        return image, torch.where(blend.unconfirmed, before, now)
 
 
-def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
+def shade_of(luma: Tensor, usable: Tensor, glaring: Tensor) -> Tensor:
     """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples.
 
-    Without any, the deviation is 1: whatever the mean was or will be, it is no change.
+    Without any, the deviation is 1: whatever the mean was or will be, it is no change. It is GLARE where one
+    of them is glaring.
     """
-    sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
+    sums = blurred(torch.cat([luma, luma * luma, usable, glaring], dim=1))
     seen = (sums[:, 2:3] > UNSEEN).float()
-    moments = normalised(sums)
+    moments = normalised(sums[:, :3])
     mean, square = moments[:, :1], moments[:, 1:2]
     deviation = (square - mean * mean).clamp(min=0.0).sqrt()
-    return torch.cat([mean, deviation * seen + (1.0 - seen)], dim=1)
+    deviation = deviation * seen + (1.0 - seen)
+    return torch.cat([mean, torch.where(sums[:, 3:4] > UNSEEN, GLARE, deviation)], dim=1)

@@ -56,7 +56,7 @@ class _Space(View):
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
         self.width = up_to(display[0], LANES)
-        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
+        self.shades = np.zeros((threads, 4, self.samples.wide), np.float32)
         self.scratch = [
             (
                 self.lines[worker],

@@ -55,6 +55,7 @@ from supersampler.host.vector import (
 )
 
 NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
+GLARING, GLARE = 1024.0 / 1025.0, 1e3
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
     FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
@@ -71,28 +72,37 @@ def sum3(line, at):
     return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
 
 
+@inner
+def most3(line, at):
+    """Largest of three neighbours."""
+    return largest(load16(line, at - 1), load16(line, at), load16(line, at + 1))
+
+
 def shade(
     samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
     surface: Floats,
 ):  # fmt: skip
     """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`.
 
-    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
+    samples: of `frame.prepare`; line (4, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
     repeat the border.
     """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
         for x in range(0, w, 16):
-            luma = square = seen = load16(eroded, 0) * 0.0
+            luma = square = seen = most = load16(eroded, 0) * 0.0
             for row in (above, y, below):
                 at = SAMPLED * row * wide + PAD + x
                 luma, square = luma + load16(samples, at + 4 * wide), square + load16(samples, at + 7 * wide)
                 seen = seen + load16(samples, at + 3 * wide)
+                r, g, b = load16(samples, at), load16(samples, at + wide), load16(samples, at + 2 * wide)
+                most = maximum(most, largest(r, g, b))
             store(line, PAD + x, luma)
             store(line, wide + PAD + x, square)
             store(line, 2 * wide + PAD + x, seen)
-        for c in range(3):
+            store(line, 3 * wide + PAD + x, most)
+        for c in range(4):
             first = c * wide + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * wide + PAD
@@ -101,8 +111,10 @@ def shade(
             scale = 1.0 / maximum(seen, 9e-6)
             mean = sum3(line, PAD + x) * scale
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
+            deviation = select(most3(line, 3 * wide + PAD + x) > GLARING, GLARE, deviation)
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
-            fours(surface, 4 * (here + x), opened, mean, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+            fours(surface, 4 * (here + x), opened, mean, deviation)
         repeat_ends(surface, here, w, 4)
 
 
@@ -157,8 +169,11 @@ def clipped(color, mean, spread, gamma, floor_):
 
 
 @inner
-def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
-    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the past's weight."""
+def blend(numbers, present, past, light, count, power, surface, unchanged, glares, speed, blur):
+    """`Taau.network` and `finish` of sixteen pixels.
+
+    Linear RGB, the same as it is left, count, power, and the past's weight.
+    """
     n = numbers
     frame, sample, confidence, mean, spread = present
     gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
@@ -180,7 +195,13 @@ def blend(numbers, present, past, count, power, surface, unchanged, speed, blur)
     rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
     left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
     left = select(known, holds * left, 0.0)
-    return color, samples + confidence, left, select(known, 1.0 - weight, 0.0)
+    kept = minimum(count * surface, limit)
+    adds = select(glares, kept, 0.0) <= UNKNOWN
+    lit = (
+        select(adds, color[0], light[0]), select(adds, color[1], light[1]), select(adds, color[2], light[2]),
+    )  # fmt: skip
+    left, counted = select(adds, left, surface * power), select(adds, samples + confidence, kept)
+    return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
 
 @inner
@@ -219,7 +240,8 @@ def step_rows(
             warp5(history, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
-            past = ycocg(*toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e))
+            light = quarantined(q[0]), quarantined(q[1]), quarantined(q[2])
+            past = ycocg(*toned(light[0] * e, light[1] * e, light[2] * e))
             # the surface that the past shows, and its light
             sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
@@ -236,19 +258,19 @@ def step_rows(
             changed = light_changed(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
+            glares = select(spread > 1.0, 0.0, spread_now) > 1.0
             tx, ty = px - floor(px), py - floor(py)
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
-            color, count, power, kept = blend(
-                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
-                same, 1.0 - changed, square_root(mx * mx + my * my),
+            color, lit, count, power, kept = blend(
+                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, light, q[6], q[7],
+                same, 1.0 - changed, glares, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if tells:
                 store(weight, y * width + x, kept)
-            zero = power * 0.0
             r, g, b = color
-            pairs = rows8((r, g, b, count, power, zero, zero, zero))
+            pairs = rows8((*lit, count, power, r, g, b))
             for i in range(8):
                 store(out, 16 * i, pairs[i])
             pixel = y * big_w + x
@@ -262,4 +284,4 @@ def step_rows(
             else:
                 for i in range(x1 - x):
                     for c in range(3):
-                        image[3 * (pixel + i) + c] = out[8 * i + c]
+                        image[3 * (pixel + i) + c] = out[8 * i + 5 + c]
