@@ -12,8 +12,9 @@ The box also reaches as far as the pixel's own samples have been spreading over 
 is thinner than a sample's distance vanishes from the box in the frames that miss it and flickers, which Salvi
 names as the weakness of variance clipping.
 
-Light ten stops over white, of which the frame before had none near, is shown, but not accumulated: there the
-history stays as it was, warped. The next frame confirms such light, or never knows of it.
+Light ten stops over white, where there was none near, is shown, but only accumulated from its third frame in
+a row on: until then the history stays as it was there, warped. So what one frame alone has leaves no trace,
+nor does what was drawn from that frame where the next one is not shaded.
 """
 
 from dataclasses import dataclass
@@ -23,16 +24,18 @@ import torch
 from torch import Tensor
 
 from supersampler_model.color import (
+    CONFIRMED,
     DARKNESS,
-    GLARING,
+    GLARE,
     bounded,
     exposure_for,
     from_ycocg,
+    glaring,
     inverse_tone,
-    largest,
     quarantine,
     tone,
     valid,
+    without_glare,
     ycocg,
 )
 from supersampler_model.method import (
@@ -63,6 +66,7 @@ from supersampler_model.sampling import (
     View,
     blurred,
     catmull_rom,
+    extreme,
     gaussian,
     grid_of,
     local_moments,
@@ -74,7 +78,6 @@ from supersampler_model.sampling import (
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
-GLARE = 1e3  # deviation of a neighbourhood that has light over GLARING; of others, at most 1
 
 
 @dataclass(frozen=True)
@@ -136,6 +139,7 @@ class Present(NamedTuple):
     first: Tensor  # (1, 3, H, W) E[c]
     second: Tensor  # (1, 3, H, W) E[c^2]
     shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
+    glare: Tensor  # (1, 1, H, W) 1 where one of them is over GLARING
 
 
 class Remembered(NamedTuple):
@@ -146,7 +150,7 @@ class Remembered(NamedTuple):
     samples: Tensor  # (1, 1, H, W) it is made of, 0 where there is no past
     power: Tensor  # (1, 1, H, W) mean square of sample - past, toned luma
     shade: Tensor  # (1, 2, H, W) as in Present
-    calm: Tensor  # (1, 1, H, W) whether it had no light over GLARING near
+    glare: Tensor  # (1, 1, H, W) frames that have had light over GLARING near, up to CONFIRMED
     surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
     speed: Tensor  # (1, 1, H, W) display pixels
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
@@ -181,7 +185,7 @@ class Taau(Method):
     name, source = "taau", "temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)"
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
-        "samples": (1, 2, *DISPLAY),  # count, and mean square of sample - past in toned luma
+        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - past in toned luma, and GLARE
         "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # see `exposure_for`
@@ -213,12 +217,12 @@ class Taau(Method):
         usable, color = valid(color), quarantine(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        light = tone(color * exposure)
-        toned, glaring = ycocg(light) * usable, (largest(light * usable) > GLARING).float()
+        exposed = color * exposure
+        toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
         depth, motion = usable_depth(depth), usable_motion(motion)
-        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable, glaring)], dim=1)
+        surface = torch.cat([without_thin(depth), shade_of(toned[:, :1], usable)], dim=1)
 
-        present = self.gather_present(toned, usable, surface, grid, display, render)
+        present = self.gather_present(toned, usable, glare, surface, grid, display, render)
         closest = pick_first(torch.cat(closest_of_four(depth, motion), dim=1), grid)
         past = past_of(closest[:, 1:], display, render)
         exposure_before = history_exposure.abs()
@@ -232,7 +236,14 @@ class Taau(Method):
         return Step(image, left, samples, surface, jitter * 1.0, followed, weight)
 
     def gather_present(
-        self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size
+        self,
+        toned: Tensor,
+        usable: Tensor,
+        glare: Tensor,
+        surface: Tensor,
+        grid: Grid,
+        display: Size,
+        render: Size,
     ) -> Present:
         """Upsample the usable samples of this frame four ways, all separable."""
         ratio = display.width / render.width, display.height / render.height
@@ -250,6 +261,7 @@ class Taau(Method):
             first=first,
             second=second,
             shade=pick(surface[:, 1:3], grid),
+            glare=pick(extreme(glare, torch.maximum), grid),
         )
 
     def gather_surface(
@@ -260,8 +272,8 @@ class Taau(Method):
         depth: Tensor,
         display: Size,
         change: Tensor,
-    ) -> tuple[Tensor, Tensor, Tensor]:
-        """Read where the past may show what is there now (1, 1, H, W), its shade at this exposure, its calm."""
+    ) -> tuple[Tensor, Tensor]:
+        """Read where the past may show what is there now (1, 1, H, W), and its shade at this exposure."""
         before = View(display, render_size_of(history_surface), history_jitter)
         x, y = before.to_render(past.x, past.y)
         c = self.config
@@ -271,28 +283,28 @@ class Taau(Method):
         shade = read(history_surface[:, 1:3], x, y)
         mean, deviation = shade[:, :1], shade[:, 1:2]
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
-        now = torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
-        return same, now, deviation <= 1.0
+        return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
     def gather_past(
         self,
         history_color: Tensor,
         history_samples: Tensor,
         past: Past,
-        surface: tuple[Tensor, Tensor, Tensor],
+        surface: tuple[Tensor, Tensor],
         exposure: Tensor,
     ) -> Remembered:
         """Warp the history."""
         light = quarantine(read_cubic(history_color, past.x, past.y, self.config.history_sharpness), 0.0)
         samples = read(history_samples, past.x, past.y)
+        power, glare = without_glare(samples[:, 1:2])
         across, down = past.x - past.x.floor(), past.y - past.y.floor()
         return Remembered(
             light=light,
             color=ycocg(tone(light * exposure)),
             samples=samples[:, :1],
-            power=samples[:, 1:2],
+            power=power,
             shade=surface[1],
-            calm=surface[2],
+            glare=glare,
             surface=surface[0],
             speed=squared_length(past.motion).sqrt(),
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
@@ -302,6 +314,8 @@ class Taau(Method):
         """Decide by rules what a learned method decides by a network."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(present.shade, past.shade)
+        unknown = (past.glare > 0.0) & (past.glare < CONFIRMED)  # its shade is of light that it does not have
+        unchanged = torch.where(unknown, torch.ones_like(unchanged), unchanged)
         spread = past.power.sqrt() * unchanged
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (past.speed / c.gamma_speed).clamp(max=1.0)
         box = variance_box(present.first, present.second, gamma, floor=c.gamma_time * spread)
@@ -312,7 +326,7 @@ class Taau(Method):
         samples = torch.minimum(past.samples * holds * inside, limit)
         weight = present.confidence / (samples + present.confidence).clamp(min=1e-6)
         kept = torch.minimum(past.samples * past.surface, limit)
-        unconfirmed = (present.shade[:, 1:2] > 1.0) & past.calm & (kept > UNKNOWN)
+        unconfirmed = (present.glare > 0.0) & (past.glare < CONFIRMED - 1.0) & (kept > UNKNOWN)
         return Blend(clip_to_center(past.color, box), weight, samples, holds, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
@@ -339,21 +353,19 @@ class Taau(Method):
         rate = present.confidence / seen.clamp(min=1e-6)
         known = (blend.samples > UNKNOWN).float() * blend.spreads
         power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
-        now = torch.cat([blend.samples + present.confidence, power], dim=1)
-        before = torch.cat([blend.kept, past.surface * past.power], dim=1)
-        return image, torch.where(blend.unconfirmed, before, now)
+        now = [blend.samples + present.confidence, power + GLARE * CONFIRMED * present.glare]
+        before = [blend.kept, past.surface * past.power + GLARE * (past.glare + 1.0)]
+        return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
-def shade_of(luma: Tensor, usable: Tensor, glaring: Tensor) -> Tensor:
+def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
     """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples.
 
-    Without any, the deviation is 1: whatever the mean was or will be, it is no change. It is GLARE where one
-    of them is glaring.
+    Without any, the deviation is 1: whatever the mean was or will be, it is no change.
     """
-    sums = blurred(torch.cat([luma, luma * luma, usable, glaring], dim=1))
+    sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
     seen = (sums[:, 2:3] > UNSEEN).float()
-    moments = normalised(sums[:, :3])
+    moments = normalised(sums)
     mean, square = moments[:, :1], moments[:, 1:2]
     deviation = (square - mean * mean).clamp(min=0.0).sqrt()
-    deviation = deviation * seen + (1.0 - seen)
-    return torch.cat([mean, torch.where(sums[:, 3:4] > UNSEEN, GLARE, deviation)], dim=1)
+    return torch.cat([mean, deviation * seen + (1.0 - seen)], dim=1)

@@ -56,7 +56,7 @@ class _Space(View):
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
         self.width = up_to(display[0], LANES)
-        self.shades = np.zeros((threads, 4, self.samples.wide), np.float32)
+        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
         self.scratch = [
             (
                 self.lines[worker],
@@ -170,12 +170,12 @@ class TaauHost(Host):
     def _leave(self, space: _Space, left: TaauHistory) -> None:
         """What the next frame wants to know of this one's surfaces."""
         read, (w, h) = space.samples, left.render
-        color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
+        inputs, to = [address(a) for a in (read.color, read.own, read.eroded)], address(left.surface)
         self.bands.run(
             "read",
             h,
             lambda y0, y1, worker: self._shade(
-                color, eroded, w, h, read.stride, y0, y1, address(space.shades[worker]), to
+                *inputs, w, h, read.stride, y0, y1, address(space.shades[worker]), to
             ),
         )
 

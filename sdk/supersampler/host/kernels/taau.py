@@ -4,13 +4,16 @@ import numpy as np
 
 from supersampler.host.inner import inner
 from supersampler.host.kernels.colors import (
+    CONFIRMED,
     DARKNESS,
+    GLARE,
     clamped,
     largest,
     linear_of,
     quarantined,
     rgb,
     toned,
+    without_glare,
     ycocg,
 )
 from supersampler.host.kernels.filters import (
@@ -43,6 +46,7 @@ from supersampler.host.shuffles import (
 from supersampler.host.vector import (
     absolute,
     floor,
+    gather,
     load4,
     load16,
     maximum,
@@ -55,7 +59,6 @@ from supersampler.host.vector import (
 )
 
 NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
-GLARING, GLARE = 1024.0 / 1025.0, 1e3
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
     FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
@@ -72,37 +75,28 @@ def sum3(line, at):
     return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
 
 
-@inner
-def most3(line, at):
-    """Largest of three neighbours."""
-    return largest(load16(line, at - 1), load16(line, at), load16(line, at + 1))
-
-
 def shade(
-    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
-    surface: Floats,
+    samples: Floats, own: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int,
+    line: Floats, surface: Floats,
 ):  # fmt: skip
-    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`.
+    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`; and glare.
 
-    samples: of `frame.prepare`; line (4, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
-    repeat the border.
+    samples, own, eroded: of `frame`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4):
+    ends repeat the border.
     """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
         for x in range(0, w, 16):
-            luma = square = seen = most = load16(eroded, 0) * 0.0
+            luma = square = seen = load16(eroded, 0) * 0.0
             for row in (above, y, below):
                 at = SAMPLED * row * wide + PAD + x
                 luma, square = luma + load16(samples, at + 4 * wide), square + load16(samples, at + 7 * wide)
                 seen = seen + load16(samples, at + 3 * wide)
-                r, g, b = load16(samples, at), load16(samples, at + wide), load16(samples, at + 2 * wide)
-                most = maximum(most, largest(r, g, b))
             store(line, PAD + x, luma)
             store(line, wide + PAD + x, square)
             store(line, 2 * wide + PAD + x, seen)
-            store(line, 3 * wide + PAD + x, most)
-        for c in range(4):
+        for c in range(3):
             first = c * wide + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * wide + PAD
@@ -111,10 +105,10 @@ def shade(
             scale = 1.0 / maximum(seen, 9e-6)
             mean = sum3(line, PAD + x) * scale
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
-            deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
-            deviation = select(most3(line, 3 * wide + PAD + x) > GLARING, GLARE, deviation)
+            glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
-            fours(surface, 4 * (here + x), opened, mean, deviation)
+            deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
+            fours(surface, 4 * (here + x), opened, mean, deviation, glare)
         repeat_ends(surface, here, w, 4)
 
 
@@ -169,14 +163,17 @@ def clipped(color, mean, spread, gamma, floor_):
 
 
 @inner
-def blend(numbers, present, past, light, count, power, surface, unchanged, glares, speed, blur):
+def blend(numbers, present, past, light, count, power, surface, unchanged, glare, speed, blur):
     """`Taau.network` and `finish` of sixteen pixels.
 
-    Linear RGB, the same as it is left, count, power, and the past's weight.
+    Linear RGB, the same as it is left, count, power, and the past's weight. `glare`: 1 where this frame has
+    light over GLARING near.
     """
     n = numbers
     frame, sample, confidence, mean, spread = present
     gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
+    power, glared = without_glare(power)
+    unchanged = select((glared > 0.0) & (glared < CONFIRMED), 1.0, unchanged)
     root = square_root(power)
     rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
     inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
@@ -196,11 +193,12 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
     left = select(known, holds * left, 0.0)
     kept = minimum(count * surface, limit)
-    adds = select(glares, kept, 0.0) <= UNKNOWN
+    adds = select(glared < CONFIRMED - 1.0, kept * glare, 0.0) <= UNKNOWN
     lit = (
         select(adds, color[0], light[0]), select(adds, color[1], light[1]), select(adds, color[2], light[2]),
     )  # fmt: skip
-    left, counted = select(adds, left, surface * power), select(adds, samples + confidence, kept)
+    left = select(adds, left + glare * (GLARE * CONFIRMED), surface * power + (glared + 1.0) * GLARE)
+    counted = select(adds, samples + confidence, kept)
     return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
 
@@ -254,17 +252,16 @@ def step_rows(
             mean = mean_of((a[1], b[1], c[1], d[1]), shares)
             spread = mean_of((a[2], b[2], c[2], d[2]), shares)
             dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
-            _, now, spread_now, _ = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
+            _, now, spread_now, glare = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
             changed = light_changed(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
-            glares = select(spread > 1.0, 0.0, spread_now) > 1.0
             tx, ty = px - floor(px), py - floor(py)
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
             color, lit, count, power, kept = blend(
                 numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, light, q[6], q[7],
-                same, 1.0 - changed, glares, square_root(mx * mx + my * my),
+                same, 1.0 - changed, glare, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if tells:
