@@ -10,6 +10,7 @@ import pytest
 
 from gbuffer_method import gbuffers
 from supersampler import Frame, halton_jitter
+from supersampler.display import display_transform
 from supersampler.frame import Float32
 from supersampler.gbuffers import grouped
 from supersampler_bench.stress.compare import Off, off
@@ -32,6 +33,7 @@ class Run:
     state: Any
     ratio: int
     dressed: bool
+    at_rest: bool
     calm: Sequence[Float32]
 
     def after(self, **changes: Any) -> list[Float32]:
@@ -41,12 +43,12 @@ class Run:
         return [self.session.step(self.frame(i)) for i in range(WARM + 1, WARM + 1 + CLEAN)]
 
     def frame(self, index: int) -> Frame:
-        return frame_of(index, self.ratio, dressed=self.dressed)
+        return frame_of(index, self.ratio, dressed=self.dressed, at_rest=self.at_rest)
 
 
-def frame_of(index: int, ratio: int, *, dressed: bool) -> Frame:
-    """A disc before a panning plane; or wires at rest, with G-buffers of other surfaces."""
-    scene: Scene = STILL if dressed else DiscOverPlane()
+def frame_of(index: int, ratio: int, *, dressed: bool, at_rest: bool) -> Frame:
+    """A disc before a panning plane; or wires at rest, maybe with G-buffers of other surfaces."""
+    scene: Scene = STILL if dressed or at_rest else DiscOverPlane()
     render = DISPLAY[0] // ratio, DISPLAY[1] // ratio
     frame = scene.frame(index, render, halton_jitter(index, float(ratio)))
     frame = replace(frame, reset=False, exposure=None)
@@ -57,12 +59,12 @@ def frame_of(index: int, ratio: int, *, dressed: bool) -> Frame:
 
 
 @cache
-def begun(method: str, executor: Any, *, dressed: bool = False) -> Run:
+def begun(method: str, executor: Any, *, dressed: bool = False, at_rest: bool = False) -> Run:
     subject: Subject = subjects([method], [executor])[0]
     session, ratio = subject.begin(DISPLAY, 1), round(max(2.0, subject.ratios[0]))
     for index in range(WARM):
-        session.step(frame_of(index, ratio, dressed=dressed))
-    run = Run(session, session.save_state(), ratio, dressed, [])
+        session.step(frame_of(index, ratio, dressed=dressed, at_rest=at_rest))
+    run = Run(session, session.save_state(), ratio, dressed, at_rest, [])
     return replace(run, calm=run.after())
 
 
@@ -96,3 +98,59 @@ def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
     late, cut = left(run, color=color), left(run, reset=True)
     assert late.mean < max(1.25 * cut.mean, 0.1 / 255.0)
     assert late.most < max(1.25 * cut.most, 4.0 / 255.0)
+
+
+LIT = ["taau", "classifier", "classifier-small"]
+
+
+def lit(frame: Frame, place: str, value: float) -> Float32:
+    """The frame's colour with some of its pixels of this value."""
+    color = np.array(frame.color)
+    where = np.zeros(color.shape[:2], bool)
+    if place == "pixels":
+        where = np.random.default_rng(5).random(where.shape) < 0.1
+    else:
+        where[4 if place == "row" else slice(None)] = True
+    color[where] = value
+    return color
+
+
+@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("method", [*LIT, "taau+guided-warp"])
+def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str, executor: str) -> None:
+    run = begun(method, executor, at_rest=True)
+    chance = 1.25 if executor == "host" and method != "taau" else 1.0
+    for place in ("pixels", "row", "frame"):
+        color = lit(run.frame(WARM), place, 65504.0)
+        late, cut = left(run, color=color), left(run, color=color, reset=True)
+        assert late.mean <= max(chance * cut.mean, 0.1 / 255.0), place
+        assert late.most <= max(chance * cut.most, 4.0 / 255.0), place
+
+
+@pytest.mark.parametrize("executor", ["host", "graph"])
+def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours(executor: str) -> None:
+    run = begun("taau", executor, at_rest=True)
+    color = lit(run.frame(WARM), "pixels", np.nan)
+    late, cut = left(run, color=color), left(run, color=color, reset=True)
+    assert late.most <= max(cut.most, 4.0 / 255.0)
+
+
+@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("method", LIT)
+def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
+    method: str, executor: str
+) -> None:
+    run = begun(method, executor, at_rest=True)
+    run.session.load_state(run.state)
+    history = []
+    for index in range(WARM, WARM + 16):
+        frame = run.frame(index)
+        color = np.array(frame.color)
+        color[4:8, 4:8] = 65504.0
+        image = run.session.step(replace(frame, color=color))
+        assert display_transform(image)[11:13, 11:13].min() > 0.9, "in the middle of the light"
+        history.append(np.asarray(run.session.save_state().history["history.color"])[0, :, 11:13, 11:13])
+    assert display_transform(history[-1].transpose(1, 2, 0)).min() > 0.9
+    counts = run.session.save_state().history
+    count = counts.get("history.samples", counts.get("history.state"))[0, 0, 11:13, 11:13]
+    assert count.min() > 0.5, "it is a past like any other"

@@ -78,6 +78,7 @@ from supersampler_model.sampling import (
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
+SEEN = 0.5  # of the box's Gaussian, whose sum is 0.8 at least: with less than this, no sample near is usable
 
 
 @dataclass(frozen=True)
@@ -253,7 +254,7 @@ class Taau(Method):
         sharp = upsample(samples, grid, catmull_rom)  # some of its weights are negative: of no use alone
         sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
-        first, second = local_moments(toned, usable, grid, c.moment_sigma)
+        first, second = local_moments(toned, usable, grid, c.moment_sigma, SEEN)
         return Present(
             frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),

@@ -58,7 +58,7 @@ from supersampler.host.vector import (
     to_float,
 )
 
-NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
+NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
     FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
@@ -125,7 +125,7 @@ def present_of(p, q, sharpness):
     )
     a = 1.0 / maximum(q[3], 1e-6)
     sample = ycocg(q[0] * a, q[1] * a, q[2] * a)
-    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > UNSEEN
+    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > SEEN
     mean = p[8] * a, p[9] * a, p[10] * a
     spread = (
         deviation(select(seen, p[11] * a, 1.0), mean[0]),
