@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,8 @@ from supersampler.display import display_transform
 from supersampler.frame import Float32
 from supersampler.gbuffers import grouped
 from supersampler_bench.stress.compare import Off, off
-from supersampler_bench.stress.scenario import Session, Subject
+from supersampler_bench.stress.recovery import SCENARIOS
+from supersampler_bench.stress.scenario import Figure, Session, Subject, Trial
 from supersampler_bench.stress.scenes import STILL
 from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.analytic import DiscOverPlane, Scene
@@ -103,36 +105,29 @@ def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
 LIT = ["taau", "classifier", "classifier-small"]
 
 
-def lit(frame: Frame, place: str, value: float) -> Float32:
-    """The frame's colour with some of its pixels of this value."""
-    color = np.array(frame.color)
-    where = np.zeros(color.shape[:2], bool)
-    if place == "pixels":
-        where = np.random.default_rng(5).random(where.shape) < 0.1
-    else:
-        where[4 if place == "row" else slice(None)] = True
-    color[where] = value
-    return color
+def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
+    """What `bench stress` finds."""
+    run = next(s.run for s in SCENARIOS if s.name == f"one frame's {scenario}")
+    display = (96, 64) if executor == "host" else (48, 32)
+    return run(Trial(subjects([method], [executor])[0], display, 0)).figures
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
-@pytest.mark.parametrize("method", [*LIT, "taau+guided-warp"])
+@pytest.mark.parametrize(
+    ("method", "executor"),
+    [
+        *product([*LIT, "taau+guided-warp"], ["host", "graph"]),
+        ("classifier+guided-warp", "host"),
+        ("extrapolate+guided-warp", "graph"),
+    ],
+)
 def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str, executor: str) -> None:
-    run = begun(method, executor, at_rest=True)
-    chance = 1.25 if executor == "host" and method != "taau" else 1.0
-    for place in ("pixels", "row", "frame"):
-        color = lit(run.frame(WARM), place, 65504.0)
-        late, cut = left(run, color=color), left(run, color=color, reset=True)
-        assert late.mean <= max(chance * cut.mean, 0.1 / 255.0), place
-        assert late.most <= max(chance * cut.most, 4.0 / 255.0), place
+    for figure in figures("brightest light", method, executor):
+        assert figure.passed, figure
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
-def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours(executor: str) -> None:
-    run = begun("taau", executor, at_rest=True)
-    color = lit(run.frame(WARM), "pixels", np.nan)
-    late, cut = left(run, color=color), left(run, color=color, reset=True)
-    assert late.most <= max(cut.most, 4.0 / 255.0)
+def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
+    for figure in figures("color", "taau", "host"):
+        assert figure.passed, figure
 
 
 @pytest.mark.parametrize("executor", ["host", "graph"])
@@ -153,4 +148,4 @@ def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
     assert display_transform(history[-1].transpose(1, 2, 0)).min() > 0.9
     counts = run.session.save_state().history
     count = counts.get("history.samples", counts.get("history.state"))[0, 0, 11:13, 11:13]
-    assert count.min() > 0.5, "it is a past like any other"
+    assert count.min() > 0.05, "it is a past like any other"
