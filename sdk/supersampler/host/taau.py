@@ -170,12 +170,12 @@ class TaauHost(Host):
     def _leave(self, space: _Space, left: TaauHistory) -> None:
         """What the next frame wants to know of this one's surfaces."""
         read, (w, h) = space.samples, left.render
-        color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
+        inputs, to = [address(a) for a in (read.color, read.own, read.eroded)], address(left.surface)
         self.bands.run(
             "read",
             h,
             lambda y0, y1, worker: self._shade(
-                color, eroded, w, h, read.stride, y0, y1, address(space.shades[worker]), to
+                *inputs, w, h, read.stride, y0, y1, address(space.shades[worker]), to
             ),
         )
 

@@ -15,11 +15,14 @@ from supersampler.host.kernels.classifier_gather import (
     TONED,
 )
 from supersampler.host.kernels.colors import (
+    CONFIRMED,
+    GLARE,
     clamped,
     largest,
     linear_of,
     luminance,
     rgb,
+    without_glare,
     ycocg,
 )
 from supersampler.host.kernels.filters import places_in, tap
@@ -220,10 +223,15 @@ def make_compose_row(variant: Variant):
             luma = luminance(sample[0], sample[1], sample[2])
             held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
             rate = confidence * contraction
-            least, most = load16(rest, half + 16 * LEAST), load16(rest, half + 16 * MOST)
+            least, (most, glared) = (
+                load16(rest, half + 16 * LEAST),
+                without_glare(load16(rest, half + 16 * MOST)),
+            )
+            worth = select((glared > 0.0) & (glared < CONFIRMED), 0.0, worth)
             least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
             most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
             least, most = luma + held * (least - luma), luma + held * (most - luma)
+            most = most + glared * GLARE
             remember(r, g, b, worth, least, most, y * big_w + x, big_w - x, streams, history, image, out)
 
     return compose_row
