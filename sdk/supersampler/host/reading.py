@@ -43,6 +43,11 @@ class Samples:
         self.front, self.own = aligned((2, h, stride, 4))
         self.glares = aligned((h,))
 
+    @property
+    def any_glares(self) -> bool:
+        """Whether a sample is over GLARING."""
+        return bool(self.glares.any())
+
 
 class View:
     """How a display looks at frames of one size, and their samples.

@@ -54,9 +54,11 @@ TONED = 1.0 - 1e-4
 FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, LEAST, MOST = 0, 3, 6, 7, 10, 11, 12, 13
 """Of `rest`; more in `Variant`."""
 (
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
-) = range(13)  # fmt: skip
-"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants."""
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP,
+    GLARES
+) = range(14)  # fmt: skip
+"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants; whether this
+frame or the history may have light over GLARING."""
 
 
 @inner
@@ -207,14 +209,17 @@ def make_gather_rows(*parts: str):
                 soft = only(on, toned_at(numbers, q[0], q[1], q[2]))
                 detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
                 count, least, most = only(on, (q[3], q[4], q[5]))
-                most, glared = without_glare(most)
-                glared = glared_now(glare, glared, count)
+                if numbers[GLARES] > 0.0:
+                    most, glared = without_glare(most)
+                    glared = glared_now(glare, glared, count) * GLARE
+                else:
+                    glared = most * 0.0
                 put_all(past_planes, (y * width + x) * PAST, past)
                 surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
                 frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[GAMMA])
                 to = (y * width + x) * planes
-                known = (*frame, *sample, confidence, *detail, surface, count, least, most + glared * GLARE)
+                known = (*frame, *sample, confidence, *detail, surface, count, least, most + glared)
                 put_all(rest, to, known)
                 if rectified:
                     put_all(rest, to + 16 * mean_plane, (*mean, *reach))

@@ -63,10 +63,10 @@ NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
     FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
     SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
-    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP,
-) = range(28)  # fmt: skip
+    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP, GLARES,
+) = range(29)  # fmt: skip
 """Of `numbers`: exposure; sizes of this frame, the display and the frame before, and its jitter; by how much
-the exposure has changed; TaauConfig."""
+the exposure has changed; TaauConfig; whether this frame or the history may have light over GLARING."""
 
 
 @inner
@@ -76,12 +76,12 @@ def sum3(line, at):
 
 
 def shade(
-    samples: Floats, own: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int,
-    line: Floats, surface: Floats,
+    samples: Floats, own: Floats, glares: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int,
+    y1: int, line: Floats, surface: Floats,
 ):  # fmt: skip
     """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`; and glare.
 
-    samples, own, eroded: of `frame`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4):
+    samples to eroded: of `frame`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4):
     ends repeat the border.
     """
     wide = stride + 2 * PAD
@@ -100,12 +100,15 @@ def shade(
             first = c * wide + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * wide + PAD
+        glares_near = glares[above] + glares[y] + glares[below] > 0.0
         for x in range(0, w, 16):
             seen = sum3(line, 2 * wide + PAD + x)
             scale = 1.0 / maximum(seen, 9e-6)
             mean = sum3(line, PAD + x) * scale
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
-            glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
+            glare = seen * 0.0
+            if glares_near:
+                glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
             deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
             fours(surface, 4 * (here + x), opened, mean, deviation, glare)
@@ -172,8 +175,10 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     n = numbers
     frame, sample, confidence, mean, spread = present
     gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
-    power, glared = without_glare(power)
-    unchanged = select((glared > 0.0) & (glared < CONFIRMED), 1.0, unchanged)
+    glared = power * 0.0
+    if n[GLARES] > 0.0:
+        power, glared = without_glare(power)
+        unchanged = select((glared > 0.0) & (glared < CONFIRMED), 1.0, unchanged)
     root = square_root(power)
     rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
     inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
@@ -192,13 +197,17 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
     left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
     left = select(known, holds * left, 0.0)
-    kept = minimum(count * surface, limit)
-    adds = select(glared < CONFIRMED - 1.0, kept * glare, 0.0) <= UNKNOWN
-    lit = (
-        select(adds, color[0], light[0]), select(adds, color[1], light[1]), select(adds, color[2], light[2]),
-    )  # fmt: skip
-    left = select(adds, left + glare * (GLARE * CONFIRMED), surface * power + (glared + 1.0) * GLARE)
-    counted = select(adds, samples + confidence, kept)
+    lit, counted = color, samples + confidence
+    if n[GLARES] > 0.0:
+        kept = minimum(count * surface, limit)
+        adds = select(glared < CONFIRMED - 1.0, kept * glare, 0.0) <= UNKNOWN
+        lit = (
+            select(adds, color[0], light[0]),
+            select(adds, color[1], light[1]),
+            select(adds, color[2], light[2]),
+        )
+        left = select(adds, left + glare * (GLARE * CONFIRMED), surface * power + (glared + 1.0) * GLARE)
+        counted = select(adds, counted, kept)
     return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
 
