@@ -50,7 +50,7 @@ def keeps_kernels(folder: Path) -> bool:
 
 
 def read_kernel(folder: Path, name: str) -> Kernel | None:
-    """Return the cached kernel, see `cache_folder`; None where there is no entry, or a damaged one, or another kernel's."""
+    """Return the kernel cached in `cache_folder`; None where there is none, or a damaged or another one."""
     try:
         content = _path(folder, name).read_bytes()
     except OSError:
