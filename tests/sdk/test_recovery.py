@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import product
 from typing import Any
 
 import numpy as np
@@ -11,9 +12,11 @@ import pytest
 from gbuffer_method import gbuffers
 from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler.methods.gbuffers import grouped
 from supersampler_bench.stress.compare import Off, off
-from supersampler_bench.stress.scenario import Session, Subject
+from supersampler_bench.stress.recovery import SCENARIOS
+from supersampler_bench.stress.scenario import Figure, Session, Subject, Trial
 from supersampler_bench.stress.scenes import STILL
 from supersampler_bench.stress.subjects import subjects
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Scene
@@ -32,6 +35,7 @@ class Run:
     state: Any
     ratio: int
     dressed: bool
+    at_rest: bool
     calm: Sequence[Float32]
 
     def after(self, **changes: Any) -> list[Float32]:
@@ -41,12 +45,12 @@ class Run:
         return [self.session.step(self.frame(i)) for i in range(WARM + 1, WARM + 1 + CLEAN)]
 
     def frame(self, index: int) -> Frame:
-        return frame_of(index, self.ratio, dressed=self.dressed)
+        return frame_of(index, self.ratio, dressed=self.dressed, at_rest=self.at_rest)
 
 
-def frame_of(index: int, ratio: int, *, dressed: bool) -> Frame:
-    """A disc before a panning plane; or wires at rest, with G-buffers of other surfaces."""
-    scene: Scene = STILL if dressed else DiscOverPlane()
+def frame_of(index: int, ratio: int, *, dressed: bool, at_rest: bool) -> Frame:
+    """A disc before a panning plane; or wires at rest, maybe with G-buffers of other surfaces."""
+    scene: Scene = STILL if dressed or at_rest else DiscOverPlane()
     render = DISPLAY[0] // ratio, DISPLAY[1] // ratio
     frame = scene.frame(index, render, halton_jitter(index, float(ratio)))
     frame = replace(frame, reset=False, exposure=None)
@@ -57,12 +61,12 @@ def frame_of(index: int, ratio: int, *, dressed: bool) -> Frame:
 
 
 @cache
-def begun(method: str, executor: Any, *, dressed: bool = False) -> Run:
+def begun(method: str, executor: Any, *, dressed: bool = False, at_rest: bool = False) -> Run:
     subject: Subject = subjects([method], [executor])[0]
     session, ratio = subject.begin(DISPLAY, 1), round(max(2.0, subject.ratios[0]))
     for index in range(WARM):
-        session.step(frame_of(index, ratio, dressed=dressed))
-    run = Run(session, session.save_state(), ratio, dressed, [])
+        session.step(frame_of(index, ratio, dressed=dressed, at_rest=at_rest))
+    run = Run(session, session.save_state(), ratio, dressed, at_rest, [])
     return replace(run, calm=run.after())
 
 
@@ -96,3 +100,53 @@ def test_a_frame_of_the_brightest_light_leaves_no_scar(method: str) -> None:
     late, cut = left(run, color=color), left(run, reset=True)
     assert late.mean < max(1.25 * cut.mean, 0.1 / 255.0)
     assert late.most < max(1.25 * cut.most, 4.0 / 255.0)
+
+
+LIT = ["taau", "classifier", "classifier-small"]
+
+
+def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
+    """What `bench stress` finds."""
+    run = next(s.run for s in SCENARIOS if s.name == f"one frame's {scenario}")
+    display = (96, 64) if executor == "host" else (48, 32)
+    return run(Trial(subjects([method], [executor])[0], display, 0)).figures
+
+
+@pytest.mark.parametrize(
+    ("method", "executor"),
+    [
+        *product([*LIT, "taau+guided-warp"], ["host", "graph"]),
+        ("classifier+guided-warp", "host"),
+        ("extrapolate+guided-warp", "graph"),
+    ],
+)
+def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str, executor: str) -> None:
+    for figure in figures("brightest light", method, executor):
+        assert figure.passed, figure
+
+
+def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
+    for figure in figures("color", "taau", "host"):
+        assert figure.passed, figure
+
+
+@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("method", LIT)
+def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
+    method: str, executor: str
+) -> None:
+    run = begun(method, executor, at_rest=True)
+    run.session.load_state(run.state)
+    history: dict[str, Any] = {}
+    for index in range(WARM, WARM + 16):
+        frame = run.frame(index)
+        color = np.array(frame.color)
+        color[4:8, 4:8] = 65504.0
+        image = run.session.step(replace(frame, color=color))
+        assert display_transform(image)[11:13, 11:13].min() > 0.9, "in the middle of the light"
+        history = dict(run.session.save_state().history or {})
+    left_behind = history["history.color"][0, :, 11:13, 11:13].transpose(1, 2, 0)
+    assert display_transform(left_behind).min() > 0.9
+    count = history.get("history.samples", history.get("history.state"))
+    assert count is not None
+    assert count[0, 0, 11:13, 11:13].min() > 0.05, "it is a past like any other"

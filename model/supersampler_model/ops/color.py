@@ -16,12 +16,29 @@ LEAST_EXPOSURE, MOST_EXPOSURE = 2.0**-24, 2.0**24
 OUTLIER = 64.0
 DARKEST = 1e-4
 DARKNESS = 1e-12
+GLARING = 1024.0
+"""Exposed light ten stops over white, from where on no screen tells one light from another."""
+GLARE = 4.0
+"""What a history's plane of values in [0, 1] holds more for each frame in a row that had such light near."""
+CONFIRMED = 3.0
+"""Such frames, from which on the light is accumulated: one that was shaded, one drawn from it, one more."""
 
 
 def valid(color: Tensor) -> Tensor:
     """(1, 1, h, w) 1 where every channel is a number in [0, 65504], else 0; NaN and Inf are 0."""
     good = (color >= 0.0) & (color <= MAX_HALF)
     return (good[:, :1] & good[:, 1:2] & good[:, 2:3]).float()
+
+
+def glaring(exposed: Tensor, usable: Tensor) -> Tensor:
+    """(1, 1, h, w) 1 where a usable sample is over GLARING, else 0."""
+    return (largest(exposed) * usable > GLARING).float()
+
+
+def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Values in [0, 1] and frames that have had glare near, (1, 1, H, W) each, of their sum in a history."""
+    glared = (values / GLARE + 0.5).floor()
+    return (values - GLARE * glared).clamp(min=0.0), glared
 
 
 def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:

@@ -119,11 +119,16 @@ def normalised(sums: Tensor) -> Tensor:
     return sums[:, :-1] / sums[:, -1:].clamp(min=1e-6)
 
 
-def local_moments(color: Tensor, usable: Tensor, grid: Grid, sigma: float) -> tuple[Tensor, Tensor]:
-    """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel."""
+def local_moments(
+    color: Tensor, usable: Tensor, grid: Grid, sigma: float, least: float = UNSEEN
+) -> tuple[Tensor, Tensor]:
+    """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel.
+
+    Where the Gaussian's sum over them is `least` or below, any colour is likely: E[c^2] is 1.
+    """
     window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
-    moments, seen = normalised(window), (window[:, 6:7] > UNSEEN).float()
-    return moments[:, :3], moments[:, 3:6] * seen + (1.0 - seen)  # nothing usable: any colour is likely
+    moments, seen = normalised(window), (window[:, 6:7] > least).float()
+    return moments[:, :3], moments[:, 3:6] * seen + (1.0 - seen)
 
 
 def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:

@@ -17,6 +17,7 @@ class Present(NamedTuple):
     second: Tensor  # (1, 3, H, W) E[c^2]
     window: list[Tensor]  # WINDOW of (1, 4, H, W): samples around each pixel, and their weights at first
     edge: Tensor  # (1, 1, H, W) relative range of depth around
+    glare: Tensor  # (1, 1, H, W) 1 where one of 3x3 samples is over GLARING
 
 
 class Remembered(NamedTuple):
@@ -27,6 +28,7 @@ class Remembered(NamedTuple):
     own: Tensor  # (1, 3, H, W) where the pixel's own motion leads, toned RGB
     samples: Tensor  # (1, 1, H, W) how many it is made of; 0 where there is no past
     range: Tensor  # (1, 2, H, W) least and most luma that the samples had
+    glare: Tensor  # (1, 1, H, W) frames in a row that have had light over GLARING near, up to CONFIRMED
     difference: Tensor  # (1, 1, H, W) of depth, equation 10
     surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
     classes: Tensor  # (1, 6, H / 2, W / 2) what the pixels were held for

@@ -5,6 +5,9 @@ light has changed) and why one sample does not tell its colour (an edge; fine de
 weighs what there is: the past warped by the motion of what is in front, the same cut to this frame's colours
 (Salvi 2016), the past warped by the pixel's own motion, this frame's nearest sample and this frame smoothly
 upsampled. With a network that says nothing the result is the running mean of all samples.
+
+Light ten stops over white, where there was none near, is shown, but leaves no past: the running mean begins
+anew after it, until there is such light for a third frame in a row.
 """
 
 from collections.abc import Mapping
@@ -35,14 +38,18 @@ from supersampler_model.methods.classifier.network import (
 from supersampler_model.methods.classifier.network_inputs import AROUND, SEEN, CountCode, around_of, inputs_of
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
+    CONFIRMED,
+    GLARE,
     TONES,
     ToneSpace,
     bounded,
     exposure_for,
     from_ycocg,
+    glaring,
     luminance,
     sanitize,
     valid,
+    without_glare,
     ycocg,
 )
 from supersampler_model.ops.motion import (
@@ -157,7 +164,7 @@ class Classifier(LearnedMethod):
     settings: ClassVar[type[ClassifierConfig]] = ClassifierConfig
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
-        "state": (1, 3, *DISPLAY),  # count, least and most luma
+        "state": (1, 3, *DISPLAY),  # count, least and most luma, the latter and GLARE
         "classes": (1, 6, *HALF),  # shares
         "depth": (1, 2, *PREVIOUS),  # as it is, and without thin things
         "jitter": (1, 2),
@@ -245,7 +252,9 @@ class Classifier(LearnedMethod):
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         there = past_of(closest[:, 1:], now.display, now.extent)
         own = past_of(pick(motion, grid), now.display, now.extent)
-        present = self.gather_present(self.toned(color * exposure) * usable, usable, depth, now, grid)
+        exposed = color * exposure
+        glare = pick(extreme(glaring(exposed, usable), torch.maximum), grid)
+        present = self.gather_present(self.toned(exposed) * usable, usable, depth, glare, now, grid)
         past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
         return Gathered(present, past, there, closest[:, :1], surfaces, exposure, followed)
 
@@ -253,7 +262,9 @@ class Classifier(LearnedMethod):
         """Exposed linear RGB to the space that it is weighed in."""
         return TONES[self.config.tone_space].tone(color)
 
-    def gather_present(self, toned: Tensor, usable: Tensor, depth: Tensor, view: View, grid: Grid) -> Present:
+    def gather_present(
+        self, toned: Tensor, usable: Tensor, depth: Tensor, glare: Tensor, view: View, grid: Grid
+    ) -> Present:
         """Upsample the usable samples of this frame."""
         c = self.config
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
@@ -273,6 +284,7 @@ class Classifier(LearnedMethod):
             second=second,
             window=window_of(samples, grid, c.kernel_sigma),
             edge=pick(edge.clamp(0.0, 1.0), grid),
+            glare=glare,
         )
 
     def gather_past(
@@ -285,6 +297,7 @@ class Classifier(LearnedMethod):
         there = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
         state = on * read(history.state, past.x, past.y)
+        most, glare = without_glare(state[:, 2:3])
         linear = self.toned(sanitize(read(history.color, past.x, past.y), 0.0) * exposure) * on
         cubic = sanitize(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
         color = self.toned(cubic * exposure) * on
@@ -293,7 +306,8 @@ class Classifier(LearnedMethod):
             detail=color - linear,
             own=self.toned(sanitize(read(history.color, own.x, own.y), 0.0) * exposure),
             samples=state[:, :1],
-            range=state[:, 1:3],
+            range=torch.cat([state[:, 1:2], most], dim=1),
+            glare=glare,
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=on * (1.0 - 2.0 * hidden).clamp(min=0.0),
             classes=on[:, :, ::2, ::2]
@@ -360,4 +374,9 @@ class Classifier(LearnedMethod):
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
         range_ = luma + held * (torch.cat([low, high], dim=1) - luma)
-        return Finished(image, torch.cat([count, range_], dim=1), classes, kept / total)
+        unconfirmed = (present.glare > 0.0) & (past.glare < CONFIRMED - 1.0)
+        unconfirmed = unconfirmed & ((past.samples > 0.0) | (past.glare > 0.0))
+        count = torch.where(unconfirmed, torch.zeros_like(count), count)
+        glared = torch.where(unconfirmed, past.glare + 1.0, CONFIRMED * present.glare)
+        state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
+        return Finished(image, state, classes, kept / total)

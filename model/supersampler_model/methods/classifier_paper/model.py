@@ -103,6 +103,7 @@ class PaperClassifier(Classifier):
             own=toned,
             samples=state[:, :1] * past.on_screen,
             range=state[:, 1:7],
+            glare=torch.zeros_like(state[:, :1]),
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
             surface=past.on_screen,
             classes=read(history.classes, past.x, past.y),

@@ -11,6 +11,10 @@ frame adds its samples near that pixel, weighted by their distance. The past los
 The box also reaches as far as the pixel's own samples have been spreading over time. Without that, whatever
 is thinner than a sample's distance vanishes from the box in the frames that miss it and flickers, which Salvi
 names as the weakness of variance clipping.
+
+Light ten stops over white, where there was none near, is shown, but only accumulated from its third frame in
+a row on: until then the history stays as it was there, warped. So what one frame alone has leaves no trace,
+nor does what was drawn from that frame where the next one is not shaded.
 """
 
 from dataclasses import dataclass
@@ -29,14 +33,18 @@ from supersampler_model.methods.base import (
     render_size_of,
 )
 from supersampler_model.ops.color import (
+    CONFIRMED,
     DARKNESS,
+    GLARE,
     bounded,
     exposure_for,
     from_ycocg,
+    glaring,
     inverse_tone,
     sanitize,
     tone,
     valid,
+    without_glare,
     ycocg,
 )
 from supersampler_model.ops.motion import (
@@ -58,6 +66,7 @@ from supersampler_model.ops.sampling import (
     View,
     blurred,
     catmull_rom,
+    extreme,
     gaussian,
     grid_of,
     local_moments,
@@ -69,6 +78,7 @@ from supersampler_model.ops.sampling import (
 
 NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
 UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
+SEEN = 0.5  # of the box's Gaussian, whose sum is 0.8 at least: with less than this, no sample near is usable
 
 
 @dataclass(frozen=True)
@@ -130,15 +140,18 @@ class Present(NamedTuple):
     first: Tensor  # (1, 3, H, W) E[c]
     second: Tensor  # (1, 3, H, W) E[c^2]
     shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
+    glare: Tensor  # (1, 1, H, W) 1 where one of them is over GLARING
 
 
 class Remembered(NamedTuple):
     """The warped past at display size."""
 
-    color: Tensor  # (1, 3, H, W) toned YCoCg
+    light: Tensor  # (1, 3, H, W) linear RGB
+    color: Tensor  # (1, 3, H, W) the same, toned YCoCg
     samples: Tensor  # (1, 1, H, W) it is made of, 0 where there is no past
     power: Tensor  # (1, 1, H, W) mean square of sample - past, toned luma
     shade: Tensor  # (1, 2, H, W) as in Present
+    glare: Tensor  # (1, 1, H, W) frames that have had light over GLARING near, up to CONFIRMED
     surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
     speed: Tensor  # (1, 1, H, W) display pixels
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
@@ -151,6 +164,8 @@ class Blend(NamedTuple):
     weight: Tensor  # (1, 1, H, W) of this frame's sample
     samples: Tensor  # (1, 1, H, W) of the past that count
     spreads: Tensor  # (1, 1, H, W) 1 where the past's spread still holds
+    kept: Tensor  # (1, 1, H, W) samples of the past that stay where this frame adds none
+    unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds none
 
 
 class Step(NamedTuple):
@@ -171,7 +186,7 @@ class Taau(Method):
     name, source = "taau", "temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)"
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
-        "samples": (1, 2, *DISPLAY),  # count, and mean square of sample - past in toned luma
+        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - past in toned luma, and GLARE
         "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # see `exposure_for`
@@ -203,11 +218,12 @@ class Taau(Method):
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        toned = ycocg(tone(color * exposure)) * usable
+        exposed = color * exposure
+        toned, glare = ycocg(tone(exposed)) * usable, glaring(exposed, usable)
         depth, motion = usable_depth(depth), usable_motion(motion)
         surface = torch.cat([morphological_opening(depth), shade_of(toned[:, :1], usable)], dim=1)
 
-        present = self.gather_present(toned, usable, surface, grid, display, render)
+        present = self.gather_present(toned, usable, glare, surface, grid, display, render)
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         past = past_of(closest[:, 1:], display, render)
         exposure_before = history_exposure.abs()
@@ -216,11 +232,19 @@ class Taau(Method):
         remembered = self.gather_past(history_color, history_samples, past, before, exposure)
         blend = self.network(present, remembered)
         image, samples = self.finish(present, remembered, blend, exposure)
+        left = torch.where(blend.unconfirmed, remembered.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > UNKNOWN)
-        return Step(image, image, samples, surface, jitter * 1.0, followed, weight)
+        return Step(image, left, samples, surface, jitter * 1.0, followed, weight)
 
     def gather_present(
-        self, toned: Tensor, usable: Tensor, surface: Tensor, grid: Grid, display: Size, render: Size
+        self,
+        toned: Tensor,
+        usable: Tensor,
+        glare: Tensor,
+        surface: Tensor,
+        grid: Grid,
+        display: Size,
+        render: Size,
     ) -> Present:
         """Upsample the usable samples of this frame four ways, all separable."""
         ratio = display.width / render.width, display.height / render.height
@@ -230,7 +254,7 @@ class Taau(Method):
         sharp = upsample(samples, grid, catmull_rom)  # some of its weights are negative: of no use alone
         sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
-        first, second = local_moments(toned, usable, grid, c.moment_sigma)
+        first, second = local_moments(toned, usable, grid, c.moment_sigma, SEEN)
         return Present(
             frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),
@@ -238,6 +262,7 @@ class Taau(Method):
             first=first,
             second=second,
             shade=pick(surface[:, 1:3], grid),
+            glare=pick(extreme(glare, torch.maximum), grid),
         )
 
     def gather_surface(
@@ -270,14 +295,17 @@ class Taau(Method):
         exposure: Tensor,
     ) -> Remembered:
         """Warp the history."""
-        color = read_cubic(history_color, past.x, past.y, self.config.history_sharpness)
+        light = sanitize(read_cubic(history_color, past.x, past.y, self.config.history_sharpness), 0.0)
         samples = read(history_samples, past.x, past.y)
+        power, glare = without_glare(samples[:, 1:2])
         across, down = past.x - past.x.floor(), past.y - past.y.floor()
         return Remembered(
-            color=ycocg(tone(sanitize(color, 0.0) * exposure)),
+            light=light,
+            color=ycocg(tone(light * exposure)),
             samples=samples[:, :1],
-            power=samples[:, 1:2],
+            power=power,
             shade=surface[1],
+            glare=glare,
             surface=surface[0],
             speed=squared_length(past.motion).sqrt(),
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
@@ -287,6 +315,8 @@ class Taau(Method):
         """Decide by rules what a learned method decides by a network."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(present.shade, past.shade)
+        unknown = (past.glare > 0.0) & (past.glare < CONFIRMED)  # its shade is of light that it does not have
+        unchanged = torch.where(unknown, torch.ones_like(unchanged), unchanged)
         spread = past.power.sqrt() * unchanged
         gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (past.speed / c.gamma_speed).clamp(max=1.0)
         box = variance_box(present.first, present.second, gamma, floor=c.gamma_time * spread)
@@ -296,7 +326,9 @@ class Taau(Method):
         holds = past.surface * unchanged
         samples = torch.minimum(past.samples * holds * inside, limit)
         weight = present.confidence / (samples + present.confidence).clamp(min=1e-6)
-        return Blend(clip_to_center(past.color, box), weight, samples, holds)
+        kept = torch.minimum(past.samples * past.surface, limit)
+        unconfirmed = (present.glare > 0.0) & (past.glare < CONFIRMED - 1.0) & (kept > UNKNOWN)
+        return Blend(clip_to_center(past.color, box), weight, samples, holds, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
         """(1, 1, H, W) 1 where the mean luma of a neighbourhood moved by more than jitter explains."""
@@ -322,7 +354,9 @@ class Taau(Method):
         rate = present.confidence / seen.clamp(min=1e-6)
         known = (blend.samples > UNKNOWN).float() * blend.spreads
         power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
-        return image, torch.cat([blend.samples + present.confidence, power], dim=1)
+        now = [blend.samples + present.confidence, power + GLARE * CONFIRMED * present.glare]
+        before = [blend.kept, past.surface * past.power + GLARE * (past.glare + 1.0)]
+        return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

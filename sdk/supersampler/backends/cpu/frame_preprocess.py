@@ -46,6 +46,12 @@ class Samples:
         self.color = aligned((h, SAMPLED, self.wide))
         self.depths, self.across, self.down, self.eroded = aligned((4, h, self.wide))
         self.front, self.own = aligned((2, h, stride, 4))
+        self.glares = aligned((h,))
+
+    @property
+    def any_glares(self) -> bool:
+        """Whether a sample is over GLARING."""
+        return bool(self.glares.any())
 
 
 class View:
@@ -139,12 +145,12 @@ class FramePreprocess:
         (h, w), stride = planes.depth.shape, to.stride
         inputs = [address(plane) for plane in planes]
         color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
-        found = [address(plane) for plane in (to.front, to.own, to.eroded)]
+        glares, found = address(to.glares), [address(plane) for plane in (to.front, to.own, to.eroded)]
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
             more = max(y0 - 1, 0), min(y1 + 1, h)
-            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down)
-            self._closest(depths, across, down, w, h, stride, y0, y1, *found)
+            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down, glares)
+            self._closest(color, glares, depths, across, down, w, h, stride, y0, y1, *found)
 
         self._bands.run("read", h, read)

@@ -42,18 +42,17 @@ def cache_folder() -> Path:
     return root / "supersampler" / "kernels" / _key()
 
 
-def keeps_kernels() -> bool:
+def keeps_kernels(folder: Path) -> bool:
     """Make the folder where it is missing, and say whether it can be written."""
-    folder = cache_folder()
     with suppress(OSError):
         folder.mkdir(parents=True, exist_ok=True)
     return folder.is_dir() and os.access(folder, os.W_OK)
 
 
-def read_kernel(name: str) -> Kernel | None:
-    """Return the cached kernel; None where there is no entry, or a damaged one, or another kernel's."""
+def read_kernel(folder: Path, name: str) -> Kernel | None:
+    """Return the kernel cached in `cache_folder`; None where there is none, or a damaged or another one."""
     try:
-        content = _path(name).read_bytes()
+        content = _path(folder, name).read_bytes()
     except OSError:
         return None
     head, payload = content[: len(_MAGIC) + _DIGEST], content[len(_MAGIC) + _DIGEST :]
@@ -64,17 +63,17 @@ def read_kernel(name: str) -> Kernel | None:
     return Kernel(name, symbol, parameters, code) if written_as == name else None
 
 
-def write_kernel(kernel: Kernel) -> None:
+def write_kernel(folder: Path, kernel: Kernel) -> None:
     """Keep a kernel for later processes, where the folder can be written."""
     payload = f"{kernel.name} {kernel.symbol} {kernel.parameters}\n".encode() + kernel.code
-    with suppress(ShotError), replacing(_path(kernel.name)) as partial, partial.open("wb") as file:
+    with suppress(ShotError), replacing(_path(folder, kernel.name)) as partial, partial.open("wb") as file:
         file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         file.flush()
         os.fsync(file.fileno())  # before the rename: a power cut must not leave the name without the bytes
 
 
-def _path(name: str) -> Path:
-    return cache_folder() / f"{name}.kernel"
+def _path(folder: Path, name: str) -> Path:
+    return folder / f"{name}.kernel"
 
 
 @cache

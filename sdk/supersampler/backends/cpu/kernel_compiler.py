@@ -1,6 +1,6 @@
 """Compiles kernels, by numba's and llvmlite's public interfaces alone. Imported only where none is cached.
 
-    python -P -m supersampler.backends.cpu.kernel_compiler NAME...    compiles and caches what is missing
+    python -P -m supersampler.backends.cpu.kernel_compiler FOLDER NAME...    compiles what is not cached there
 
 numba gives LLVM's intermediate code of a kernel, llvmlite an object file of that, which holds no address of
 this process. An object needs few symbols, of which `kernel_loader` has its own definitions.
@@ -13,6 +13,7 @@ import os
 import platform
 import sys
 from collections.abc import Callable
+from pathlib import Path
 
 import llvmlite.binding as llvm
 from numba import cfunc, config, types
@@ -79,7 +80,9 @@ def _check_symbols(module: llvm.ModuleRef, name: str) -> None:
 
 if __name__ == "__main__":
     gc.disable()  # the process ends soon
-    for _name in sys.argv[1:]:
-        if read_kernel(_name) is None:
-            write_kernel(compile_kernel(_name))
+    sys.modules["scipy"] = None  # type: ignore[assignment]  # numba would import it, and no kernel needs it
+    _folder = Path(sys.argv[1])
+    for _name in sys.argv[2:]:
+        if read_kernel(_folder, _name) is None:
+            write_kernel(_folder, compile_kernel(_name))
     os._exit(0)  # at once: a process waits for this one

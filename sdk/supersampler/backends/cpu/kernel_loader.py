@@ -77,16 +77,16 @@ def load_kernels(*names: str) -> dict[str, Call]:
     folder = cache_folder()
     with _LINKED.guard.lock:
         missing = [name for name in names if (folder, name) not in _LINKED.calls]
-        cached = {name: read_kernel(name) for name in missing}
+        cached = {name: read_kernel(folder, name) for name in missing}
         wanted = [name for name in missing if cached[name] is None]
-        if wanted and keeps_kernels():
-            _compile_apart(wanted)
+        if wanted and keeps_kernels(folder):
+            _compile_apart(folder, wanted)
         for name in missing:
-            _LINKED.calls[folder, name] = _linked(name, cached[name] or read_kernel(name))
+            _LINKED.calls[folder, name] = _linked(folder, name, cached[name] or read_kernel(folder, name))
         return {name: _LINKED.calls[folder, name] for name in names}
 
 
-def _compile_apart(names: Sequence[str]) -> None:
+def _compile_apart(folder: Path, names: Sequence[str]) -> None:
     """Compile and cache in two processes, one from each end of the list; either ends when all are cached.
 
     What they could not cache is compiled by this process. numba's highest level takes longer and makes no
@@ -95,7 +95,14 @@ def _compile_apart(names: Sequence[str]) -> None:
     if not Path(sys.executable or "").stem.startswith("python"):  # a program that embeds Python
         return
     no_bytecode = ["-B"] if sys.dont_write_bytecode else []
-    command = [sys.executable, "-P", *no_bytecode, "-m", "supersampler.backends.cpu.kernel_compiler"]
+    command = [
+        sys.executable,
+        "-P",
+        *no_bytecode,
+        "-m",
+        "supersampler.backends.cpu.kernel_compiler",
+        str(folder),
+    ]
     passed_on = ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")  # others would make other code of the same kernels
     environment = {key: v for key, v in os.environ.items() if key in passed_on or key[:6] != "NUMBA_"}
     environment["NUMBA_OPT"] = "1"
@@ -123,7 +130,7 @@ def _compile_apart(names: Sequence[str]) -> None:
             helper.wait()
 
 
-def _linked(name: str, kernel: Kernel | None) -> Call:
+def _linked(folder: Path, name: str, kernel: Kernel | None) -> Call:
     """Link a cached kernel; compile it here where there is none, or where it cannot be linked."""
     if kernel is not None:
         try:
@@ -137,7 +144,7 @@ def _linked(name: str, kernel: Kernel | None) -> Call:
         call = _link(kernel)
     except Exception as error:  # numba's and LLVM's errors share no other base
         raise KernelError(f"kernel {name} cannot be compiled ({type(error).__name__}: {error})") from error
-    write_kernel(kernel)
+    write_kernel(folder, kernel)
     return call
 
 

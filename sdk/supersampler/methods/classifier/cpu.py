@@ -42,6 +42,7 @@ class ClassifierHistory:
         jitter: of that frame.
         trail: what tells which tiles may stay as they are.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
+        glares: whether pixels may hold counts of frames with light over GLARING.
     """
 
     render: Size
@@ -51,6 +52,7 @@ class ClassifierHistory:
     tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
+    glares: bool = False
 
 
 class _Space:
@@ -151,7 +153,7 @@ class ClassifierCpu(CpuExecutor):
         if tiles.any:
             self._draw(planes, frame, display, past, left, image, weight, tiles)
         else:
-            left.jitter, left.exposure = past.jitter, past.exposure
+            left.jitter, left.exposure, left.glares = past.jitter, past.exposure, past.glares
             left.surfaces[:] = past.surfaces
         kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
         self._skipping.end(
@@ -185,6 +187,7 @@ class ClassifierCpu(CpuExecutor):
         pixels = buffers.pixels
         pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         pixels[..., 3:6] = tensors["history.state"][0].transpose(1, 2, 0)
+        buffers.glares = bool(tensors["history.state"][0, 2].max() > 1.0)
         shares = np.round(tensors["history.classes"][0].transpose(1, 2, 0) * ALL)
         buffers.classes[..., :CLASSES] = np.clip(shares, 0.0, ALL)
         buffers.surfaces[:] = bordered(tensors["history.depth"][0], buffers.surfaces.shape[1])
@@ -210,9 +213,10 @@ class ClassifierCpu(CpuExecutor):
         with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
             view.look(frame.jitter)
             self._reader.read(planes, abs(exposure), view.samples)
+            left.glares = view.samples.any_glares or (past.glares and not tiles.all)
             self._gather_all(space, view, past, left, tiles)
             space.encoder.run(tiles)
-            self._compose(space, view, left, image, weight, tiles)
+            self._compose(space, view, past, left, image, weight, tiles)
 
     def _gather_all(
         self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
@@ -224,6 +228,7 @@ class ClassifierCpu(CpuExecutor):
             [
                 abs(left.exposure), w, h, big_w, big_h, old_w, old_h, *past.jitter,
                 c["history_sharpness"], c["gamma"], c["depth_margin"], c["depth_ramp"],
+                left.glares or past.glares,
             ],
             np.float32,
         )  # fmt: skip
@@ -256,6 +261,7 @@ class ClassifierCpu(CpuExecutor):
         self,
         space: _Space,
         view: View,
+        past: ClassifierHistory,
         left: ClassifierHistory,
         image: Float32,
         weight: Weight,
@@ -276,7 +282,7 @@ class ClassifierCpu(CpuExecutor):
             read.wide, h, *(address(a) for a in (v.x.near, v.y.near, v.x.windows, v.y.windows)),
         )  # fmt: skip
         outputs = (
-            big_w, big_h, abs(left.exposure), c["samples"], c["contraction"],
+            big_w, big_h, abs(left.exposure), c["samples"], c["contraction"], left.glares or past.glares,
             address(left.pixels), address(image), *weight.arguments,
             (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
         )  # fmt: skip

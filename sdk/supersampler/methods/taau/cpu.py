@@ -41,6 +41,7 @@ class TaauHistory:
         trail: what tells which tiles may stay as they are.
         jitter: of that frame.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
+        glares: whether pixels may hold counts of frames with light over GLARING.
     """
 
     render: Size
@@ -49,6 +50,7 @@ class TaauHistory:
     tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
+    glares: bool = False
 
 
 class _Space(View):
@@ -131,10 +133,11 @@ class TaauCpu(CpuExecutor):
             with self._spaces.borrow(frame.size, display) as space:
                 space.look(frame.jitter)
                 self._reader.read(planes, abs(exposure), space.samples)
+                left.glares = space.samples.any_glares or (past.glares and not tiles.all)
                 self._leave(space, left)
                 self._draw(space, past, left, image, weight, tiles)
         else:
-            left.jitter, left.exposure = past.jitter, past.exposure
+            left.jitter, left.exposure, left.glares = past.jitter, past.exposure, past.glares
             left.surface[:] = past.surface
         kept = [(TILE, past.pixels, left.pixels)]
         self._skipping.end(
@@ -166,6 +169,7 @@ class TaauCpu(CpuExecutor):
         buffers.tile_state.load(tensors)
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
+        buffers.glares = bool(tensors["history.samples"][0, 1].max() > 1.0)
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
@@ -176,12 +180,15 @@ class TaauCpu(CpuExecutor):
     def _leave(self, space: _Space, left: TaauHistory) -> None:
         """What the next frame wants to know of this one's surfaces."""
         read, (w, h) = space.samples, left.render
-        color, eroded, to = address(read.color), address(read.eroded), address(left.surface)
+        inputs, to = (
+            [address(a) for a in (read.color, read.own, read.glares, read.eroded)],
+            address(left.surface),
+        )
         self.bands.run(
             "read",
             h,
             lambda y0, y1, worker: self._shade(
-                color, eroded, w, h, read.stride, y0, y1, address(space.shades[worker]), to
+                *inputs, w, h, read.stride, y0, y1, address(space.shades[worker]), to
             ),
         )
 
@@ -201,7 +208,7 @@ class TaauCpu(CpuExecutor):
         numbers = np.array(
             [
                 exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
-                *(c[name] for name in CONSTANTS),
+                *(c[name] for name in CONSTANTS), left.glares or past.glares,
             ],
             np.float32,
         )  # fmt: skip

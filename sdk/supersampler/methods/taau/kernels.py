@@ -3,13 +3,16 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
+    CONFIRMED,
     DARKNESS,
+    GLARE,
     clamped,
     largest,
     linear_of,
     quarantined,
     rgb,
     toned,
+    without_glare,
     ycocg,
 )
 from supersampler.backends.cpu.kernels.filters import (
@@ -43,6 +46,7 @@ from supersampler.backends.cpu.simd.shuffles import (
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     floor,
+    gather,
     load4,
     load16,
     maximum,
@@ -54,15 +58,15 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
 )
 
-NOTICEABLE, UNKNOWN, UNSEEN = 0.004, 1e-3, 1e-3
+NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 (
     EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
     FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
     SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
-    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP,
-) = range(28)  # fmt: skip
+    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP, GLARES,
+) = range(29)  # fmt: skip
 """Of `numbers`: exposure; sizes of this frame, the display and the frame before, and its jitter; by how much
-the exposure has changed; TaauConfig."""
+the exposure has changed; TaauConfig; whether this frame or the history may have light over GLARING."""
 
 
 @inner
@@ -72,13 +76,13 @@ def sum3(line, at):
 
 
 def shade(
-    samples: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int, y1: int, line: Floats,
-    surface: Floats,
+    samples: Floats, own: Floats, glares: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int,
+    y1: int, line: Floats, surface: Floats,
 ):  # fmt: skip
-    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`.
+    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`; and glare.
 
-    samples: of `frame.prepare`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4): ends
-    repeat the border.
+    samples to eroded: of `frame`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4):
+    ends repeat the border.
     """
     wide = stride + 2 * PAD
     for y in range(y0, y1):
@@ -96,13 +100,18 @@ def shade(
             first = c * wide + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * wide + PAD
+        glares_near = glares[above] + glares[y] + glares[below] > 0.0
         for x in range(0, w, 16):
             seen = sum3(line, 2 * wide + PAD + x)
             scale = 1.0 / maximum(seen, 9e-6)
             mean = sum3(line, PAD + x) * scale
             deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            glare = seen * 0.0
+            if glares_near:
+                glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
-            fours(surface, 4 * (here + x), opened, mean, select(seen > 9.0 * UNSEEN, deviation, 1.0))
+            deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
+            fours(surface, 4 * (here + x), opened, mean, deviation, glare)
         repeat_ends(surface, here, w, 4)
 
 
@@ -119,7 +128,7 @@ def present_of(p, q, sharpness):
     )
     a = 1.0 / maximum(q[3], 1e-6)
     sample = ycocg(q[0] * a, q[1] * a, q[2] * a)
-    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > UNSEEN
+    a, seen = 1.0 / maximum(p[14], 1e-6), p[14] > SEEN
     mean = p[8] * a, p[9] * a, p[10] * a
     spread = (
         deviation(select(seen, p[11] * a, 1.0), mean[0]),
@@ -157,11 +166,19 @@ def clipped(color, mean, spread, gamma, floor_):
 
 
 @inner
-def blend(numbers, present, past, count, power, surface, unchanged, speed, blur):
-    """`Taau.network` and `finish`: linear RGB, count and power of sixteen pixels, and the past's weight."""
+def blend(numbers, present, past, light, count, power, surface, unchanged, glare, speed, blur):
+    """`Taau.network` and `finish` of sixteen pixels.
+
+    Linear RGB, the same as it is left, count, power, and the past's weight. `glare`: 1 where this frame has
+    light over GLARING near.
+    """
     n = numbers
     frame, sample, confidence, mean, spread = present
     gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
+    glared = power * 0.0
+    if n[GLARES] > 0.0:
+        power, glared = without_glare(power)
+        unchanged = select((glared > 0.0) & (glared < CONFIRMED), 1.0, unchanged)
     root = square_root(power)
     rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
     inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
@@ -180,7 +197,18 @@ def blend(numbers, present, past, count, power, surface, unchanged, speed, blur)
     rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
     left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
     left = select(known, holds * left, 0.0)
-    return color, samples + confidence, left, select(known, 1.0 - weight, 0.0)
+    lit, counted = color, samples + confidence
+    if n[GLARES] > 0.0:
+        kept = minimum(count * surface, limit)
+        adds = select(glared < CONFIRMED - 1.0, kept * glare, 0.0) <= UNKNOWN
+        lit = (
+            select(adds, color[0], light[0]),
+            select(adds, color[1], light[1]),
+            select(adds, color[2], light[2]),
+        )
+        left = select(adds, left + glare * (GLARE * CONFIRMED), surface * power + (glared + 1.0) * GLARE)
+        counted = select(adds, counted, kept)
+    return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
 
 @inner
@@ -219,7 +247,8 @@ def step_rows(
             warp5(history, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
-            past = ycocg(*toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e))
+            light = quarantined(q[0]), quarantined(q[1]), quarantined(q[2])
+            past = ycocg(*toned(light[0] * e, light[1] * e, light[2] * e))
             # the surface that the past shows, and its light
             sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
@@ -232,23 +261,22 @@ def step_rows(
             mean = mean_of((a[1], b[1], c[1], d[1]), shares)
             spread = mean_of((a[2], b[2], c[2], d[2]), shares)
             dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
-            _, now, spread_now, _ = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
+            _, now, spread_now, glare = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
             changed = light_changed(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
             tx, ty = px - floor(px), py - floor(py)
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
-            color, count, power, kept = blend(
-                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, q[6], q[7],
-                same, 1.0 - changed, square_root(mx * mx + my * my),
+            color, lit, count, power, kept = blend(
+                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, light, q[6], q[7],
+                same, 1.0 - changed, glare, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if tells:
                 store(weight, y * width + x, kept)
-            zero = power * 0.0
             r, g, b = color
-            pairs = rows8((r, g, b, count, power, zero, zero, zero))
+            pairs = rows8((*lit, count, power, r, g, b))
             for i in range(8):
                 store(out, 16 * i, pairs[i])
             pixel = y * big_w + x
@@ -262,4 +290,4 @@ def step_rows(
             else:
                 for i in range(x1 - x):
                     for c in range(3):
-                        image[3 * (pixel + i) + c] = out[8 * i + c]
+                        image[3 * (pixel + i) + c] = out[8 * i + 5 + c]

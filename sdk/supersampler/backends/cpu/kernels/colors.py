@@ -19,6 +19,9 @@ from supersampler.backends.cpu.simd.vector import (
 
 MAX_HALF = 65504.0
 DARKNESS = 1e-12
+GLARING = 1024.0 / 1025.0
+"""Of what is toned; see `supersampler_model.color`, as of the next two."""
+GLARE, CONFIRMED = 4.0, 3.0
 
 
 @inner
@@ -26,6 +29,13 @@ def usable(r: Any, g: Any, b: Any) -> Any:
     """Where every channel is a number in [0, 65504]."""
     low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
     return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
+
+
+@inner
+def without_glare(values: Any) -> Any:
+    """Values in [0, 1], and frames that have had glare near, of what a history holds."""
+    glared = floor(values * (1.0 / GLARE) + 0.5)
+    return maximum(values - glared * GLARE, 0.0), glared
 
 
 @inner

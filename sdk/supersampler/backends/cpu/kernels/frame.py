@@ -3,7 +3,9 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
+    GLARING,
     clamped,
+    largest,
     logarithm,
     luminance,
     quarantined,
@@ -17,6 +19,7 @@ from supersampler.backends.cpu.simd.device_function import inner
 from supersampler.backends.cpu.simd.shuffles import rows4, zipped
 from supersampler.backends.cpu.simd.vector import (
     absolute,
+    all_lanes,
     gather,
     load16,
     maximum,
@@ -69,22 +72,24 @@ def measure(color: Floats, w: int, y0: int, y1: int, rows: Floats):
 
 def prepare(
     color: Floats, depth: Floats, motion: Floats, exposure: float, w: int, stride: int, y0: int, y1: int,
-    samples: Floats, depths: Floats, across: Floats, down: Floats,
+    samples: Floats, depths: Floats, across: Floats, down: Floats, glares: Floats,
 ):  # fmt: skip
-    """Tone the samples; depth and motion, where they are usable.
+    """Tone the samples; depth and motion, where they are usable; and which rows have a sample over GLARING.
 
     samples (h, SAMPLED, PAD + stride + PAD); depths, across, down (h, PAD + stride + PAD): ends repeat the
-    border.
+    border; glares (h,): 1 or 0.
     """
     zero = spread16(np.float32(0.0))
     wide = stride + 2 * PAD
     for y in range(y0, y1):
+        most = zero
         for x in range(0, w, 16):
             at = places_of(x, y, w)
             r, g, b = color_at(color, at)
             good = select(usable(r, g, b), 1.0, zero)
             r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
             r, g, b = r * good, g * good, b * good
+            most = maximum(most, largest(r, g, b))
             luma, orange, green = ycocg(r, g, b)
             squares = luma * luma, orange * orange, green * green
             to = SAMPLED * y * wide + PAD + x
@@ -95,6 +100,7 @@ def prepare(
             store(depths, to, select((d >= 0.0) & (d <= 1e30), d, -1.0))
             store(across, to, mx)
             store(down, to, my)
+        glares[y] = 0.0 if all_lanes(most <= GLARING) else 1.0
         for c in range(SAMPLED):
             repeat_ends(samples, (SAMPLED * y + c) * wide + PAD, w)
         for plane in (depths, across, down):
@@ -111,17 +117,18 @@ def repeat_ends(plane, first, count, channels=1):
 
 
 def closest(
-    depths: Floats, across: Floats, down: Floats, w: int, h: int, stride: int, y0: int, y1: int,
-    front: Floats, own: Floats, eroded: Floats,
+    samples: Floats, glares: Floats, depths: Floats, across: Floats, down: Floats, w: int, h: int,
+    stride: int, y0: int, y1: int, front: Floats, own: Floats, eroded: Floats,
 ):  # fmt: skip
     """What is in front of rows y0 to y1, what they are themselves, and the farthest of 3x3 samples.
 
-    front (h, stride, 4): depth and motion of the closest of four samples; own (h, stride, 4): motion, and the
-    range of depth in 3x3; eroded: as `depths`.
+    front (h, stride, 4): depth and motion of the closest of four samples; own (h, stride, 4): motion, the
+    range of depth in 3x3, and 1 where one of them is over GLARING; eroded: as `depths`.
     """
-    wide = stride + 2 * PAD
+    wide, zero = stride + 2 * PAD, spread16(np.float32(0.0))
     for y in range(y0, y1):
         above, here, below = max(y - 1, 0) * wide + PAD, y * wide + PAD, min(y + 1, h - 1) * wide + PAD
+        glares_near = glares[max(y - 1, 0)] + glares[y] + glares[min(y + 1, h - 1)] > 0.0
         for x in range(0, w, 16):
             near = far = load16(depths, here + x)
             for row in (above, here, below):
@@ -131,20 +138,34 @@ def closest(
             edge = clamped((near - maximum(far, 0.0)) / maximum(near, 1e-12), 0.0, 1.0)
             store(eroded, here + x, far)
             d, mx, my = load16(depths, here + x), load16(across, here + x), load16(down, here + x)
-            fours(own, 4 * (y * stride + x), mx, my, edge)
+            glare = zero
+            if glares_near:
+                for row in (above, here, below):
+                    glare = maximum(glare, glare_at(samples, SAMPLED * (row - PAD) + PAD + x, wide))
+            fours(own, 4 * (y * stride + x), mx, my, edge, glare)
             for at in (here + x + 1, below + x, below + x + 1):
                 other = load16(depths, at)
                 closer = other > d
                 d = select(closer, other, d)
                 mx, my = select(closer, load16(across, at), mx), select(closer, load16(down, at), my)
-            fours(front, 4 * (y * stride + x), d, mx, my)
+            fours(front, 4 * (y * stride + x), d, mx, my, zero)
         repeat_ends(eroded, here, w)
 
 
 @inner
-def fours(out, at, first, second, third):
-    """Write three vectors as sixteen samples of four values."""
-    for i, row in enumerate(rows4((first, second, third, first * 0.0))):
+def glare_at(samples, at, wide):
+    """1 where one of three samples side by side is over GLARING, else 0."""
+    most = spread16(np.float32(0.0))
+    for channel in range(3):
+        for column in range(-1, 2):
+            most = maximum(most, load16(samples, at + channel * wide + column))
+    return select(most > GLARING, 1.0, most * 0.0)
+
+
+@inner
+def fours(out, at, first, second, third, fourth):
+    """Write four vectors as sixteen samples of four values."""
+    for i, row in enumerate(rows4((first, second, third, fourth))):
         store(out, at + 16 * i, row)
 
 

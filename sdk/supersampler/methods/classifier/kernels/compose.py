@@ -3,11 +3,14 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
+    CONFIRMED,
+    GLARE,
     clamped,
     largest,
     linear_of,
     luminance,
     rgb,
+    without_glare,
     ycocg,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, tap
@@ -127,7 +130,7 @@ def make_compose_row(variant: Variant):
     @inner
     def compose_row(
         y, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near, row_near,
-        across, down, out, big_w, big_h, exposure, most_samples, contraction, history, image,
+        across, down, out, big_w, big_h, exposure, most_samples, contraction, glares, history, image,
         weight, tells, streams, x0, x1,
     ):  # fmt: skip
         """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
@@ -221,9 +224,14 @@ def make_compose_row(variant: Variant):
             held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
             rate = confidence * contraction
             least, most = load16(rest, half + 16 * LEAST), load16(rest, half + 16 * MOST)
+            glared = most * 0.0
+            if glares:
+                most, glared = without_glare(most)
+                worth = select((glared > 0.0) & (glared < CONFIRMED), 0.0, worth)
             least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
             most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
             least, most = luma + held * (least - luma), luma + held * (most - luma)
+            most = most + glared * GLARE
             remember(r, g, b, worth, least, most, y * big_w + x, big_w - x, streams, history, image, out)
 
     return compose_row

@@ -108,8 +108,8 @@ def make_finish_rows(*parts: str):
         mixing_bias: Floats, mixing: Floats, classes: Words, past_planes: Floats, rest: Halves, width: int,
         samples: Floats, wide: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
         down: Floats, columns: Words, out: Floats, big_w: int, big_h: int, exposure: float,
-        most_samples: float, contraction: float, history: Floats, image: Floats, weight: Floats, tells: int,
-        streams: int, y0: int, y1: int, p0: int, p1: int,
+        most_samples: float, contraction: float, glares: int, history: Floats, image: Floats,
+        weight: Floats, tells: int, streams: int, y0: int, y1: int, p0: int, p1: int,
     ):  # fmt: skip
         """Decode, compose and remember packed rows y0 to y1, packed pixels p0 to p1.
 
@@ -136,7 +136,7 @@ def make_finish_rows(*parts: str):
                 compose_row(
                     row, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near,
                     rows_near[row], across, down, out, big_w, big_h, exposure, most_samples,
-                    contraction, history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
+                    contraction, glares, history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
                 )  # fmt: skip
 
     return finish_rows

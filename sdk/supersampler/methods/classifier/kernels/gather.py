@@ -7,6 +7,8 @@ a vector holds one pixel's channels instead. Rows end in padding up to a multipl
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import (
+    CONFIRMED,
+    GLARE,
     clamped,
     largest,
     luminance,
@@ -14,6 +16,7 @@ from supersampler.backends.cpu.kernels.colors import (
     rgb,
     root,
     toned,
+    without_glare,
 )
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
 from supersampler.backends.cpu.kernels.frame import repeat_ends
@@ -51,9 +54,11 @@ TONED = 1.0 - 1e-4
 FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, LEAST, MOST = 0, 3, 6, 7, 10, 11, 12, 13
 """Of `rest`; more in `Variant`."""
 (
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP
-) = range(13)  # fmt: skip
-"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants."""
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP,
+    GLARES
+) = range(14)  # fmt: skip
+"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants; whether this
+frame or the history may have light over GLARING."""
 
 
 @inner
@@ -126,6 +131,13 @@ def present_of(p, gamma):
 
 
 @inner
+def glared_now(glare, glared, count):
+    """Frames in a row that have had glare near, with this one; a pixel without a past has nothing to lose."""
+    counts = select((count > 0.0) | (glared > 0.0), glared, CONFIRMED)
+    return glare * minimum(counts + 1.0, CONFIRMED)
+
+
+@inner
 def roots(color):
     return root(color[0]), root(color[1]), root(color[2])
 
@@ -176,7 +188,7 @@ def make_gather_rows(*parts: str):
                 mx, my = mx * scale_x, my * scale_y
                 px, py = followed(lane, y, mx, my, w_big, h_big)
                 on = on_screen(px, py, w_big, h_big)
-                own_x, own_y, edge, _ = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
+                own_x, own_y, edge, glare = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
                 store(places, x, px)
                 store(places, width + x, py)
                 aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
@@ -197,12 +209,17 @@ def make_gather_rows(*parts: str):
                 soft = only(on, toned_at(numbers, q[0], q[1], q[2]))
                 detail = past[0] - soft[0], past[1] - soft[1], past[2] - soft[2]
                 count, least, most = only(on, (q[3], q[4], q[5]))
+                if numbers[GLARES] > 0.0:
+                    most, glared = without_glare(most)
+                    glared = glared_now(glare, glared, count) * GLARE
+                else:
+                    glared = most * 0.0
                 put_all(past_planes, (y * width + x) * PAST, past)
                 surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
                 frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[GAMMA])
                 to = (y * width + x) * planes
-                known = (*frame, *sample, confidence, *detail, surface, count, least, most)
+                known = (*frame, *sample, confidence, *detail, surface, count, least, most + glared)
                 put_all(rest, to, known)
                 if rectified:
                     put_all(rest, to + 16 * mean_plane, (*mean, *reach))
