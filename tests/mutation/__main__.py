@@ -81,7 +81,7 @@ def examine(mutant: Mutant, tests: CoverageMap, importers: dict[str, list[str]])
     """Return the outcome of a mutant, and the test that noticed it or what was left out."""
     chosen: list[str] = []
     total = 0.0
-    for test in (found := tests.tests_for(mutant.path, mutant.lines, importers[mutant.path])):
+    for test in (found := tests.tests_for(mutant, importers[mutant.path])):
         total += tests.seconds[test]
         if chosen and total > BUDGET:
             break

@@ -10,13 +10,12 @@ from pathlib import Path
 import coverage
 import pytest
 
+from mutation.mutants import Mutant
 from mutation.session import Outcome, in_child, run_tests
 from mutation.targets import EXCLUDED, TARGETS, TESTS
 
 SETUP = "(setup)"
 """Stands for all tests of a file: fixtures are made for the first that needs them."""
-IMPORT = ""
-"""Stands for lines that run when a module is imported."""
 FILE_SECONDS = 400.0
 """Most that a file of tests may take while it is recorded."""
 
@@ -89,18 +88,17 @@ class CoverageMap:
     seconds: dict[str, float]
     lines: dict[str, dict[int, set[str]]]
 
-    def tests_for(self, path: str, lines: tuple[int, int], importers: Iterable[str]) -> list[str]:
-        """Return the tests for a change in these lines, quickest first.
+    def tests_for(self, mutant: Mutant, importers: Iterable[str]) -> list[str]:
+        """Return the tests for a change, quickest first.
 
-        What runs on import alone may be noticed by whatever runs the module or one that imports it.
+        What runs on import may be noticed by whatever runs the module or one that imports it.
         """
-        here = self.lines.get(path, {})
-        tests = {test for line in range(lines[0], lines[1] + 1) for test in here.get(line, ())}
-        if tests == {IMPORT}:
-            tests |= {
-                t for module in (path, *importers) for ts in self.lines.get(module, {}).values() for t in ts
-            }
-        return sorted((t for t in tests if t in self.seconds), key=lambda t: (self.seconds[t], t))
+        here, (first, last) = self.lines.get(mutant.path, {}), mutant.lines
+        tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
+        if mutant.on_import:
+            modules = [self.lines.get(module, {}) for module in (mutant.path, *importers)]
+            tests |= {test for lines in modules for found in lines.values() for test in found}
+        return sorted(tests, key=lambda test: (self.seconds[test], test))
 
 
 def record(tree: Path, kept: Path, log: Path) -> CoverageMap:
@@ -137,5 +135,5 @@ def _joined(records: Iterator[dict[str, dict[str, dict[str, list[str]]]]]) -> Co
             of_file = lines.setdefault(path, {})
             for line, tests in contexts.items():
                 found = of_file.setdefault(int(line), set())
-                found |= set(own) if SETUP in tests else {t for t in tests if t in own or t == IMPORT}
+                found |= set(own) if SETUP in tests else {t for t in tests if t in own}
     return CoverageMap(seconds, lines)

@@ -55,6 +55,7 @@ class Mutant:
         path: of the file, from the root.
         line: of the change, from 1.
         lines: first and last line of the statement that it is in.
+        on_import: whether that runs when the module is imported, and its value is used elsewhere.
         where: function or class, dotted; empty outside of all.
         start, end: bytes that are replaced.
         new: what by.
@@ -64,6 +65,7 @@ class Mutant:
     path: str
     line: int
     lines: tuple[int, int]
+    on_import: bool
     where: str
     start: int
     end: int
@@ -106,14 +108,20 @@ class _Finder(ast.NodeVisitor):
         for line in source.splitlines(keepends=True):
             self.starts.append(self.starts[-1] + len(line))
         self.scope: list[str] = []
+        self.functions = 0
         self.statement: ast.stmt | None = None
         self.places: list[list[Mutant]] = []
+        self.unsigned: set[ast.expr] = set()
 
     def visit(self, node: ast.AST) -> None:
         """Collect the mutants of `node`, then of what it holds."""
         outer, self.statement = self.statement, node if isinstance(node, ast.stmt) else self.statement
         if isinstance(node, (ast.expr, ast.stmt)):
-            self.places.append([self._mutant(part, new) for part, new in _replacements(node, self._text)])
+            self.unsigned |= _unsigned(node)
+            found = [self._mutant(part, new) for part, new in _replacements(node, self._text)]
+            self.places.append(
+                found[:1] if node in self.unsigned else found
+            )  # - for +, not the other way round
         super().visit(node)
         self.statement = outer
 
@@ -126,9 +134,11 @@ class _Finder(ast.NodeVisitor):
         self.scope.append(node.name)
         for default in (*node.args.defaults, *(d for d in node.args.kw_defaults if d is not None)):
             self.visit(default)
+        self.functions += 1
         for statement in node.body:
             self.visit(statement)
         self._returned(node)
+        self.functions -= 1
         self.scope.pop()
 
     def visit_ClassDef(self, node: ast.ClassDef) -> None:
@@ -190,7 +200,23 @@ class _Finder(ast.NodeVisitor):
         )
         lines = self.statement.lineno, _header_end(self.statement)
         where = ".".join(self.scope)
-        return Mutant(self.path, node.lineno, lines, where, start, end, new, before, after)
+        return Mutant(
+            self.path, node.lineno, lines, not self.functions, where, start, end, new, before, after
+        )
+
+
+def _unsigned(node: ast.AST) -> set[ast.expr]:
+    """Differences of which only the size counts, as in abs(a - b)."""
+    match node:
+        case ast.Call(func=ast.Attribute(value=value, attr="abs" | "square"), args=[]):
+            found = [value]
+        case ast.Call(func=function, args=[argument]) if _name(function) in {"abs", "square", "norm"}:
+            found = [argument]
+        case ast.BinOp(left=left, op=ast.Pow(), right=ast.Constant(value=2)):
+            found = [left]
+        case _:
+            found = []
+    return {part for part in found if isinstance(part, ast.BinOp) and isinstance(part.op, ast.Sub)}
 
 
 def _header_end(statement: ast.stmt) -> int:

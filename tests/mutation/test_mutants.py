@@ -71,6 +71,18 @@ def test_texts_annotations_messages_and_guards_are_left_alone() -> None:
     assert "1e-6" not in {before for before, _ in changes(texts[-1])}
 
 
+def test_a_difference_of_which_only_the_size_counts_is_not_turned_round() -> None:
+    for code in ("a = abs(b - c)", "a = (b - c).abs()", "a = (b - c) ** 2", "a = np.square(b - c)"):
+        assert ("b - c", "b + c") in changes(code)
+        assert ("b - c", "c - b") not in changes(code)
+
+
+def test_what_runs_on_import_is_told_from_what_a_call_runs() -> None:
+    code = b"A = 1\nclass C:\n    b = 2\n    def f(self, c=3):\n        return 4\n"
+    found = {m.before[-1]: m.on_import for place in mutants_of("module.py", code) for m in place}
+    assert found == {"1": True, "2": True, ":": True, "4": False}
+
+
 def test_the_rest_of_the_text_stays_and_every_mutant_can_be_read() -> None:
     source = CODE.encode()
     for mutant in (m for place in mutants_of("module.py", source) for m in place):
