@@ -77,11 +77,13 @@ def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str
     session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
     display = display_of(method)
     history = method.first_history(display, RENDER, 3)
+    shapes = [t.shape for t in history]
     shaded = SHADED if method.extrapolates() else (False,) * len(EXPOSURES)
     names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
     for index, frame in enumerate(frames(display)):
         if shaded[index]:
             history = method.after_shaded(frame, history if index else None)
+            assert [t.shape for t in history] == shapes
             continue
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
@@ -91,4 +93,5 @@ def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str
         outputs = ["image", *method.history, *method.told]
         for output, a, b in zip(outputs, [image, *after, *told], theirs, strict=True):
             assert_alike(f"{output} of frame {index}", a, b)
+        assert [t.shape for t in after] == shapes
         history = after

@@ -13,6 +13,7 @@ from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
 from supersampler_model.methods.gbuffer_surfaces import (
     bilinear_past,
     closest_around,
+    matte,
     motion_of_surface,
     nearest_past,
     occluded,
@@ -244,3 +245,13 @@ def test_values_out_of_range_count_as_unknown_and_those_in_range_are_kept(field:
     assert not made[..., 0, :2].any()
     assert (made[..., 0, 2] == 1.0).all()
     torch.testing.assert_close(made[..., 1:, :], values[..., 1:, :])
+
+
+def test_surfaces_of_known_depth_alone_are_grey_rough_and_face_one_way() -> None:
+    depth = torch.rand(1, 1, 2, 3)
+    made = matte(depth)
+    assert [float(value.mean()) for value in made[:1]] == [0.5]
+    assert made.base_color.shape == made.normal.shape == (1, 3, 2, 3)
+    assert made.normal[0, :, 0, 0].tolist() == [0.0, 0.0, 1.0]
+    assert [float(value[0, 0, 1, 1]) for value in made[2:5]] == [0.5, 0.0, 0.5]
+    assert torch.equal(made.depth, depth)

@@ -46,7 +46,7 @@ def frame(**fields: Any) -> Frame:
 def test_motion_of_display_size_is_read_where_the_samples_lie() -> None:
     """Of column i at ratio 2 the sample lies in display column floor(2 (i + 0.5 + jitter))."""
     conventions = Conventions(motion_resolution="display", motion_unit="uv")
-    motion = numbered(DISPLAY) / np.float32(RENDER)
+    motion = numbered(DISPLAY) / np.array(RENDER, np.float32)
     got = conventions.converter().to_frame(raw(motion=motion, jitter=JITTER)).motion
     np.testing.assert_allclose(got[..., 0], [[1, 3, 5]] * 2, rtol=1e-6)
     np.testing.assert_allclose(got[..., 1], [[0] * 3, [2] * 3], rtol=1e-6)
@@ -63,7 +63,7 @@ def test_motion_of_display_size_is_written_from_the_sample_of_each_pixel() -> No
 
 def test_pixels_of_display_size_are_shorter_than_those_of_render_size() -> None:
     conventions = Conventions(motion_resolution="display")
-    motion = np.broadcast_to(np.float32([4.0, -6.0]), (4, 6, 2))
+    motion = np.broadcast_to(np.array([4.0, -6.0], np.float32), (4, 6, 2))
     got = conventions.converter().to_frame(raw(motion=motion)).motion
     np.testing.assert_array_equal(got, np.broadcast_to([2.0, -3.0], (2, 3, 2)))
 
@@ -80,7 +80,7 @@ def test_pixels_of_display_size_are_shorter_than_those_of_render_size() -> None:
     ],
 )
 def test_a_stored_vector_becomes_render_pixels(fields: dict[str, Any], vector: tuple[float, float]) -> None:
-    motion = np.broadcast_to(np.float32([1.0, 2.0]), (2, 3, 2))
+    motion = np.broadcast_to(np.array([1.0, 2.0], np.float32), (2, 3, 2))
     got = Conventions(**fields).converter().to_frame(raw(motion=motion)).motion
     np.testing.assert_allclose(got, np.broadcast_to(vector, (2, 3, 2)))
 
@@ -134,7 +134,7 @@ def test_the_jitter_before_is_scaled_where_the_render_size_changes() -> None:
 
 
 NEAR, FAR = 0.5, 50.0
-DISTANCES = np.float32([[0.5, 1.0, 5.0], [25.0, 50.0, 50.0]])
+DISTANCES = np.array([[0.5, 1.0, 5.0], [25.0, 50.0, 50.0]], np.float32)
 
 
 @pytest.mark.parametrize(
@@ -175,7 +175,7 @@ def test_a_surface_beyond_the_far_plane_cannot_be_written() -> None:
 
 
 def test_rows_are_turned_in_every_buffer_and_colours_decoded() -> None:
-    rows = np.float32([[0.04, 0.04, 0.04], [0.5, 0.5, 0.5]])
+    rows = np.array([[0.04, 0.04, 0.04], [0.5, 0.5, 0.5]], np.float32)
     stored = raw(
         color=np.repeat(rows[..., None], 3, axis=2), depth=rows, motion=np.repeat(rows[..., None], 2, axis=2),
         carry=rows[..., None], gbuffer={"roughness": rows}, gbuffer_display={"depth": rows},
