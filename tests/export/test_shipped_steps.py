@@ -85,6 +85,9 @@ def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str
             history = method.after_shaded(frame, history if index else None)
             assert [t.shape for t in history] == shapes
             continue
+        if index == 4 and "color" in method.history:  # which no step leaves
+            at = list(method.history).index("color")
+            history = [*history[:at], spoiled(history[at]), *history[at + 1 :]]
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
             image, after, told = method.step(*arguments, *history)

@@ -8,6 +8,8 @@ import torch
 from torch import Tensor
 
 from supersampler_model.method import Size
+from supersampler_model.methods import LEARNED
+from supersampler_model.methods.gbuffer import GBuffer
 from supersampler_model.methods.gbuffer_buffers import Surfaces
 from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
 from supersampler_model.methods.gbuffer_surfaces import (
@@ -245,6 +247,14 @@ def test_values_out_of_range_count_as_unknown_and_those_in_range_are_kept(field:
     assert not made[..., 0, :2].any()
     assert (made[..., 0, 2] == 1.0).all()
     torch.testing.assert_close(made[..., 1:, :], values[..., 1:, :])
+
+
+@pytest.mark.parametrize("name", [name for name, method in LEARNED.items() if issubclass(method, GBuffer)])
+def test_a_method_of_one_ratio_has_a_network_of_that_ratio(name: str) -> None:
+    ratio = 4 if name.endswith("4x") else 2
+    method = LEARNED[name]()
+    assert isinstance(method, GBuffer)
+    assert method.ratios == (method.config.ratio,) * 2 == (ratio, ratio)
 
 
 def test_surfaces_of_known_depth_alone_are_grey_rough_and_face_one_way() -> None:

@@ -23,7 +23,7 @@ from mutation.targets import TESTS
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "mutation"
 TREE, LOG = OUT / "tree", OUT / "last.log"
-BUDGET = 25.0
+BUDGET = 15.0
 """Seconds of tests for one mutant, as they take by themselves; quick ones come first."""
 KILLED, SURVIVED, UNREACHED = "killed", "survived", "no test runs it"
 
@@ -52,7 +52,8 @@ class Results:
         self.known: dict[str, Result] = {}
         for line in file.read_text().splitlines() if file.exists() else ():
             entry = json.loads(line)
-            self.known[entry.pop("mutant")] = Result(**entry)
+            mutant = entry.pop("mutant")
+            self.known[mutant] = Result(**entry)
 
     def find(self, mutant: str) -> Result | None:
         """Return a result that still holds: the killing test is as it was, or all tests are."""

@@ -43,6 +43,8 @@ UNORDERED = {
 """Functions whose first two arguments may change places, or fail at once if they do."""
 UNSEEN_KEYWORDS = {"device", "strict", "slots", "frozen"}
 """Keywords that change nothing on this machine unless there is another error."""
+SILENT = ("Error", "Warning", "warn", "cast", "TypeVar")
+"""Ends of the names of calls that make messages, or say something to the type checker."""
 GUARD = 1e-4
 """Smaller numbers guard divisions: twice as much, or nothing, is as good."""
 
@@ -121,6 +123,8 @@ class _Finder(ast.NodeVisitor):
 
     def visit(self, node: ast.AST) -> None:
         """Collect the mutants of `node`, then of what it holds."""
+        if isinstance(node, ast.Call) and _name(node.func).endswith(SILENT):
+            return
         outer, self.statement = self.statement, node if isinstance(node, ast.stmt) else self.statement
         if isinstance(node, (ast.expr, ast.stmt)):
             self.unsigned |= _unsigned(node)
@@ -158,11 +162,6 @@ class _Finder(ast.NodeVisitor):
         """The value alone."""
         if node.value is not None:
             self.visit(node.value)
-
-    def visit_Call(self, node: ast.Call) -> None:
-        """All but what goes into errors."""
-        if not _name(node.func).endswith(("Error", "Warning", "warn", "cast", "TypeVar")):
-            self.generic_visit(node)
 
     def visit_Raise(self, node: ast.Raise) -> None:
         """Not what is raised."""

@@ -167,6 +167,15 @@ def test_depth_without_a_far_plane_becomes_near_over_distance() -> None:
         np.testing.assert_allclose(got, want, rtol=1e-5)
 
 
+def test_the_sky_has_no_distance_and_a_distance_of_0_no_end_without_a_warning() -> None:
+    sky = np.zeros((2, 3), np.float32)
+    linear, bounded = Conventions(depth="linear", near=NEAR), Conventions(depth="linear", near=NEAR, far=FAR)
+    assert np.isposinf(linear.converter().from_frame(frame(depth=sky)).depth).all()
+    assert (np.asarray(bounded.converter().from_frame(frame(depth=sky)).depth) == FAR).all()
+    assert np.isposinf(linear.converter().to_frame(raw(depth=sky)).depth).all()
+    assert not linear.converter().to_frame(raw(depth=sky + np.inf)).depth.any()
+
+
 def test_a_surface_beyond_the_far_plane_cannot_be_written() -> None:
     depth = np.full((2, 3), 0.5, np.float32)
     depth[1, 2] = 0.99 * NEAR / FAR
