@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+from collections import Counter
 from collections.abc import Generator, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
@@ -89,16 +90,19 @@ class CoverageMap:
     lines: dict[str, dict[int, set[str]]]
 
     def tests_for(self, mutant: Mutant, importers: Iterable[str]) -> list[str]:
-        """Return the tests for a change, quickest first.
+        """Return the tests for a change, the most promising first: those that run its line, quick ones first.
 
-        What runs on import may be noticed by whatever runs the module or one that imports it.
+        What runs on import may be noticed by whatever runs the module or one that imports it: first by those
+        that run most of it for their time.
         """
         here, (first, last) = self.lines.get(mutant.path, {}), mutant.lines
-        tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
-        if mutant.on_import:
-            modules = [self.lines.get(module, {}) for module in (mutant.path, *importers)]
-            tests |= {test for lines in modules for found in lines.values() for test in found}
-        return sorted(tests, key=lambda test: (self.seconds[test], test))
+        if not mutant.on_import:
+            tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
+            return sorted(tests, key=lambda test: (self.seconds[test], test))
+        run = Counter(test for found in here.values() for test in found)
+        beside = [self.lines.get(module, {}) for module in importers]
+        tests = {*run, *(test for lines in beside for found in lines.values() for test in found)}
+        return sorted(tests, key=lambda test: ((0.1 + self.seconds[test]) / (1 + run[test]), test))
 
 
 def record(tree: Path, kept: Path, log: Path) -> CoverageMap:

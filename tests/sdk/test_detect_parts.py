@@ -8,7 +8,7 @@ import pytest
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.detect.detector import _middle
 from supersampler.detect.evidence import Still, steps
-from supersampler.detect.rankings import jitters_in_the_pixel, rank_jitter, rank_motion
+from supersampler.detect.rankings import _jitter_text, jitters_in_the_pixel, rank_jitter, rank_motion
 from supersampler.errors import ArgumentError, FrameError
 
 SIZE = (8, 6)
@@ -122,4 +122,16 @@ def test_what_cannot_be_told_is_said_with_the_reason() -> None:
     assert "texture" in rank_motion([], jitters, Conventions()).reason
     assert "texture" in rank_jitter([], jitters, Conventions()).reason
     assert "never changes" in rank_jitter([], [], Conventions()).reason
-    assert "three frames" in rank_jitter([], jitters, Conventions(motion_jittered=True)).reason
+    jittered = Conventions(motion_jittered=True)
+    assert "three frames" in rank_jitter([], jitters, jittered).reason
+    stills = [Still(raw((0.1 * i, 0.2)), Conventions()) for i in range(3)]
+    assert "three frames" in rank_jitter(steps(stills[:2]), jitters, jittered).reason
+    assert rank_jitter(steps(stills), jitters, jittered).certain
+
+
+def test_a_reading_of_the_jitter_is_said_in_words() -> None:
+    plain = {"jitter_unit": "uv", "jitter_sign": 1, "jitter_flip_y": False}
+    assert _jitter_text(plain) == "uv, centre + jitter"
+    assert (
+        _jitter_text({**plain, "jitter_sign": -1, "jitter_flip_y": True}) == "uv, centre - jitter, y flipped"
+    )
