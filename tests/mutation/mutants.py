@@ -38,6 +38,8 @@ UNORDERED = {
     "isclose",
     "logical_and",
     "logical_or",
+    "add",
+    "multiply",
     "gcd",
 }
 """Functions whose first two arguments may change places, or fail at once if they do."""

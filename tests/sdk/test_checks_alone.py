@@ -190,3 +190,12 @@ def test_three_frames_of_a_start_are_read_and_each_kind_is_told_once() -> None:
         checker.reset()
         assert [warned(exposure=1e12), warned(exposure=1e12)] == [1, 0]
         checker.reset()
+
+
+def test_what_is_kept_of_frames_goes_once_no_more_are_read() -> None:
+    checker = FrameChecker("warn")
+    for index in range(3):
+        checker.check(frame(jitter=halton_jitter(index, 2.0)), (160, 120))
+        assert checker._memory.light is not None
+    checker.check(frame(jitter=halton_jitter(3, 2.0)), (160, 120))
+    assert checker._memory.light is None
