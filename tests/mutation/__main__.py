@@ -18,7 +18,7 @@ from pathlib import Path
 from mutation.coverage_map import CoverageMap, files_of, hash_of, record, targets_of
 from mutation.mutants import Mutant, mutants_of, sample
 from mutation.session import Outcome, copy_tree, in_child, preload, run_tests
-from mutation.targets import TESTS
+from mutation.targets import EXCLUDED, TESTS
 
 ROOT = Path(__file__).parents[2]
 OUT = ROOT / "out" / "mutation"
@@ -48,7 +48,7 @@ class Results:
 
     def __init__(self, file: Path) -> None:
         self.file = file
-        self.all_tests = hash_of(*(TREE / path for path in files_of(TREE, TESTS)))
+        self.all_tests = hash_of(*(TREE / path for path in files_of(TREE, TESTS, EXCLUDED)))
         self.known: dict[str, Result] = {}
         for line in file.read_text().splitlines() if file.exists() else ():
             entry = json.loads(line)

@@ -108,7 +108,7 @@ class CoverageMap:
 def record(tree: Path, kept: Path, log: Path) -> CoverageMap:
     """Return the map of `tree`, of what `kept` holds and, where that is out of date, of tests run anew."""
     targets, records = targets_of(tree), json.loads(kept.read_text()) if kept.exists() else {}
-    files = files_of(tree, TESTS)
+    files = files_of(tree, TESTS, EXCLUDED)
     for i, test_file in enumerate(files, 1):
         entry = records.get(test_file)
         if entry and entry["hash"] == hash_of(tree / test_file, *(tree / t for t in entry["lines"])):
