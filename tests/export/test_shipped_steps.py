@@ -40,10 +40,11 @@ def frames(display: Size) -> Iterator[dict[str, Tensor]]:
     for index, frame in enumerate(noise(RENDER, display, len(EXPOSURES))):
         made = {**frame, "exposure": torch.tensor([EXPOSURES[index]])}
         if index == 1:
-            made["motion"] = 6.0 * frame["motion"]
+            made["motion"] = spoiled(6.0 * frame["motion"])
+            made["depth"] = spoiled(frame["depth"])
         if index == 2:
-            of_engine = [name for name, value in made.items() if value.ndim == 4 and name != "weight"]
-            made |= {name: spoiled(made[name]) for name in of_engine}
+            others = {name for name, value in made.items() if value.ndim == 4} - {"depth", "motion", "weight"}
+            made |= {name: spoiled(made[name]) for name in others}
         if index == 3:
             made["color"] = 0.002 * frame["color"]
         if index == 5:  # a shadow on the left half; what was near is far

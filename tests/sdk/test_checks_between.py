@@ -7,11 +7,21 @@ import numpy as np
 import pytest
 
 from supersampler.checks import FrameChecker
-from supersampler.checks.neighbours import _other_order, _readings, _words
+from supersampler.checks.neighbours import (
+    Memory,
+    _better_reading,
+    _other_order,
+    _readings,
+    _words,
+    remembered,
+)
 from supersampler.conventions import Conventions
 from supersampler.detect.detection import SURE, Detection, Hypothesis, Verdict, ranked
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
+from supersampler.jitter import halton_jitter
+from supersampler.reprojection import luminance
+from supersampler_model.data.analytic import Plane, checker
 
 
 def even(jitter: tuple[float, float], size: tuple[int, int]) -> Frame:
@@ -98,6 +108,33 @@ def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
     assert Conventions(motion_scale=(0.5, 0.5)) in readings.values()
     assert Conventions() not in readings.values()
     assert all(_words(reading) for reading in readings.values())
+
+
+@pytest.mark.parametrize(
+    ("pairs", "part", "found"),
+    [(1, 0.64, True), (1, 0.66, False), (2, 0.66, True), (2, 0.74, True), (2, 0.76, False)],
+)
+def test_a_reading_must_fit_clearly_better_and_more_so_after_one_pair_of_frames(
+    pairs: int, part: float, found: bool
+) -> None:
+    memory = Memory(pairs=pairs, errors={"best": (0.5, 0.5 * part), "other": (0.2, 0.19)})
+    assert _better_reading(memory) == ("best" if found else "")
+
+
+def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() -> None:
+    assert _better_reading(Memory(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
+    assert _better_reading(Memory(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
+    assert _better_reading(Memory()) == ""
+
+
+def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
+    scene, memory = Plane(checker, (2.0, 1.0)), Memory()
+    for index, pairs in enumerate((0, 1, 2)):
+        frame = scene.frame(index, (96, 54), halton_jitter(index, 2.0))
+        assert frame.color is not None
+        memory = remembered(memory, frame, luminance(frame.color), (192, 108))
+        assert (memory.pairs, len(memory.jitters)) == (pairs, index + 1)
+    assert memory.jitter == memory.jitters[-1]
 
 
 def verdict(*errors: float, stated: Conventions | None = None) -> Verdict:
