@@ -11,4 +11,4 @@ SHIPPED = [name for name in LEARNED if shipped_weights(name).exists()]
 @pytest.mark.parametrize("name", SHIPPED)
 def test_the_default_configuration_is_that_of_the_shipped_weights(name: str) -> None:
     shipped = LEARNED[name].of(load_trained(shipped_weights(name)))
-    assert LEARNED[name]().config == shipped.config  # type: ignore[comparison-overlap]
+    assert LEARNED[name]().config == shipped.config

@@ -43,8 +43,8 @@ UNORDERED = {
     "gcd",
 }
 """Functions whose first two arguments may change places, or fail at once if they do."""
-UNSEEN_KEYWORDS = {"device", "strict", "slots", "frozen"}
-"""Keywords that change nothing on this machine unless there is another error."""
+UNSEEN_KEYWORDS = {"copy", "device", "strict", "slots", "frozen"}
+"""Keywords that change no value on this machine unless there is another error."""
 SILENT = ("Error", "Warning", "warn", "cast", "TypeVar")
 """Ends of the names of calls that make messages, or say something to the type checker."""
 GUARD = 1e-4
