@@ -92,13 +92,18 @@ def in_child(work: Callable[[], Outcome], seconds: float, log: Path) -> Outcome:
     child.start()
     theirs.close()
     try:
-        outcome: Outcome = ours.recv() if ours.poll(seconds) else Outcome(failed="out of time")
+        outcome: Outcome = ours.recv() if _answers(ours, seconds) else Outcome(failed="out of time")
     except EOFError:
         child.join()
         outcome = Outcome(failed=f"the process ended with {child.exitcode}")
     _kill_group(child.pid)
     child.join()
     return outcome
+
+
+def _answers(answer: Connection, seconds: float) -> bool:
+    """Wait second by second: while both processes are stopped, by Ctrl+Z say, no time passes."""
+    return any(answer.poll(1.0) for _ in range(round(seconds)))
 
 
 def _child(work: Callable[[], Outcome], answer: Connection, log: Path) -> None:
