@@ -112,3 +112,17 @@ def test_dissimilarity_of_opposite_contrast_is_near_two() -> None:
         (torch.arange(16)[:, None] + torch.arange(16)).remainder(2).float()[None, None].expand(1, 3, 16, 16)
     )
     assert float(dissimilarity(checks, 1.0 - checks)[..., 8, 8]) > 1.9
+
+
+def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:
+    image = torch.full((1, 3, 25, 25), 0.5)
+    spark = image.clone()
+    spark[..., 12, 12] = 1.0
+    found = dissimilarity(spark, image)
+    for turned in (found.flip(2), found.flip(3), found.transpose(2, 3)):
+        torch.testing.assert_close(found, turned, rtol=0.0, atol=1e-3)
+    seen = found[0, 0, 12] > 2e-3
+    assert seen.nonzero().flatten().tolist() == list(range(7, 18))
+    border = image.clone()
+    border[..., 0, 0] = 1.0
+    assert dissimilarity(border, image)[..., 0, 0] > found[..., 12, 12], "what is outside has no weight"
