@@ -1,6 +1,7 @@
 """What the checks say of several frames: jitter by itself, what hides what, and readings in words."""
 
 import warnings
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,6 +13,7 @@ from supersampler.checks.neighbours import (
     _better_reading,
     _other_order,
     _readings,
+    _surfaces,
     _words,
     remembered,
 )
@@ -183,3 +185,21 @@ def test_a_summary_says_what_was_found_or_why_not_and_what_to_write() -> None:
     assert Detection(motion, jitter, motion, found, found).summary().endswith(f"as stated: {found!r}")
     row = {"name": "jitter", "found": "", "certain": False, "error": None, "margin": 1.0, "runner_up": ""}
     assert jitter.row() == {**row, "reason": "it never changes"}
+
+
+@pytest.mark.parametrize(("sign", "found"), [(-1.0, (40, 0)), (1.0, (0, 40))])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
+    axis: int, sign: float, found: tuple[int, int]
+) -> None:
+    """Neighbourhoods of 3x3 on both sides of an edge are three pixels apart: motion 2.3, jitters 0.6."""
+    depth = np.full((40, 40), 0.1, np.float32)
+    depth[:20] = 0.3
+    unit = np.array([0.0, sign])
+    if axis == 0:
+        depth, unit = np.ascontiguousarray(depth.T), unit[::-1]
+    x, y = (0.3 * unit).tolist()
+    motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
+    frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
+    assert _surfaces(frame, depth, (-x, -y))["reversed"] == found
+    assert _surfaces(frame, depth, (x, y))["reversed"] == (0, 0)
