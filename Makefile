@@ -2,6 +2,7 @@
 # make test   all tests
 # make check  style and types
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
+# make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -9,7 +10,7 @@ RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test fuzz check clean
+.PHONY: demo test fuzz mutation check clean
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -21,6 +22,9 @@ test: $(DEVELOPMENT)
 fuzz: $(DEVELOPMENT)
 	SUPERSAMPLER_FUZZ=$${SUPERSAMPLER_FUZZ:-2000} SUPERSAMPLER_INTERRUPTS=1500 SUPERSAMPLER_MODELS=3000 \
 	    .venv-dev/bin/pytest -q tests/fuzz tests/process tests/sdk/test_arguments.py
+
+mutation: $(DEVELOPMENT)
+	PYTHONPATH=tests .venv-dev/bin/python -m mutation
 
 check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff check .

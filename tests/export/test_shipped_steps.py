@@ -1,0 +1,121 @@
+"""Shipped graphs and torch agree on all that a step returns, over frames that use every branch of a method.
+
+The graphs do not change with the code, so that this holds the code to what it was when they were exported.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from torch import Tensor
+
+from supersampler.model_info import find_model
+from supersampler.onnx_runtime import ort
+from supersampler.ratios import only_ratio, scaled
+from supersampler_export.cli import made_method, shipped_methods
+from supersampler_export.graph import history_name
+from supersampler_export.parity import noise
+from supersampler_model.method import Method, Size
+from supersampler_model.methods.carry import Carry
+
+RENDER = Size(37, 22)
+EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)
+"""Measured, given, measured; an outlier, which is held back once; an outlier back again; measured."""
+SHADED = (True, False, False, True, False, True, False)
+"""Of methods that draw frames that were not shaded."""
+BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 1e6)
+
+
+def display_of(method: Method) -> Size:
+    ratio = only_ratio(method.ratios)
+    found = scaled(RENDER, ratio) if ratio else (81, 47)
+    assert found is not None
+    return Size(*found)
+
+
+def frames(display: Size) -> Iterator[dict[str, Tensor]]:
+    """Noise that moves by a few pixels, then off the screen, with bad pixels and in other light."""
+    for index, frame in enumerate(noise(RENDER, display, len(EXPOSURES))):
+        made = {**frame, "exposure": torch.tensor([EXPOSURES[index]])}
+        if index == 1:
+            made["motion"] = spoiled(6.0 * frame["motion"])
+            made["depth"] = spoiled(frame["depth"])
+        if index == 2:
+            others = {name for name, value in made.items() if value.ndim == 4} - {"depth", "motion", "weight"}
+            made |= {name: spoiled(made[name]) for name in others}
+        if index == 3:
+            made["color"] = 0.002 * frame["color"]
+        if index == 5:  # a shadow on the left half; what was near is far
+            made["color"][..., :18] *= 0.05
+            made["depth"] = 0.05 - frame["depth"]
+        if index == 6:
+            made["color"] = torch.full_like(frame["color"], torch.nan)
+        yield made
+
+
+def spoiled(image: Tensor) -> Tensor:
+    """The image with two rows of each value that is none, more than may differ, a bright and a dark row."""
+    image = image.clone()
+    for place, bad in enumerate(BAD):
+        image[..., 1 + 2 * place : 3 + 2 * place, :] = bad
+    image[..., 13, :] *= 300.0
+    image[..., 14, :] *= 1e-7
+    return image
+
+
+def dotted(image: Tensor) -> Tensor:
+    """The image with few values that are none: what reads between them and others differs by provider."""
+    image = image.clone()
+    for place, bad in enumerate(BAD):
+        image[..., 2 + place, 3 * place :: 17] = bad
+    return image
+
+
+def assert_alike(name: str, ours: Tensor, theirs: Tensor) -> None:
+    """Equal but for rounding, where no comparison hangs on it: in parts of a channel's mean, logarithmic."""
+    assert ours.shape == theirs.shape, name
+    assert ours.isfinite().all(), name
+    usual = theirs.abs().mean(dim=tuple(range(2, theirs.ndim)), keepdim=True).clamp(min=1e-6)
+    one, other = (torch.sign(t) * (t.abs() / usual).log1p() for t in (ours, theirs))
+    off = (one - other).abs().numpy().ravel()
+    assert np.quantile(off, 0.98) <= 1e-3, name
+    assert off.mean() <= 1e-3, name
+
+
+@pytest.mark.parametrize("name", shipped_methods())
+def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str) -> None:
+    assert_steps_alike(made_method(name), find_model(name) / "step.onnx")
+
+
+def test_channels_that_frames_carry_are_blended_as_the_shipped_graph_blends_them() -> None:
+    assert_steps_alike(Carry(), find_model("bilinear") / "carry.onnx")
+
+
+def assert_steps_alike(method: Method, graph: Path) -> None:
+    """Step both on the same frames, from the history that torch has left."""
+    session = ort.InferenceSession(graph, providers=["CPUExecutionProvider"])
+    display = display_of(method)
+    history = method.first_history(display, RENDER, 3)
+    shapes = [t.shape for t in history]
+    shaded = SHADED if method.extrapolates() else (False,) * len(EXPOSURES)
+    names = [*method.inputs(), *(history_name(f"history_{name}") for name in method.history)]
+    for index, frame in enumerate(frames(display)):
+        if shaded[index]:
+            history = method.after_shaded(frame, history if index else None)
+            assert [t.shape for t in history] == shapes
+            continue
+        if index == 4 and "color" in method.history:  # which no step leaves
+            at = list(method.history).index("color")
+            history = [*history[:at], dotted(history[at]), *history[at + 1 :]]
+        arguments = [frame[name] for name in method.inputs()]
+        with torch.no_grad():
+            image, after, told = method.step(*arguments, *history)
+        feeds = {key: value.numpy() for key, value in zip(names, [*arguments, *history], strict=True)}
+        theirs = [torch.from_numpy(array) for array in session.run(None, feeds)]
+        outputs = ["image", *method.history, *method.told]
+        for output, a, b in zip(outputs, [image, *after, *told], theirs, strict=True):
+            assert_alike(f"{output} of frame {index}", a, b)
+        assert [t.shape for t in after] == shapes
+        history = after

@@ -1,0 +1,171 @@
+"""What `classifier-paper` does with a frame, its history and the classes, whatever its weights."""
+
+import pytest
+import torch
+from torch import Tensor, nn
+
+from supersampler_model.color import inverse_tone, tone
+from supersampler_model.method import Size
+from supersampler_model.methods.classifier_buffers import Gathered, History
+from supersampler_model.methods.classifier_paper import PaperClassifier
+from supersampler_model.motion import past_of
+from supersampler_model.networks.classifier import shares
+from supersampler_model.sampling import View
+
+RENDER, DISPLAY = Size(12, 8), Size(24, 16)
+NONE, VISIBILITY, SHADING = (torch.tensor([9.0 * (i == c) for i in range(3)]) for c in range(3))
+
+
+@pytest.fixture(scope="module")
+def method() -> PaperClassifier:
+    torch.manual_seed(0)
+    return PaperClassifier().eval()
+
+
+def always(method: PaperClassifier, weight: float) -> None:
+    """Make the compositor answer with one weight everywhere."""
+    last = method.net.get_submodule("compositor.2")
+    assert isinstance(last, nn.Conv2d)
+    assert last.bias is not None
+    with torch.no_grad():
+        last.weight.zero_()
+        last.bias.fill_(torch.tensor(weight).logit())
+
+
+def logits(ghost: Tensor) -> Tensor:
+    """The same ghosting class everywhere, no aliasing."""
+    each = torch.cat([ghost, NONE])[None, :, None, None]
+    return each.expand(1, 6, DISPLAY.height // 2, DISPLAY.width // 2).clone()
+
+
+def gathered(method: PaperClassifier, *, samples: float = 4.0, depth_before: float = 0.5) -> Gathered:
+    """A still frame of one grey on a history of a brighter one."""
+    color, past, state, classes, depth, _, exposure = (
+        torch.full((1, 3, *RENDER[::-1]), 0.25),
+        *method.first_history(DISPLAY, RENDER),
+    )
+    state[:, :1] = samples
+    state[:, 1:4], state[:, 4:7] = 0.1, 0.9
+    history = History(past + 0.75, state, classes, depth + depth_before, exposure + 1.0)
+    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    motion = torch.zeros(1, 2, *RENDER[::-1])
+    with torch.no_grad():
+        return method.gather(color, 0.5 * color[:, :1] / 0.25, motion, torch.ones(1), history, view, view)
+
+
+@pytest.mark.parametrize("weight", [0.02, 0.3, 0.98])
+def test_the_weight_is_of_the_history_and_the_rest_of_the_frame(
+    method: PaperClassifier, weight: float
+) -> None:
+    always(method, weight)
+    done = method.finish(gathered(method), logits(NONE), torch.zeros(0))
+    toned = weight * tone(torch.full((1, 3, 1, 1), 0.75)) + (1.0 - weight) * tone(
+        torch.full((1, 3, 1, 1), 0.25)
+    )
+    torch.testing.assert_close(done.image, inverse_tone(toned).expand_as(done.image), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(done.weight, torch.full_like(done.weight, weight), rtol=1e-4, atol=1e-5)
+
+
+def test_without_samples_the_frame_alone_is_shown(method: PaperClassifier) -> None:
+    always(method, 0.9)
+    done = method.finish(gathered(method, samples=0.0), logits(NONE), torch.zeros(0))
+    torch.testing.assert_close(done.image, torch.full_like(done.image, 0.25), rtol=1e-4, atol=1e-5)
+    assert not done.weight.any()
+    assert (done.state[:, :1] == 1.0).all()
+
+
+@pytest.mark.parametrize(("ghost", "counted"), [(NONE, 5.0), (SHADING, 5.0), (VISIBILITY, 1.0)])
+def test_the_counter_starts_anew_where_what_is_seen_was_hidden(
+    method: PaperClassifier, ghost: Tensor, counted: float
+) -> None:
+    done = method.finish(gathered(method), logits(ghost), torch.zeros(0))
+    assert (done.state[:, :1] == counted).all()
+
+
+def test_counter_and_range_start_anew_in_the_pixels_that_were_hidden_alone(method: PaperClassifier) -> None:
+    said = logits(NONE)
+    said[:, :, :, :4] = logits(VISIBILITY)[:, :, :, :4]
+    state = method.finish(gathered(method), said, torch.zeros(0)).state
+    anew = state[:, :1] == 1.0
+    assert anew[..., :7].all()
+    assert not anew[..., 9:].any()
+    low, high = state[:, 1:4], state[:, 4:7]
+    now = tone(torch.tensor(0.25).expand(1, 3, 1, 1))
+    torch.testing.assert_close(low[..., :7], now.expand(1, 3, 16, 7), rtol=1e-4, atol=1e-5)
+    torch.testing.assert_close(high[..., :7], low[..., :7])
+
+
+def test_the_range_of_colours_narrows_towards_the_frame_by_the_contraction(method: PaperClassifier) -> None:
+    state = method.finish(gathered(method), logits(NONE), torch.zeros(0)).state
+    now, share = 0.2, method.config.contraction  # 0.25 toned
+    torch.testing.assert_close(
+        state[:, 1:4], torch.full((1, 3, 16, 24), 0.1 + share * 0.1), rtol=1e-4, atol=1e-4
+    )
+    torch.testing.assert_close(
+        state[:, 4:7], torch.full((1, 3, 16, 24), 0.9 - share * (0.9 - now)), rtol=1e-4, atol=1e-4
+    )
+    assert share > 0.0
+
+
+def test_the_range_of_colours_grows_to_hold_the_frame(method: PaperClassifier) -> None:
+    here = gathered(method)
+    narrow = torch.cat([torch.full((1, 3, 16, 24), v) for v in (0.5, 0.6)], dim=1)
+    state = method.finish(
+        here._replace(past=here.past._replace(range=narrow)), logits(NONE), torch.zeros(0)
+    ).state
+    torch.testing.assert_close(state[:, 1:4], torch.full((1, 3, 16, 24), 0.2), rtol=1e-4, atol=1e-5)
+
+
+def test_the_compositor_sees_frame_history_classes_count_and_depth_in_this_order(
+    method: PaperClassifier,
+) -> None:
+    here, shown = gathered(method, depth_before=0.7), []
+    handle = method.net.get_submodule("compositor").register_forward_pre_hook(lambda _, x: shown.extend(x))
+    said = logits(VISIBILITY)
+    method.finish(here, said, torch.zeros(0))
+    handle.remove()
+    color, past, classes, count, difference = shown[0].split_with_sizes([3, 3, 6, 1, 1], dim=1)
+    torch.testing.assert_close(color, here.present.frame)
+    torch.testing.assert_close(past, here.past.color)
+    torch.testing.assert_close(classes[:, :3, 4, 4], shares(said[:, :3])[:, :, 4, 4])
+    torch.testing.assert_close(classes[:, 3:, 4, 4], shares(said[:, 3:])[:, :, 4, 4])
+    torch.testing.assert_close(count, torch.full_like(count, 1.0 / 5.0))
+    torch.testing.assert_close(difference, torch.full_like(difference, 0.2 / 0.7))
+
+
+@pytest.mark.parametrize(("before", "difference"), [(0.7, 0.2 / 0.7), (0.5, 0.0), (0.4, -0.2)])
+def test_depth_difference_is_relative_and_positive_where_the_history_was_closer(
+    method: PaperClassifier, before: float, difference: float
+) -> None:
+    seen = gathered(method, depth_before=before).past.difference
+    torch.testing.assert_close(seen, torch.full_like(seen, difference))
+
+
+def test_the_network_sees_the_twenty_buffers_of_section_3(method: PaperClassifier) -> None:
+    here = gathered(method, depth_before=0.7)
+    packed, carried = method.seen(here)
+    planes = torch.nn.functional.pixel_shuffle(packed, 2)
+    assert planes.shape == (1, 20, *DISPLAY[::-1])
+    assert carried.shape[1] == 0
+    expected = [0.2, 0.2, 0.2, 0.5, 0.0, 0.0, 1.0 / 5.0, 0.1, 0.1, 0.1, 0.9, 0.9, 0.9, 0.2 / 0.7, *[0.0] * 6]
+    torch.testing.assert_close(planes[0, :, 8, 10], torch.tensor(expected), rtol=1e-4, atol=1e-5)
+
+
+def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(method: PaperClassifier) -> None:
+    here = gathered(method)
+    ramp = torch.arange(24.0).expand(1, 1, 16, 24)
+    history = History(
+        ramp.expand(1, 3, -1, -1), ramp.expand(1, 7, -1, -1), ramp.expand(1, 6, -1, -1),
+        torch.full((1, 2, *RENDER[::-1]), 0.5), torch.ones(1),
+    )  # fmt: skip
+    motion = torch.zeros(1, 2, 16, 24)
+    motion[:, 0] = 0.2  # 0.4 display pixels to the right
+    past = past_of(motion, DISPLAY, RENDER)
+    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    seen = method.gather_past(history, past, past, here.depth, view, torch.ones(1))
+    assert float(seen.samples[0, 0, 5, 7]) == 7.0
+    assert (seen.range[0, :, 5, 7] == 7.0).all()
+    torch.testing.assert_close(seen.classes[0, :, 5, 7], torch.full((6,), 7.4), rtol=1e-5, atol=1e-4)
+    torch.testing.assert_close(
+        seen.color[0, :, 5, 7], tone(torch.full((1, 3, 1, 1), 7.4))[0, :, 0, 0], rtol=1e-2, atol=0
+    )

@@ -1,0 +1,152 @@
+"""The rules of `taau` by numbers worked out by hand: how much of the history counts, and what it leaves."""
+
+import pytest
+import torch
+from torch import Tensor
+
+from supersampler_model.color import inverse_tone
+from supersampler_model.methods.taau import Blend, Present, Remembered, Taau
+
+RULES = Taau()
+C = RULES.config
+
+
+def plane(*values: float) -> Tensor:
+    return torch.tensor(values).reshape(1, -1, 1, 1)
+
+
+def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) -> Present:
+    """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
+    first, second = plane(0.4, 0.0, 0.0), plane(0.4**2 + 0.2**2, 1e-2, 1e-2)
+    return Present(
+        plane(0.3, 0.0, 0.0), plane(0.5, 0.0, 0.0), plane(confidence), first, second, plane(*shade)
+    )
+
+
+def remembered(
+    luma: float = 0.4, samples: float = 10.0, surface: float = 1.0, speed: float = 0.0, blur: float = 0.0,
+    mean: float = 0.5, power: float = 0.01,
+) -> Remembered:  # fmt: skip
+    return Remembered(
+        plane(luma, 0.0, 0.0),
+        plane(samples),
+        plane(power),
+        plane(mean, 0.05),
+        plane(surface),
+        plane(speed),
+        plane(blur),
+    )
+
+
+def counted(**past: float) -> float:
+    """Samples of the history that count."""
+    return float(RULES.network(present(), remembered(**past)).samples)
+
+
+def test_a_history_like_the_frame_counts_whole_up_to_a_limit() -> None:
+    assert counted(samples=10.0) == pytest.approx(10.0)
+    assert counted(samples=50.0) == pytest.approx(C.samples)
+
+
+def test_resampling_blur_and_speed_lower_the_limit_each() -> None:
+    assert counted(samples=50.0, blur=0.5) == pytest.approx(C.samples / (1.0 + 0.5 * C.blur_cost))
+    assert counted(samples=50.0, speed=2.0) == pytest.approx(C.samples / (1.0 + 2.0 * C.speed_cost))
+    assert counted(samples=50.0, speed=2.0, blur=0.5) == pytest.approx(
+        C.samples / (1.0 + 0.5 * C.blur_cost + 2.0 * C.speed_cost)
+    )
+
+
+def test_what_another_surface_hid_counts_by_its_share() -> None:
+    assert counted(surface=0.25) == pytest.approx(2.5)
+    assert counted(surface=0.0) == 0.0
+
+
+def test_a_sample_weighs_its_confidence_among_the_samples_that_count() -> None:
+    blend = RULES.network(present(confidence=0.5), remembered(samples=10.0))
+    assert float(blend.weight) == pytest.approx(0.5 / 10.5)
+    assert float(RULES.network(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
+def test_a_mean_that_moves_beyond_deviation_and_its_own_share_is_a_change_of_light(
+    mean: float, change: float
+) -> None:
+    """Noise is 0.53 of the larger deviation, a tenth of the larger mean, and one step of eight bits."""
+    noise = C.change_deviation * 0.1 + C.change_relative * max(0.5, mean) + 0.004
+    by_hand = min(max((abs(0.5 - mean) / noise - 1.0) / C.change_ramp, 0.0), 1.0)
+    assert change == pytest.approx(by_hand, abs=1e-3)
+    assert float(RULES.change_of_light(plane(0.5, 0.1), plane(mean, 0.05))) == pytest.approx(change, abs=1e-3)
+    assert float(RULES.change_of_light(plane(0.5, 0.05), plane(mean, 0.1))) == pytest.approx(change, abs=1e-3)
+    assert counted(mean=mean) == pytest.approx(10.0 * (1.0 - change), abs=1e-2)
+
+
+@pytest.mark.parametrize(
+    ("speed", "gamma"), [(0.0, C.gamma_still), (5.0, None), (10.0, C.gamma_moving), (30.0, C.gamma_moving)]
+)
+def test_the_box_is_narrower_in_motion(speed: float, gamma: float | None) -> None:
+    """Without spread over time; the history of luma 0.9 is cut towards the mean, 0.4."""
+    half = 0.2 * (gamma if gamma is not None else 0.5 * (C.gamma_still + C.gamma_moving))
+    blend = RULES.network(present(), remembered(luma=0.9, speed=speed, power=0.0))
+    assert float(blend.past[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
+
+
+def test_the_box_is_wider_by_the_spread_over_time_where_light_has_not_changed() -> None:
+    wide = RULES.network(present(), remembered(luma=2.0, power=0.16)).past[0, 0]
+    assert float(wide) == pytest.approx(0.4 + C.gamma_still * 0.2 + C.gamma_time * 0.4, rel=1e-3)
+    changed = RULES.network(present(), remembered(luma=2.0, power=0.16, mean=0.1)).past[0, 0]
+    assert float(changed) == pytest.approx(0.4 + C.gamma_still * 0.2, rel=1e-3)
+
+
+def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
+    half = C.gamma_still * 0.2
+    for out, kept in ((1.0, 1.0), (1.5, 1.0 - 0.5 * C.forget), (2.0, 1.0 - C.forget), (9.0, 0.0)):
+        assert counted(luma=0.4 + out * half, power=0.0) == pytest.approx(10.0 * kept, abs=0.02)
+
+
+def finished(
+    past: Remembered, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
+) -> tuple[float, float, float]:
+    """Toned luma of the image, count and power."""
+    blend = Blend(plane(0.2, 0.0, 0.0), plane(weight), plane(samples), plane(spreads))
+    image, state = RULES.finish(present(confidence), past, blend, torch.tensor([2.0]))
+    green = float(image[0, 1] * 2.0)
+    return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
+
+
+def test_a_settled_history_takes_the_samples_near_a_pixel_and_a_young_one_the_frame() -> None:
+    past = remembered(luma=0.2)
+    assert finished(past, samples=4.0)[0] == pytest.approx(0.2 + 0.2 * (0.5 - 0.2), rel=1e-4)
+    young = 0.3 + 0.5 * (0.5 - 0.3)
+    assert finished(past, samples=0.5 * C.settled)[0] == pytest.approx(0.2 + 0.2 * (young - 0.2), rel=1e-4)
+    assert finished(past, samples=0.5e-3)[0] == pytest.approx(0.3, rel=1e-4)
+
+
+def test_the_count_grows_by_the_confidence() -> None:
+    assert finished(remembered(), samples=4.0)[1] == pytest.approx(4.5)
+
+
+@pytest.mark.parametrize(
+    ("luma", "off"), [(0.4, 0.1), (0.6, 0.1), (0.1, 0.1 + C.spread_step), (0.9, 0.1 + C.spread_step)]
+)
+def test_the_spread_follows_how_far_samples_are_off_by_no_more_than_a_step(luma: float, off: float) -> None:
+    """A mean over spread_samples of squares of sample - past, 0.5 - `luma`; the spread so far is 0.1."""
+    for samples in (4.0, 100.0):
+        rate = 0.5 / (min(samples, C.spread_samples) + 0.5)
+        power = finished(remembered(luma=luma, power=0.01), samples=samples)[2]
+        assert power == pytest.approx(0.01 + rate * (off**2 - 0.01), rel=1e-4)
+
+
+def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:
+    assert finished(remembered(), samples=0.5e-3)[2] == 0.0
+    assert finished(remembered(), samples=4.0, spreads=0.0)[2] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("ycocg", "toned"), [((0.4, 0.2, -0.3), (0.9, 0.1, 0.5)), ((0.3, 0.0, -0.4), (0.7, 0.0, 0.7))]
+)
+def test_the_image_is_exposed_back_and_never_negative(
+    ycocg: tuple[float, float, float], toned: tuple[float, float, float]
+) -> None:
+    blend = Blend(plane(*ycocg), plane(0.0), plane(4.0), plane(1.0))
+    image, _ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]))
+    torch.testing.assert_close(image, inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)

@@ -1,0 +1,149 @@
+"""What training `gbuffer` asks for beside small errors: structure, and more of it where surfaces shine."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pytest
+import torch
+from torch import Tensor
+
+from supersampler_model.method import Size
+from supersampler_model.methods.gbuffer import GBufferConfig
+from supersampler_model.methods.gbuffer_buffers import Gathered, Surfaces
+from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
+from supersampler_model.sampling import View
+from supersampler_model.train.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
+from supersampler_model.train.losses import shown
+from supersampler_model.train.structure import dissimilarity
+from supersampler_model.train.windows import Sample
+
+SIDE = 12  # of the render size
+
+
+def surfaces(side: int, **fields: Tensor) -> Surfaces:
+    """Grey, rough dielectrics that face the eye."""
+    one = torch.ones(1, 1, side, side)
+    toward = torch.cat([0.0 * one, 0.0 * one, one], dim=1)
+    plain = Surfaces(0.5 * one.expand(-1, 3, -1, -1), toward, 0.8 * one, 0.0 * one, 0.5 * one, 0.5 * one)
+    return plain._replace(**fields)
+
+
+def sample(display: Surfaces) -> Sample:
+    """A noisy frame at rest, whose truth is other noise."""
+    random = torch.Generator().manual_seed(0)
+    render = surfaces(SIDE)
+    gbuffer = {f"gbuffer_{name}": value for name, value in render._asdict().items() if name != "depth"}
+    gbuffer |= {f"gbuffer_display_{name}": value for name, value in display._asdict().items()}
+    color = torch.rand(1, 3, SIDE, SIDE, generator=random)
+    reference = torch.rand(1, 3, 2 * SIDE, 2 * SIDE, generator=random)
+    classes = torch.zeros(1, 2 * SIDE, 2 * SIDE, dtype=torch.int64)
+    view = View(Size(2 * SIDE, 2 * SIDE), Size(SIDE, SIDE), torch.zeros(1, 2))
+    motion = torch.zeros(1, 2, SIDE, SIDE)
+    exposure = torch.ones(1)
+    return Sample(
+        color, render.depth, motion, exposure, view, True, reference, classes, classes, gbuffer
+    )  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def task() -> GBufferTask:
+    torch.manual_seed(0)
+    network = replace(NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
+    return GBufferTask(SmallGBuffer(GBufferConfig(network=network)))
+
+
+def half_metal() -> Surfaces:
+    metal = torch.zeros(1, 1, 2 * SIDE, 2 * SIDE)
+    metal[..., :SIDE] = 1.0
+    return surfaces(2 * SIDE, metallic=metal)
+
+
+def test_structure_costs_the_mean_dissimilarity_of_shown_pictures(task: GBufferTask) -> None:
+    frame = sample(surfaces(2 * SIDE))
+    frame.reference[..., :2, :2] = torch.nan
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    apart = dissimilarity(shown(stepped.images, frame.exposure), shown(frame.reference, frame.exposure))
+    expected = task.losses.structure * float(apart.nanmean())
+    assert float(stepped.terms["structure"]) == pytest.approx(expected, rel=1e-4)
+    assert expected > 0.01
+
+
+def test_structure_counts_more_where_surfaces_shine(task: GBufferTask) -> None:
+    frame = sample(half_metal())
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    apart = dissimilarity(shown(stepped.images, frame.exposure), shown(frame.reference, frame.exposure))
+    weight = torch.ones_like(apart)
+    weight[..., :SIDE] += task.losses.reflective_structure
+    assert task.losses.reflective_structure > 0.0
+    expected = task.losses.structure * float((weight * apart).sum() / weight.sum())
+    even = task.losses.structure * float(apart.mean())
+    assert float(stepped.terms["structure"]) == pytest.approx(expected, rel=1e-4)
+    assert abs(expected - even) > 1e-4 * even, "the scene tells the two apart"
+
+
+def test_without_any_truth_structure_costs_nothing(task: GBufferTask) -> None:
+    frame = sample(surfaces(2 * SIDE))
+    frame.reference[:] = torch.nan
+    with torch.no_grad():
+        stepped = task.step([frame], [task.first_state(frame)])
+    assert float(stepped.terms["structure"]) == 0.0
+
+
+def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
+    frame = sample(half_metal())
+
+    def stepped(**weights: float) -> tuple[float, float]:
+        other = GBufferTask(task.method, GBufferWeights(**weights))
+        with torch.no_grad():
+            done = other.step([frame], [task.first_state(frame)])
+        assert isinstance(done.weight, Tensor)
+        return float(done.terms["structure"]), float(done.weight.max())
+
+    term, weight = stepped(structure=0.2, reflective=0.5)
+    assert stepped(structure=0.4, reflective=0.5) == pytest.approx((2.0 * term, weight), rel=1e-4)
+    assert stepped(structure=0.2, reflective=1.5) == pytest.approx((term, weight + 1.0), rel=1e-4)
+    assert weight == pytest.approx(1.5)
+
+
+def gathered(now: Tensor, before: Tensor) -> Gathered:
+    """What is looked at of a frame: normals, (3,) each, of surfaces that reflect little."""
+    normal, past = (n.reshape(1, 3, 1, 1) for n in (now, before))
+    display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
+    render = SimpleNamespace(shape=(1, 11, 2, 2))
+    made = SimpleNamespace(
+        present=SimpleNamespace(display=display), past_normal=past.expand(1, 3, 2, 2), frame=render
+    )
+    return cast(Gathered, cast(Any, made))
+
+
+def at(degrees: float) -> Tensor:
+    turn = torch.deg2rad(torch.tensor(degrees))
+    return torch.stack([turn.sin(), torch.zeros(()), turn.cos()])
+
+
+@pytest.mark.parametrize(("degrees", "found"), [(0, 0), (40, 0), (44, 0), (46, 1), (80, 1), (120, 1)])
+def test_a_normal_that_has_turned_by_more_than_45_degrees_counts_as_reflective(
+    degrees: float, found: int
+) -> None:
+    assert (reflective_of(gathered(at(degrees), at(0))) == found).all()
+    assert (reflective_of(gathered(at(10), at(10 + degrees))) == found).all()
+
+
+def test_what_was_not_seen_before_has_not_turned_and_the_sky_never_shines() -> None:
+    assert not reflective_of(gathered(at(90), torch.zeros(3))).any()
+    assert not reflective_of(gathered(torch.zeros(3), at(0))).any()
+
+
+@pytest.mark.parametrize(
+    ("metallic", "roughness", "found"),
+    [(0.94, 0.5, 0), (0.96, 0.5, 1), (0.0, 0.03, 0), (0.0, 0.01, 1), (1.0, 0.0, 1)],
+)
+def test_metal_and_mirrors_are_reflective(metallic: float, roughness: float, found: int) -> None:
+    here = gathered(at(0), at(0))
+    one = torch.ones(1, 1, 4, 4)
+    display = here.present.display._replace(metallic=metallic * one, roughness=roughness * one)
+    here.present.display = display  # type: ignore[misc]
+    assert (reflective_of(here) == found).all()

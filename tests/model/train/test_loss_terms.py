@@ -1,0 +1,128 @@
+"""What each term of the losses costs, by numbers worked out by hand."""
+
+import math
+
+import pytest
+import torch
+from torch import Tensor
+
+from supersampler_model.color import tone
+from supersampler_model.train.class_loss import ClassifierWeights, class_loss, shares_of
+from supersampler_model.train.losses import PictureWeights, picture_loss, shown
+from supersampler_model.train.structure import dissimilarity
+
+CLASSES = ClassifierWeights()
+
+
+def sure_of(ghost: int, alias: int) -> Tensor:
+    """Logits of a network that is sure of two classes everywhere."""
+    logits = torch.zeros(1, 6, 4, 4)
+    logits[:, ghost] = logits[:, 3 + alias] = 20.0
+    return logits
+
+
+def everywhere(value: int) -> Tensor:
+    return torch.full((1, 8, 8), value, dtype=torch.int64)
+
+
+@pytest.mark.parametrize(("ghost", "alias"), [(0, 1), (1, 2), (2, 0)])
+def test_the_right_class_of_each_group_costs_nothing_and_any_other_does(ghost: int, alias: int) -> None:
+    right = class_loss(sure_of(ghost, alias), everywhere(ghost), everywhere(alias), CLASSES)
+    assert right < 1e-6
+    others = ((alias, ghost), ((ghost + 1) % 3, alias), (ghost, (alias + 1) % 3))
+    wrong = [class_loss(sure_of(g, a), everywhere(ghost), everywhere(alias), CLASSES) for g, a in others]
+    assert min(wrong) > 19.0 * CLASSES.classes
+
+
+@pytest.mark.parametrize(("rare", "factor"), [(4, 4.0), (1, 8.0)])
+def test_a_rare_class_weighs_by_the_root_of_its_rarity_up_to_a_bound(rare: int, factor: float) -> None:
+    """Of 64 (of 256) quads: `rare` of another class. The network says that both classes are as likely."""
+    ghost = (
+        torch.zeros(1, 16, 16, dtype=torch.int64) if rare == 4 else torch.zeros(1, 32, 32, dtype=torch.int64)
+    )
+    quads = ghost.numel() // 4
+    for i in range(rare):
+        ghost[:, 2 * i : 2 * i + 2, :2] = 1
+    logits = torch.zeros(1, 6, ghost.shape[1] // 2, ghost.shape[2] // 2)
+    said = torch.tensor([2.0, 1.0, -30.0])
+    logits[:, :3] = said[None, :, None, None]
+    weights = ClassifierWeights(classes=1.0)
+    common = (quads / (quads - rare)) ** 0.5
+    costs = -said.log_softmax(0)
+    mine = (quads - rare) * common * costs[0] + rare * factor * costs[1]
+    expected = mine / ((quads - rare) * common + rare * factor)
+    alias = torch.full_like(ghost, 255)  # unknown: no cost of its own
+    torch.testing.assert_close(class_loss(logits, ghost, alias, weights), expected, rtol=1e-4, atol=1e-6)
+
+
+def test_a_quad_of_two_classes_is_shared_by_them() -> None:
+    ghost = torch.tensor([[[0, 1], [1, 2]]])
+    assert shares_of(ghost)[0, :, 0, 0].tolist() == [0.25, 0.5, 0.25]
+
+
+def test_the_same_error_in_fewer_pixels_costs_more_by_its_root_mean_square() -> None:
+    spread, gathered = torch.full((2, 3, 8, 8), 0.1), torch.zeros(2, 3, 8, 8)
+    gathered[..., ::4] = 0.4
+    weights = PictureWeights(rms=2.0, change=0.0)
+    costs = [float(picture_loss(off, None, 1.0, weights)) for off in (spread, gathered)]
+    assert costs[0] == pytest.approx(0.1 + 2.0 * math.sqrt(0.1**2 + 1e-6), rel=1e-5)
+    assert costs[1] == pytest.approx(0.1 + 2.0 * math.sqrt(0.4**2 / 4.0 + 1e-6), rel=1e-5)
+    assert PictureWeights().rms > 0.0
+    assert ClassifierWeights().rms > PictureWeights().rms
+
+
+def test_root_mean_squares_are_of_each_crop_and_their_mean_counts() -> None:
+    off = torch.zeros(2, 3, 8, 8)
+    off[0] = 0.4
+    cost = float(picture_loss(off, None, 1.0, PictureWeights(rms=1.0, change=0.0)))
+    assert cost == pytest.approx(0.2 + 0.5 * (math.sqrt(0.16 + 1e-6) + 1e-3), rel=1e-5)
+
+
+def test_a_change_of_the_error_costs_by_its_weight_and_not_by_the_pixels() -> None:
+    off, before = torch.full((1, 3, 8, 8), 0.1), torch.full((1, 3, 8, 8), 0.4)
+    heavy = torch.full((1, 1, 8, 8), 2.0)
+    cost = float(picture_loss(off, before, heavy, PictureWeights(rms=0.0, change=0.5)))
+    assert cost == pytest.approx(2.0 * 0.1 + 0.5 * 0.3, rel=1e-5)
+
+
+def test_pixels_without_truth_are_not_counted() -> None:
+    off = torch.full((1, 3, 8, 8), 0.2)
+    off[..., 4:] = torch.nan
+    cost = float(picture_loss(off, None, 1.0, PictureWeights(rms=1.0)))
+    assert cost == pytest.approx(0.2 + math.sqrt(0.04 + 1e-6), rel=1e-5)
+
+
+def test_pictures_are_compared_exposed_toned_and_in_srgb() -> None:
+    image = torch.tensor([0.0, 0.001, 0.5]).reshape(1, 3, 1, 1)
+    toned = tone(2.0 * image).flatten().tolist()
+    expected = [0.0, 12.92 * toned[1], 1.055 * toned[2] ** (1.0 / 2.4) - 0.055]
+    assert toned[1] < 0.0031308
+    torch.testing.assert_close(shown(image, torch.tensor([2.0])).flatten(), torch.tensor(expected))
+
+
+def test_dissimilarity_of_an_even_shift_is_of_means_alone() -> None:
+    dark, bright = torch.full((1, 3, 16, 16), 0.2), torch.full((1, 3, 16, 16), 0.6)
+    expected = 1.0 - (2.0 * 0.2 * 0.6 + 1e-4) / (0.2**2 + 0.6**2 + 1e-4)
+    found = dissimilarity(dark, bright)
+    torch.testing.assert_close(found, torch.full((1, 1, 16, 16), expected), rtol=1e-3, atol=1e-4)
+
+
+def test_dissimilarity_of_opposite_contrast_is_near_two() -> None:
+    checks = (
+        (torch.arange(16)[:, None] + torch.arange(16)).remainder(2).float()[None, None].expand(1, 3, 16, 16)
+    )
+    assert float(dissimilarity(checks, 1.0 - checks)[..., 8, 8]) > 1.9
+
+
+def test_a_window_is_even_about_its_pixel_and_eleven_wide() -> None:
+    image = torch.full((1, 3, 25, 25), 0.5)
+    spark = image.clone()
+    spark[..., 12, 12] = 1.0
+    found = dissimilarity(spark, image)
+    for turned in (found.flip(2), found.flip(3), found.transpose(2, 3)):
+        torch.testing.assert_close(found, turned, rtol=0.0, atol=1e-3)
+    seen = found[0, 0, 12] > 2e-3
+    assert seen.nonzero().flatten().tolist() == list(range(7, 18))
+    border = image.clone()
+    border[..., 0, 0] = 1.0
+    assert dissimilarity(border, image)[..., 0, 0] > found[..., 12, 12], "what is outside has no weight"

@@ -1,0 +1,143 @@
+"""Which tests run which lines: recorded file by file, kept as long as neither side changes."""
+
+import hashlib
+import json
+from collections import Counter
+from collections.abc import Generator, Iterable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+import coverage
+import pytest
+
+from mutation.mutants import Mutant
+from mutation.session import Outcome, in_child, run_tests
+from mutation.targets import EXCLUDED, TARGETS, TESTS
+
+SETUP = "(setup)"
+"""Stands for all tests of a file: fixtures are made for the first that needs them."""
+FILE_SECONDS = 400.0
+"""Most that a file of tests may take while it is recorded."""
+
+
+def files_of(tree: Path, globs: Iterable[str], without: Iterable[str] = ()) -> list[str]:
+    """Return the files that globs find, sorted, by their paths from `tree`."""
+    left_out = {path for glob in without for path in tree.glob(glob)}
+    found = {path for glob in globs for path in tree.glob(glob)} - left_out
+    return sorted(str(path.relative_to(tree)) for path in found)
+
+
+def targets_of(tree: Path) -> list[str]:
+    """Return the files to be mutated."""
+    return files_of(tree, TARGETS, EXCLUDED)
+
+
+def hash_of(*files: Path) -> str:
+    """Hash of the files' texts."""
+    return hashlib.sha256(b"\0".join(f.read_bytes() if f.exists() else b"" for f in files)).hexdigest()[:16]
+
+
+class Recorder:
+    """A pytest plugin: coverage with a context for each test."""
+
+    def __init__(self, tree: Path, targets: list[str]) -> None:
+        self.tree, self.targets = tree, targets
+        include = [str(tree / path) for path in targets]
+        self.coverage = coverage.Coverage(data_file=None, config_file=False, include=include, messages=False)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_setup(self) -> Generator[None]:
+        """Fixtures are of all tests of their file."""
+        self.coverage.switch_context(SETUP)
+        return (yield)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_call(self, item: pytest.Item) -> Generator[None]:
+        """Lines are of this test."""
+        self.coverage.switch_context(item.nodeid)
+        return (yield)
+
+    @pytest.hookimpl(wrapper=True, tryfirst=True)
+    def pytest_runtest_teardown(self) -> Generator[None]:
+        """Whatever runs now tells nothing."""
+        self.coverage.switch_context("(teardown)")
+        return (yield)
+
+    def record(self, test_file: str) -> Outcome:
+        """Run a file of tests and return what each has run."""
+        self.coverage.start()
+        outcome = run_tests(self.tree, [test_file], [self])
+        self.coverage.stop()
+        data = self.coverage.get_data()
+        for path in self.targets:
+            contexts = data.contexts_by_lineno(str(self.tree / path))
+            if contexts:
+                outcome.lines[path] = dict(contexts)
+        return outcome
+
+
+@dataclass(frozen=True)
+class CoverageMap:
+    """Tests by the lines that they run.
+
+    Attributes:
+        seconds: that each test takes by itself.
+        lines: of each target, by line, the tests of which one may notice a change there.
+    """
+
+    seconds: dict[str, float]
+    lines: dict[str, dict[int, set[str]]]
+
+    def tests_for(self, mutant: Mutant, importers: Iterable[str]) -> list[str]:
+        """Return the tests for a change, the most promising first: those that run its line, quick ones first.
+
+        What runs on import may be noticed by whatever runs the module or one that imports it: first by those
+        that run most of it for their time.
+        """
+        here, (first, last) = self.lines.get(mutant.path, {}), mutant.lines
+        if not mutant.on_import:
+            tests = {test for line in range(first, last + 1) for test in here.get(line, ())}
+            return sorted(tests, key=lambda test: (self.seconds[test], test))
+        run = Counter(test for found in here.values() for test in found)
+        beside = [self.lines.get(module, {}) for module in importers]
+        tests = {*run, *(test for lines in beside for found in lines.values() for test in found)}
+        return sorted(tests, key=lambda test: ((0.1 + self.seconds[test]) / (1 + run[test]), test))
+
+
+def record(tree: Path, kept: Path, log: Path) -> CoverageMap:
+    """Return the map of `tree`, of what `kept` holds and, where that is out of date, of tests run anew."""
+    targets, records = targets_of(tree), json.loads(kept.read_text()) if kept.exists() else {}
+    files = files_of(tree, TESTS, EXCLUDED)
+    for i, test_file in enumerate(files, 1):
+        entry = records.get(test_file)
+        if entry and entry["hash"] == hash_of(tree / test_file, *(tree / t for t in entry["lines"])):
+            continue
+        print(f"[{i:3}/{len(files)}] recording {test_file}", end=" ", flush=True)
+        outcome = in_child(partial(_recorded, tree, targets, test_file), FILE_SECONDS, log)
+        print(
+            f"{sum(outcome.seconds.values()):.1f} s"
+            + (f", failed: {outcome.failed}" if outcome.failed else "")
+        )
+        of = hash_of(tree / test_file, *(tree / t for t in outcome.lines))
+        records[test_file] = {"hash": of, "seconds": outcome.seconds, "lines": outcome.lines}
+        kept.write_text(json.dumps(records))
+    return _joined(records[f] for f in files)
+
+
+def _recorded(tree: Path, targets: list[str], test_file: str) -> Outcome:
+    return Recorder(tree, targets).record(test_file)
+
+
+def _joined(records: Iterator[dict[str, dict[str, dict[str, list[str]]]]]) -> CoverageMap:
+    seconds: dict[str, float] = {}
+    lines: dict[str, dict[int, set[str]]] = {}
+    for entry in records:
+        own: dict[str, float] = entry["seconds"]  # type: ignore[assignment]
+        seconds |= own
+        for path, contexts in entry["lines"].items():
+            of_file = lines.setdefault(path, {})
+            for line, tests in contexts.items():
+                found = of_file.setdefault(int(line), set())
+                found |= set(own) if SETUP in tests else {t for t in tests if t in own}
+    return CoverageMap(seconds, lines)

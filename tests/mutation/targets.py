@@ -1,0 +1,41 @@
+"""What is mutated, and which tests may notice. The only place that knows where modules lie."""
+
+TARGETS = [
+    "model/supersampler_model/methods/**/*.py",
+    "model/supersampler_model/train/losses.py",
+    "model/supersampler_model/train/class_loss.py",
+    "model/supersampler_model/train/structure.py",
+    "model/supersampler_model/train/*task*.py",
+    "model/supersampler_model/data/labels/*.py",
+    "export/supersampler_export/*.py",
+    "sdk/supersampler/conventions/*.py",
+    "sdk/supersampler/checks/*.py",
+    "sdk/supersampler/detect/*.py",
+]
+"""Globs from the root of the repository."""
+
+EXCLUDED = [
+    "export/supersampler_export/cli.py",  # help texts
+    "tests/export/test_export_traced.py",  # traces for minutes
+]
+"""Globs of what is left out of both."""
+
+TESTS = [
+    "tests/model/*.py",
+    "tests/model/train/*.py",
+    "tests/model/data/test_label*.py",
+    "tests/model/data/test_class_map.py",
+    "tests/export/*.py",
+    "tests/sdk/test_bad_arguments.py",
+    "tests/sdk/test_checks*.py",
+    "tests/sdk/test_conventions*.py",
+    "tests/sdk/test_detect*.py",
+    "tests/sdk/test_extrapolate.py",
+    "tests/sdk/test_gbuffers.py",
+    "tests/sdk/test_jitter.py",
+    "tests/test_golden*.py",
+]
+"""Globs of test files. Those that reach no target cost time and find nothing."""
+
+PACKAGES = ["sdk", "model", "export", "bench"]
+"""Folders that packages are imported from."""

@@ -1,0 +1,112 @@
+"""The mutation tool changes one place at a time, and only code that runs."""
+
+import ast
+
+import pytest
+
+from mutation.mutants import Mutant, mutants_of, sample
+
+CODE = '''"""Text of 3 words."""
+LIMIT: int = 4
+
+def share(values: list[float], *, upper: float = 2.0) -> float:
+    """Return 1."""
+    if not values:
+        raise ValueError(f"no values, {len(values) + 1} wanted")
+    total = sum(values[: len(values) - 1]) / max(1e-9, upper)
+    return min(total, upper) if total > 0.0 else -total
+'''
+
+
+def changes(code: str) -> set[tuple[str, str]]:
+    """What stands in for what, as expressions."""
+    source = code.encode()
+    found = [m for place in mutants_of("module.py", source) for m in place if m.is_change(source)]
+    return {(source[m.start : m.end].decode(), ast.unparse(ast.parse(m.new))) for m in found}
+
+
+@pytest.mark.parametrize(
+    ("code", "before", "after"),
+    [
+        ("a = b < c", "b < c", "b >= c"),
+        ("a = b < 3", "b < 3", "b <= 3"),
+        ("a = b - c * d", "c * d", "c / d"),
+        ("a = b - c", "b - c", "c - b"),
+        ("a = b and c", "b and c", "b or c"),
+        ("a = not b", "not b", "b"),
+        ("a = -b", "-b", "b"),
+        ("a = 0.5", "0.5", "1.0"),
+        ("a = 0.5", "0.5", "0.0"),
+        ("a = 3", "3", "4"),
+        ("a = True", "True", "False"),
+        ("a = b[c:]", "c", "c + 1"),
+        ("a = f(b, c)", "f(b, c)", "f(c, b)"),
+        ("a = f(b, mode=2)", "f(b, mode=2)", "f(b)"),
+        ("a = torch.minimum(b, c)", "torch.minimum(b, c)", "torch.maximum(b, c)"),
+        ("a = b.clamp(min=0)", "b.clamp(min=0)", "b"),
+        ("if a:\n    b = c", "a", "not a"),
+        ("a += b", "a += b", "a -= b"),
+        ("f()", "f()", "pass"),
+        ("raise E", "raise E", "pass"),
+        ("def f() -> list[int]:\n    return g()", "g()", "[]"),
+        ("def f() -> int | None:\n    return g()", "g()", "None"),
+    ],
+)
+def test_a_change_of_each_kind_is_made(code: str, before: str, after: str) -> None:
+    assert (before, after) in changes(code)
+
+
+def test_texts_annotations_messages_and_guards_are_left_alone() -> None:
+    changed = {before for before, _ in changes(CODE)}
+    assert not changed & {"1e-9", "len(values) + 1", "int", "list[float]"}
+    assert ("4", "5") in changes(CODE)
+    assert not changes("T = TypeVar('T', covariant=True)")
+    texts = (
+        "a: Literal[3] = b",
+        "raise E(3)",
+        'a = f"{b + 3}"',
+        "@decorated(3)\ndef f(): ...",
+        "a = b + 1e-6",
+    )
+    assert all("3" not in {before for before, _ in changes(text)} for text in texts)
+    assert "1e-6" not in {before for before, _ in changes(texts[-1])}
+
+
+def test_a_difference_of_which_only_the_size_counts_is_not_turned_round() -> None:
+    for code in ("a = abs(b - c)", "a = (b - c).abs()", "a = (b - c) ** 2", "a = np.square(b - c)"):
+        assert ("b - c", "b + c") in changes(code)
+        assert ("b - c", "c - b") not in changes(code)
+
+
+def test_what_runs_on_import_is_told_from_what_a_call_runs() -> None:
+    code = b"A = 1\nclass C:\n    b = 2\n    def f(self, c=3):\n        return 4\n"
+    found = {m.before[-1]: m.on_import for place in mutants_of("module.py", code) for m in place}
+    assert found == {"1": True, "2": True, ":": True, "4": False}
+
+
+def test_the_rest_of_the_text_stays_and_every_mutant_can_be_read() -> None:
+    source = CODE.encode()
+    for mutant in (m for place in mutants_of("module.py", source) for m in place):
+        changed = mutant.applied(source)
+        assert changed.startswith(source[: mutant.start])
+        assert changed.endswith(source[mutant.end :])
+        ast.parse(changed)
+
+
+def test_a_mutant_says_where_it_is_and_which_lines_tell_if_it_is_run() -> None:
+    [place] = [
+        p for p in mutants_of("module.py", CODE.encode()) for m in p if m.new == "1.0" and "else" in m.before
+    ]
+    assert (place[0].line, place[0].where, place[0].lines) == (9, "share", (9, 9))
+    assert place[0].after == "return min(total, upper) if total > 1.0 else -total"
+
+
+def test_a_sample_is_the_same_for_the_same_seed_and_takes_one_of_each_place() -> None:
+    places = mutants_of("module.py", CODE.encode())
+
+    def drawn(seed: int) -> list[Mutant]:
+        return list(sample(places, seed))
+
+    assert drawn(1) == drawn(1)
+    assert drawn(1) != drawn(2)
+    assert sorted(places.index(p) for m in drawn(1) for p in places if m in p) == list(range(len(places)))

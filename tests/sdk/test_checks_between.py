@@ -1,0 +1,205 @@
+"""What the checks say of several frames: jitter by itself, what hides what, and readings in words."""
+
+import warnings
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler.checks import FrameChecker
+from supersampler.checks.neighbours import (
+    Memory,
+    _better_reading,
+    _other_order,
+    _readings,
+    _surfaces,
+    _words,
+    remembered,
+)
+from supersampler.conventions import Conventions
+from supersampler.detect.detection import SURE, Detection, Hypothesis, Verdict, ranked
+from supersampler.errors import FrameError, FrameWarning
+from supersampler.frame import Frame
+from supersampler.jitter import halton_jitter
+from supersampler.reprojection import luminance
+from supersampler_model.data.analytic import Plane, checker
+
+
+def even(jitter: tuple[float, float], size: tuple[int, int]) -> Frame:
+    """A frame without texture: nothing but its jitter can be wrong."""
+    w, h = size
+    return Frame(
+        color=np.full((h, w, 3), 0.4, np.float32),
+        depth=np.full((h, w), 0.1, np.float32),
+        motion=np.zeros((h, w, 2), np.float32),
+        jitter=jitter,
+    )
+
+
+def complaint(*jitters: tuple[float, float], size: tuple[int, int] = (80, 70)) -> str:
+    checker = FrameChecker("strict")
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", FrameWarning)
+            for jitter in jitters:
+                checker.check(even(jitter, size), (160, 140))
+    except FrameError as found:
+        return str(found)
+    return ""
+
+
+def test_one_jitter_in_three_frames_on_end_is_no_accident() -> None:
+    assert complaint((0.1, 0.2), (0.1, 0.2)) == ""
+    assert "in 3 frames on end" in complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.2))
+    assert complaint((0.1, 0.2), (0.1, 0.2), (0.1, 0.3)) == ""
+    assert complaint((0.1, 0.2), (0.1, 0.2), (0.2, 0.2)) == ""
+
+
+def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
+    """One pixel of 80 is 1 / 80 in UV; halves of both signs in NDC reach as far."""
+    small = ((0.012, -0.01), (-0.01, 0.014), (0.0, 0.0))
+    assert "never more than 0.014" in complaint(*small)
+    assert complaint((0.013, 0.0), *small) == ""
+    assert complaint((0.0, 0.015), *small) == ""
+    assert complaint(*small, size=(80, 63)) == "", "of small frames nothing is said"
+
+
+@pytest.mark.parametrize(
+    ("as_reversed", "as_forward", "kind"),
+    [
+        ((0, 0), (0, 0), ""),
+        ((0, 20), (0, 0), "linear"),
+        ((0, 19), (0, 0), ""),
+        ((5, 20), (0, 0), ""),
+        ((4, 20), (0, 0), "linear"),
+        ((20, 5), (0, 0), ""),
+        ((0, 0), (20, 0), "forward_infinite"),
+        ((0, 0), (19, 0), ""),
+        ((0, 0), (20, 5), ""),
+        ((2, 0), (20, 3), ""),
+        ((1, 0), (21, 4), "forward_infinite"),
+    ],
+)
+def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
+    as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str
+) -> None:
+    """(closer, farther) surfaces that uncovered places were hidden by, if depth were of that order."""
+    assert _other_order({"reversed": as_reversed, "forward": as_forward}) == kind
+
+
+@pytest.mark.parametrize(
+    ("reading", "words"),
+    [
+        (Conventions(motion_unit="uv"), "as UV"),
+        (Conventions(motion_unit="ndc", motion_flip_y=True), "as NDC and with y flipped"),
+        (Conventions(motion_scale=(0.5, 0.5)), "as display pixels"),
+        (Conventions(motion_direction="current_minus_previous"), "as current minus previous"),
+        (Conventions(motion_jittered=True), "as having jitter in it"),
+        (Conventions(jitter_sign=-1, jitter_flip_y=True), "with the other sign and with y flipped"),
+        (Conventions(jitter_flip_y=True), "with y flipped"),
+    ],
+)
+def test_a_reading_is_said_in_words(reading: Conventions, words: str) -> None:
+    assert _words(reading) == words
+
+
+def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
+    readings = _readings((320, 180), (640, 360))
+    assert len(readings) == 3 * 2 * 2 * 2 - 1 + 3 + 1
+    assert Conventions(motion_scale=(0.5, 0.5)) in readings.values()
+    assert Conventions() not in readings.values()
+    assert all(_words(reading) for reading in readings.values())
+
+
+@pytest.mark.parametrize(
+    ("pairs", "part", "found"),
+    [(1, 0.64, True), (1, 0.66, False), (2, 0.66, True), (2, 0.74, True), (2, 0.76, False)],
+)
+def test_a_reading_must_fit_clearly_better_and_more_so_after_one_pair_of_frames(
+    pairs: int, part: float, found: bool
+) -> None:
+    memory = Memory(pairs=pairs, errors={"best": (0.5, 0.5 * part), "other": (0.2, 0.19)})
+    assert _better_reading(memory) == ("best" if found else "")
+
+
+def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() -> None:
+    assert _better_reading(Memory(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
+    assert _better_reading(Memory(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
+    assert _better_reading(Memory()) == ""
+
+
+def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
+    scene, memory = Plane(checker, (2.0, 1.0)), Memory()
+    for index, pairs in enumerate((0, 1, 2)):
+        frame = scene.frame(index, (96, 54), halton_jitter(index, 2.0))
+        assert frame.color is not None
+        memory = remembered(memory, frame, luminance(frame.color), (192, 108))
+        assert (memory.pairs, len(memory.jitters)) == (pairs, index + 1)
+    assert memory.jitter == memory.jitters[-1]
+
+
+def verdict(*errors: float, stated: Conventions | None = None) -> Verdict:
+    overrides: list[dict[str, Any]] = [{"motion_unit": unit} for unit in ("uv", "ndc", "pixels")]
+    hypotheses = [Hypothesis(f"{o['motion_unit']}", o, e) for o, e in zip(overrides, errors, strict=False)]
+    return ranked("motion", hypotheses, stated or Conventions())
+
+
+def test_a_verdict_is_sure_where_the_next_best_is_a_seventh_worse() -> None:
+    near, clear = verdict(1.0, SURE - 0.01, 9.0), verdict(1.0, SURE + 0.01, 9.0)
+    assert not near.certain
+    assert near.overrides == {}
+    assert near.reason == "'uv' and 'ndc' fit alike"
+    assert clear.certain
+    assert clear.overrides == {"motion_unit": "uv"}
+    assert clear.margin == pytest.approx(SURE + 0.01)
+    assert verdict(1.0).certain
+
+
+def test_near_a_tie_what_was_stated_comes_first() -> None:
+    assert verdict(1.0, 1.5, 1.01).ranked[0].text == "pixels"
+    assert verdict(1.0, 1.5, 1.03).ranked[0].text == "uv"
+    assert verdict(1.0, 1.01, 1.5, stated=Conventions(motion_unit="ndc")).ranked[0].text == "ndc"
+
+
+def test_a_margin_is_of_the_two_best_and_never_below_one() -> None:
+    assert Verdict("motion").margin == 1.0
+    assert verdict(2.0).margin == 1.0
+    assert verdict(0.0, 1e-3).margin == pytest.approx(1e3)
+    assert verdict(1.01, 9.0, 1.0, stated=Conventions(motion_unit="uv")).margin == 1.0
+
+
+def test_a_summary_says_what_was_found_or_why_not_and_what_to_write() -> None:
+    motion, jitter = verdict(1.0, 3.0), Verdict("jitter", (), "it never changes")
+    found = Conventions(motion_unit="uv")
+    detection = Detection(motion, jitter, motion, Conventions(), found, ("A note.",))
+    assert not detection.agrees
+    assert detection.summary().splitlines() == [
+        "motion: uv; the next best, ndc, is 3.00x worse",
+        "jitter: cannot tell, it never changes",
+        "motion: uv; the next best, ndc, is 3.00x worse",
+        "A note.",
+        "The frames are not as stated: Conventions()",
+        "Write: Conventions(motion_unit='uv')",
+    ]
+    assert Detection(motion, jitter, motion, found, found).summary().endswith(f"as stated: {found!r}")
+    row = {"name": "jitter", "found": "", "certain": False, "error": None, "margin": 1.0, "runner_up": ""}
+    assert jitter.row() == {**row, "reason": "it never changes"}
+
+
+@pytest.mark.parametrize(("sign", "found"), [(-1.0, (40, 0)), (1.0, (0, 40))])
+@pytest.mark.parametrize("axis", [0, 1])
+def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
+    axis: int, sign: float, found: tuple[int, int]
+) -> None:
+    """Neighbourhoods of 3x3 on both sides of an edge are three pixels apart: motion 2.3, jitters 0.6."""
+    depth = np.full((40, 40), 0.1, np.float32)
+    depth[:20] = 0.3
+    unit = np.array([0.0, sign])
+    if axis == 0:
+        depth, unit = np.ascontiguousarray(depth.T), unit[::-1]
+    x, y = (0.3 * unit).tolist()
+    motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
+    frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
+    assert _surfaces(frame, depth, (-x, -y))["reversed"] == found
+    assert _surfaces(frame, depth, (x, y))["reversed"] == (0, 0)
