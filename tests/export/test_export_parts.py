@@ -20,7 +20,17 @@ from supersampler_export.graph import (
     shape_of,
     traced_sizes,
 )
-from supersampler_model.method import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, Fused, Method, Shape, Size
+from supersampler_model.methods.base import (
+    DISPLAY,
+    HALF,
+    PREVIOUS,
+    RENDER,
+    SHADED,
+    Fused,
+    Method,
+    Shape,
+    Size,
+)
 
 
 class Kept(Method):
@@ -36,7 +46,7 @@ class Kept(Method):
     }
 
     def forward(
-        self, color: Tensor, display_size: Tensor, carry: Tensor, gbuffer_display_depth: Tensor,
+        self, color: Tensor, display_size: Tensor, aovs: Tensor, gbuffer_display_depth: Tensor,
         history_color: Tensor, history_classes: Tensor, history_depth: Tensor, history_old: Tensor,
         history_jitter: Tensor,
     ) -> Tensor:  # fmt: skip
@@ -45,14 +55,14 @@ class Kept(Method):
 
 def test_example_arguments_have_the_shapes_of_the_contract_and_sizes_that_differ() -> None:
     arguments = example_arguments(Kept(), Size(26, 18), Size(53, 37), Size(22, 15))
-    color, display_size, carry, depth, *history = arguments
+    color, display_size, aovs, depth, *history = arguments
     assert color.shape == (1, 3, 18, 26)
     assert display_size.tolist() == [53, 37]
-    assert carry.shape == (1, 3, 18, 26)
+    assert aovs.shape == (1, 3, 18, 26)
     assert depth.shape == (1, 1, 37, 53)
     shapes = [(1, 3, 37, 53), (1, 6, 19, 27), (1, 2, 15, 22), (1, 1, 17, 23), (1, 2)]
     assert [tuple(t.shape) for t in history] == shapes
-    assert all(float(t.min()) >= 0.0 and float(t.max()) <= 1.0 for t in (color, carry, depth, *history))
+    assert all(float(t.min()) >= 0.0 and float(t.max()) <= 1.0 for t in (color, aovs, depth, *history))
 
 
 def test_names_and_shapes_of_history_tensors_are_those_of_the_method() -> None:

@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 
 from supersampler_export.host import _fits, host_network
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier_paper import PaperClassifier
-from supersampler_model.methods.taau import Taau
-from supersampler_model.networks.classifier import NetworkConfig
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.classifier_paper.model import PaperClassifier
+from supersampler_model.methods.taau.model import Taau
 
 LARGEST = NetworkConfig(levels=(32, 64, 128, 256), decoder=32, decoder_layers=1, hidden=58)
 

@@ -23,8 +23,8 @@ from supersampler_export.quantize import (
     unpacked,
 )
 from supersampler_export.quantize import folded as folded_pointwise
-from supersampler_model.methods.classifier_inputs import SEEN
-from supersampler_model.networks.classifier import Pointwise
+from supersampler_model.methods.classifier.network import Pointwise
+from supersampler_model.methods.classifier.network_inputs import SEEN
 
 RANDOM = np.random.default_rng(0)
 GIVEN = Bytes.of(6, 0.01).beside(Bytes.of(3, 0.02, 128.0)).followed_by(1).beside(Bytes.of(2, 0.005))

@@ -11,14 +11,14 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler.model_info import find_model
-from supersampler.onnx_runtime import ort
-from supersampler.ratios import only_ratio, scaled
+from supersampler.backends.onnx.runtime import ort
+from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.methods.model_file import find_model
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.graph import history_name
 from supersampler_export.parity import noise
-from supersampler_model.method import Method, Size
-from supersampler_model.methods.carry import Carry
+from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.base import Method, Size
 
 RENDER = Size(37, 22)
 EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)
@@ -90,7 +90,7 @@ def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str
 
 
 def test_channels_that_frames_carry_are_blended_as_the_shipped_graph_blends_them() -> None:
-    assert_steps_alike(Carry(), find_model("bilinear") / "carry.onnx")
+    assert_steps_alike(Carry(), find_model("bilinear") / "aovs.onnx")
 
 
 def assert_steps_alike(method: Method, graph: Path) -> None:
@@ -111,11 +111,11 @@ def assert_steps_alike(method: Method, graph: Path) -> None:
             history = [*history[:at], dotted(history[at]), *history[at + 1 :]]
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
-            image, after, told = method.step(*arguments, *history)
+            image, after, aux_outputs = method.step(*arguments, *history)
         feeds = {key: value.numpy() for key, value in zip(names, [*arguments, *history], strict=True)}
         theirs = [torch.from_numpy(array) for array in session.run(None, feeds)]
-        outputs = ["image", *method.history, *method.told]
-        for output, a, b in zip(outputs, [image, *after, *told], theirs, strict=True):
+        outputs = ["image", *method.history, *method.aux_outputs]
+        for output, a, b in zip(outputs, [image, *after, *aux_outputs], theirs, strict=True):
             assert_alike(f"{output} of frame {index}", a, b)
         assert [t.shape for t in after] == shapes
         history = after

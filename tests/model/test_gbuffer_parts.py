@@ -7,12 +7,21 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.method import Size
 from supersampler_model.methods import LEARNED
-from supersampler_model.methods.gbuffer import GBuffer
-from supersampler_model.methods.gbuffer_buffers import Surfaces
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
-from supersampler_model.methods.gbuffer_surfaces import (
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.gbuffer.buffers import Surfaces
+from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.network import (
+    GRADIENTS,
+    SURFACES,
+    Enhancer,
+    GatedEncoder,
+    GBufferNetwork,
+    GBufferNetworkConfig,
+    Seen,
+)
+from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler_model.methods.gbuffer.surfaces import (
     bilinear_past,
     closest_around,
     matte,
@@ -24,16 +33,7 @@ from supersampler_model.methods.gbuffer_surfaces import (
     usable_surfaces,
     weighed_mean,
 )
-from supersampler_model.networks.gbuffer import (
-    GRADIENTS,
-    SURFACES,
-    Enhancer,
-    GatedEncoder,
-    GBufferNetwork,
-    GBufferNetworkConfig,
-    Seen,
-)
-from supersampler_model.sampling import grid_of
+from supersampler_model.ops.sampling import grid_of
 
 GREY, SIDE = 0.2, 15
 

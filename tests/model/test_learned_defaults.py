@@ -3,7 +3,7 @@
 import pytest
 
 from supersampler_model.methods import LEARNED
-from supersampler_model.trained import load_trained, shipped_weights
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SHIPPED = [name for name in LEARNED if shipped_weights(name).exists()]
 

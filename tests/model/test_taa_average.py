@@ -4,10 +4,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.color import tone, ycocg
-from supersampler_model.method import Size
-from supersampler_model.methods.taa import Gathered, Taa, TaaConfig
-from supersampler_model.rectification import Box
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.taa.model import Gathered, Taa, TaaConfig
+from supersampler_model.ops.color import tone, ycocg
+from supersampler_model.ops.rectification import Rect
 
 SIZE = Size(6, 4)
 
@@ -16,14 +16,14 @@ def plane(value: float, channels: int = 3) -> Tensor:
     return torch.full((1, channels, SIZE.height, SIZE.width), value)
 
 
-def gathered(box: Box, has_past: float = 1.0) -> Gathered:
+def gathered(box: Rect, has_past: float = 1.0) -> Gathered:
     """A sample of 0.2 and a history of 0.6, toned RGB."""
     return Gathered(plane(0.2), plane(0.6), plane(has_past, 1), box)
 
 
 def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
     method = Taa()
-    seen = gathered(Box(plane(0.0), plane(1.0)))
+    seen = gathered(Rect(plane(0.0), plane(1.0)))
     weight = method.network(seen, torch.ones(1))
     torch.testing.assert_close(weight, plane(0.1, 1))
     image = Taa(TaaConfig(space="rgb")).finish(seen, weight, torch.ones(1))
@@ -32,14 +32,14 @@ def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
 
 @pytest.mark.parametrize(("has_past", "exposure"), [(0.0, 1.0), (1.0, 0.0)])
 def test_without_a_history_the_frame_is_all_of_the_image(has_past: float, exposure: float) -> None:
-    weight = Taa().network(gathered(Box(plane(0.0), plane(1.0)), has_past), torch.tensor([exposure]))
+    weight = Taa().network(gathered(Rect(plane(0.0), plane(1.0)), has_past), torch.tensor([exposure]))
     assert (weight == 1.0).all()
 
 
 @pytest.mark.parametrize(("clip", "past"), [("sample", 0.4), ("center", 0.4), ("clamp", 0.4)])
 def test_the_history_is_cut_by_the_box_before_it_is_averaged(clip: str, past: float) -> None:
     method = Taa(TaaConfig(space="rgb", clip=clip))  # type: ignore[arg-type]
-    image = method.finish(gathered(Box(plane(0.1), plane(0.4))), plane(0.1, 1), torch.ones(1))
+    image = method.finish(gathered(Rect(plane(0.1), plane(0.4))), plane(0.1, 1), torch.ones(1))
     torch.testing.assert_close(tone(image), plane(0.02 + 0.9 * past), rtol=1e-4, atol=1e-4)
 
 
@@ -73,5 +73,5 @@ def test_the_weight_that_is_told_is_that_of_the_history() -> None:
     planes["display_size"] = torch.tensor(SIZE)
     inputs = [planes[name] for name in method.inputs()]
     first = method.step(*inputs, *method.first_history(SIZE, SIZE))
-    assert not first.told[0].any()
-    torch.testing.assert_close(method.step(*inputs, *first.history).told[0], plane(0.9, 1))
+    assert not first.aux_outputs[0].any()
+    torch.testing.assert_close(method.step(*inputs, *first.history).aux_outputs[0], plane(0.9, 1))

@@ -4,8 +4,8 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.color import inverse_tone
-from supersampler_model.methods.taau import Blend, Present, Remembered, Taau
+from supersampler_model.methods.taau.model import Blend, Present, Remembered, Taau
+from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
 C = RULES.config
@@ -19,7 +19,13 @@ def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) ->
     """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
     first, second = plane(0.4, 0.0, 0.0), plane(0.4**2 + 0.2**2, 1e-2, 1e-2)
     return Present(
-        plane(0.3, 0.0, 0.0), plane(0.5, 0.0, 0.0), plane(confidence), first, second, plane(*shade)
+        plane(0.3, 0.0, 0.0),
+        plane(0.5, 0.0, 0.0),
+        plane(confidence),
+        first,
+        second,
+        plane(*shade),
+        plane(0.0),
     )
 
 
@@ -28,10 +34,12 @@ def remembered(
     mean: float = 0.5, power: float = 0.01,
 ) -> Remembered:  # fmt: skip
     return Remembered(
+        plane(luma, luma, luma),
         plane(luma, 0.0, 0.0),
         plane(samples),
         plane(power),
         plane(mean, 0.05),
+        plane(0.0),
         plane(surface),
         plane(speed),
         plane(blur),
@@ -107,7 +115,14 @@ def finished(
     past: Remembered, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
 ) -> tuple[float, float, float]:
     """Toned luma of the image, count and power."""
-    blend = Blend(plane(0.2, 0.0, 0.0), plane(weight), plane(samples), plane(spreads))
+    blend = Blend(
+        plane(0.2, 0.0, 0.0),
+        plane(weight),
+        plane(samples),
+        plane(spreads),
+        plane(samples),
+        torch.zeros(1, 1, 1, 1, dtype=torch.bool),
+    )
     image, state = RULES.finish(present(confidence), past, blend, torch.tensor([2.0]))
     green = float(image[0, 1] * 2.0)
     return green / (1.0 + green), float(state[0, 0]), float(state[0, 1])
@@ -147,6 +162,13 @@ def test_without_a_history_or_in_another_light_there_is_no_spread() -> None:
 def test_the_image_is_exposed_back_and_never_negative(
     ycocg: tuple[float, float, float], toned: tuple[float, float, float]
 ) -> None:
-    blend = Blend(plane(*ycocg), plane(0.0), plane(4.0), plane(1.0))
-    image, _ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]))
+    blend = Blend(
+        plane(*ycocg),
+        plane(0.0),
+        plane(4.0),
+        plane(1.0),
+        plane(4.0),
+        torch.zeros(1, 1, 1, 1, dtype=torch.bool),
+    )
+    image, *_ = RULES.finish(present(), remembered(), blend, torch.tensor([4.0]))
     torch.testing.assert_close(image, inverse_tone(plane(*toned)) / 4.0, rtol=1e-3, atol=1e-6)

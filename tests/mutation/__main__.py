@@ -29,7 +29,7 @@ KILLED, SURVIVED, UNREACHED = "killed", "survived", "no test runs it"
 
 
 @dataclass(frozen=True)
-class Result:
+class StepResult:
     """What became of a mutant.
 
     Attributes:
@@ -49,26 +49,26 @@ class Results:
     def __init__(self, file: Path) -> None:
         self.file = file
         self.all_tests = hash_of(*(TREE / path for path in files_of(TREE, TESTS, EXCLUDED)))
-        self.known: dict[str, Result] = {}
+        self.known: dict[str, StepResult] = {}
         for line in file.read_text().splitlines() if file.exists() else ():
             entry = json.loads(line)
             mutant = entry.pop("mutant")
-            self.known[mutant] = Result(**entry)
+            self.known[mutant] = StepResult(**entry)
 
-    def find(self, mutant: str) -> Result | None:
+    def find(self, mutant: str) -> StepResult | None:
         """Return a result that still holds: the killing test is as it was, or all tests are."""
         result = self.known.get(mutant)
         return result if result and result.after == self._state(result) else None
 
-    def add(self, mutant: str, outcome: str, by: str) -> Result:
+    def add(self, mutant: str, outcome: str, by: str) -> StepResult:
         """Keep a result."""
-        result = Result(outcome, by, self._state(Result(outcome, by, "")))
+        result = StepResult(outcome, by, self._state(StepResult(outcome, by, "")))
         self.known[mutant] = result
         with self.file.open("a") as file:
             file.write(json.dumps({"mutant": mutant, **vars(result)}) + "\n")
         return result
 
-    def _state(self, result: Result) -> str:
+    def _state(self, result: StepResult) -> str:
         test = TREE / result.by.split("::")[0].removesuffix(" (import)")
         return hash_of(test) if result.outcome == KILLED and test.is_file() else self.all_tests
 
@@ -154,7 +154,7 @@ def main() -> None:
     targets = [path for path in targets_of(TREE) if settings("ONLY", "") in path]
     importers, results = importers_of(targets_of(TREE)), Results(OUT / "results.jsonl")
     mutants = chosen_mutants(targets, count, seed)
-    done: list[tuple[Mutant, Result]] = []
+    done: list[tuple[Mutant, StepResult]] = []
     for i, mutant in enumerate(mutants, 1):
         started, key = time.monotonic(), key_of(mutant)
         if started > end:
@@ -173,7 +173,7 @@ def _said(mutant: Mutant) -> str:
     return f"{mutant.path}:{mutant.line} {mutant.where}: {mutant.before}  ->  {mutant.after}"
 
 
-def _report(done: list[tuple[Mutant, Result]]) -> None:
+def _report(done: list[tuple[Mutant, StepResult]]) -> None:
     counts = Counter(result.outcome for _, result in done)
     survivors = [(mutant, result) for mutant, result in done if result.outcome != KILLED]
     print("\nsurvivors:" if survivors else "\nno survivors")

@@ -2,15 +2,14 @@
 
 TARGETS = [
     "model/supersampler_model/methods/**/*.py",
-    "model/supersampler_model/train/losses.py",
-    "model/supersampler_model/train/class_loss.py",
-    "model/supersampler_model/train/structure.py",
-    "model/supersampler_model/train/*task*.py",
+    "model/supersampler_model/training/losses.py",
+    "model/supersampler_model/training/class_loss.py",
+    "model/supersampler_model/training/structure.py",
+    "model/supersampler_model/training/*task*.py",
     "model/supersampler_model/data/labels/*.py",
     "export/supersampler_export/*.py",
     "sdk/supersampler/conventions/*.py",
-    "sdk/supersampler/checks/*.py",
-    "sdk/supersampler/detect/*.py",
+    "sdk/supersampler/validation/*.py",
 ]
 """Globs from the root of the repository."""
 

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler.checks import FrameChecker
+from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Float32, Frame
-from supersampler.jitter import halton_jitter
+from supersampler.validation import FrameChecker
 
 SIZE = (80, 60)  # all of its 4800 pixels are looked at
 PIXELS = SIZE[0] * SIZE[1]

@@ -7,8 +7,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler.checks import FrameChecker
-from supersampler.checks.neighbours import (
+from supersampler.conventions import Conventions
+from supersampler.conventions.jitter import halton_jitter
+from supersampler.errors import FrameError, FrameWarning
+from supersampler.frame import Frame
+from supersampler.validation import FrameChecker
+from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdict, ranked
+from supersampler.validation.reprojection import luminance
+from supersampler.validation.temporal import (
     Memory,
     _better_reading,
     _other_order,
@@ -17,13 +23,7 @@ from supersampler.checks.neighbours import (
     _words,
     remembered,
 )
-from supersampler.conventions import Conventions
-from supersampler.detect.detection import SURE, Detection, Hypothesis, Verdict, ranked
-from supersampler.errors import FrameError, FrameWarning
-from supersampler.frame import Frame
-from supersampler.jitter import halton_jitter
-from supersampler.reprojection import luminance
-from supersampler_model.data.analytic import Plane, checker
+from supersampler_model.data.scenes.analytic import Plane, checker
 
 
 def even(jitter: tuple[float, float], size: tuple[int, int]) -> Frame:

@@ -5,10 +5,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from supersampler.checks import FrameChecker
 from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame
-from supersampler.gbuffers import GBUFFERS
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.validation import FrameChecker
 
 WIDTH, HEIGHT = 80, 60  # all pixels are looked at
 PIXELS = WIDTH * HEIGHT

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.detect.detector import _middle
-from supersampler.detect.evidence import Still, steps
-from supersampler.detect.rankings import _jitter_text, jitters_in_the_pixel, rank_jitter, rank_motion
 from supersampler.errors import ArgumentError, FrameError
+from supersampler.validation.detector import _middle
+from supersampler.validation.evidence import Still, steps
+from supersampler.validation.rankings import _jitter_text, jitters_in_the_pixel, rank_jitter, rank_motion
 
 SIZE = (8, 6)
 

@@ -7,14 +7,14 @@ import torch
 from torch import Tensor
 
 from supersampler_model.data.labels import Alias, Ghost
-from supersampler_model.method import Size
-from supersampler_model.methods.classifier import Classifier, ClassifierConfig
-from supersampler_model.networks.classifier import NetworkConfig
-from supersampler_model.sampling import View
-from supersampler_model.train.class_loss import class_loss
-from supersampler_model.train.classifier_task import ClassifierTask
-from supersampler_model.train.shots import UNKNOWN
-from supersampler_model.train.windows import Sample
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.ops.sampling import View
+from supersampler_model.training.class_loss import class_loss
+from supersampler_model.training.classifier_task import ClassifierTask
+from supersampler_model.training.crops import Sample
+from supersampler_model.training.shots import UNKNOWN
 
 RENDER, DISPLAY = Size(12, 8), Size(24, 16)
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))

@@ -8,15 +8,15 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.method import Size
-from supersampler_model.methods.gbuffer import GBufferConfig
-from supersampler_model.methods.gbuffer_buffers import Gathered, Surfaces
-from supersampler_model.methods.gbuffer_small import NETWORK, SmallGBuffer
-from supersampler_model.sampling import View
-from supersampler_model.train.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
-from supersampler_model.train.losses import shown
-from supersampler_model.train.structure import dissimilarity
-from supersampler_model.train.windows import Sample
+from supersampler_model.methods.base import Size
+from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
+from supersampler_model.methods.gbuffer.model import GBufferConfig
+from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler_model.ops.sampling import View
+from supersampler_model.training.crops import Sample
+from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
+from supersampler_model.training.losses import shown
+from supersampler_model.training.structure import dissimilarity
 
 SIDE = 12  # of the render size
 

@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.color import tone
-from supersampler_model.train.class_loss import ClassifierWeights, class_loss, shares_of
-from supersampler_model.train.losses import PictureWeights, picture_loss, shown
-from supersampler_model.train.structure import dissimilarity
+from supersampler_model.ops.color import tone
+from supersampler_model.training.class_loss import ClassifierWeights, class_loss, shares_of
+from supersampler_model.training.losses import PictureWeights, picture_loss, shown
+from supersampler_model.training.structure import dissimilarity
 
 CLASSES = ClassifierWeights()
 
