@@ -65,7 +65,7 @@ def exported(folders: pytest.TempPathFactory) -> Path:
     if (folder / "model.json").exists():
         return folder
     aovs = find_model("bilinear") / "aovs.onnx"
-    with patch("supersampler_export.folder.carry_graph", aovs.read_bytes):
+    with patch("supersampler_export.folder.aovs_graph", aovs.read_bytes):
         write_model_folder(Demodulated(), folder)
     return folder
 

@@ -143,7 +143,7 @@ def test_all_but_close_is_refused_by_a_closed_upscaler() -> None:
         ("exposure", "1", "exposure is '1'"),
         ("reset", "no", "reset is 'no'; want True or False"),
         ("jitter", ("0", "0"), r"jitter is \('0', '0'\); want \(x, y\), two numbers"),
-        ("aovs", np.zeros((18, 32, 0), np.float32), r"carry is \(18, 32, 0\)"),
+        ("aovs", np.zeros((18, 32, 0), np.float32), r"aovs is \(18, 32, 0\)"),
         ("gbuffer", [1], r"gbuffer is \[1\]; want a mapping"),
     ],
 )

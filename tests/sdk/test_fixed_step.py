@@ -145,7 +145,7 @@ def test_warming_up_makes_what_the_first_step_runs(monkeypatch: pytest.MonkeyPat
     expected = drawn(upscaler(load("taau"), display_size=(50, 30)), noise(1))
     fixed.warm_up((32, 18))
     monkeypatch.setattr("supersampler.backends.onnx.executor.FixedStep", None)  # no other is made
-    monkeypatch.setattr("supersampler.backends.onnx.executor.GraphExecutor._run", None)
+    monkeypatch.setattr("supersampler.backends.onnx.executor.OnnxExecutor._run", None)
     np.testing.assert_array_equal(drawn(fixed, noise(1)), expected)
 
 

@@ -163,10 +163,10 @@ def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, j
 def test_a_folder_whose_inner_one_is_damaged_is_refused(tmp_path: Path) -> None:
     folder = joint_folder(tmp_path / "joint")
     (folder / "extrapolated" / "step.onnx").write_bytes(b"")
-    with pytest.raises(ModelError, match=r"drawn.step\.onnx: its content is not what"):
+    with pytest.raises(ModelError, match=r"extrapolated.step\.onnx: its content is not what"):
         Model.load(folder, providers="cpu")
     (folder / "extrapolated" / "model.json").write_text("{}")
-    with pytest.raises(ModelError, match=r"drawn.model\.json: its content is not what"):
+    with pytest.raises(ModelError, match=r"extrapolated.model\.json: its content is not what"):
         Model.load(folder, providers="cpu")
 
 
@@ -214,7 +214,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
     other = joint_folder(tmp_path / "other")
     described = (other / "extrapolated" / "model.json").read_text().replace("joint-drawn", "another")
     (other / "extrapolated" / "model.json").write_text(described)
-    with pytest.raises(ModelError, match=r"drawn.model\.json"):
+    with pytest.raises(ModelError, match=r"extrapolated.model\.json"):
         Replay(open_recording(file), model=other)
 
 

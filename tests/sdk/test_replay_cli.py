@@ -59,7 +59,7 @@ def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path:
 def test_another_executor_is_told_and_tolerated(file: Path) -> None:
     done = run("replay", file, "--executor", "onnx")
     assert done.exit_code == 0
-    assert "CPU (graph, fp32)" in done.stdout
+    assert "CPU (onnx, fp32)" in done.stdout
     assert f"0 of {COUNT} frames are bit for bit what they were; frame 0 is the first" in done.stdout
     assert "That is within tolerance: mean 1e-05, at 99 % 0.001." in done.stdout
 
@@ -79,7 +79,7 @@ def test_pictures_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -
     other = ("replay", file, "-o", tmp_path / "again", "--executor", "onnx")
     refused = run(*other)
     assert (refused.exit_code, refused.stderr.count("\n")) == (1, 1)
-    assert "executor was host, is now graph" in refused.stderr
+    assert "executor was cpu, is now onnx" in refused.stderr
     assert run(*other, "--overwrite").exit_code == 0
 
 

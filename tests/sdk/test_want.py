@@ -116,9 +116,9 @@ def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> No
         upscaler.step(carrying(1), outputs=("class_map",))
     with pytest.raises(ArgumentError, match="outputs"):
         upscaler.step(carrying(1), outputs="aovs")
-    with pytest.raises(FrameError, match="carry is None"):
+    with pytest.raises(FrameError, match="aovs is None"):
         upscaler.step(noise(1), outputs=("aovs",))
-    with pytest.raises(FrameError, match="carry is 1 channels"):
+    with pytest.raises(FrameError, match="aovs is 1 channels"):
         upscaler.step(carrying(1, channels=1), outputs=("aovs",))
     other = make("taau")
     told(other, carrying(0), "aovs")
@@ -167,7 +167,7 @@ def test_a_saved_state_with_a_misshapen_carry_is_refused() -> None:
     state = upscaler.save_state()
     assert state.history is not None
     cut = {**state.history, "history.aovs": state.history["history.aovs"][..., 1:]}
-    with pytest.raises(ArgumentError, match=r"history\.carry"):
+    with pytest.raises(ArgumentError, match=r"history\.aovs"):
         upscaler.load_state(replace(state, history=cut))
 
 
