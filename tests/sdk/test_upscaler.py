@@ -284,7 +284,7 @@ def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Mod
     (folder / "step.onnx").write_bytes((source / "step.onnx").read_bytes()[:-1])
     with pytest.raises(ModelError, match="sha256"):
         Model.load(folder)
-    (folder / "model.json").write_text(description.replace('"contract": 1', '"contract": 99'))
+    (folder / "model.json").write_text(description.replace('"contract": 2', '"contract": 99'))
     with pytest.raises(ModelError, match="contract is 99; this runtime drives 2"):
         Model.load(folder)
     (folder / "model.json").write_text("{")
