@@ -150,7 +150,7 @@ def is_image_size(width: int, height: int) -> bool:
 
 
 def checked_names(name: str, names: Collection[str]) -> tuple[str, ...]:
-    """Return names, which the caller knows which there are of.
+    """Return a collection of names as a tuple; the caller checks that each exists.
 
     Raises:
         ArgumentError: they are not text, or not several: one name alone, None, a generator.
@@ -217,7 +217,7 @@ def checked_skip(skip: Skip) -> Skip:
 
 
 def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
-    """Return the tolerance for tiles that stay as they are; None where all is to be drawn."""
-    if skip == "exact" or "aovs" in outputs:  # what is carried may change where nothing else does
+    """Return the tolerance of static-tile reuse; None where every pixel is to be computed."""
+    if skip == "exact" or "aovs" in outputs:  # AOVs may change where no other input does
         return None
     return TOLERANCE if skip == "auto" else float(skip)

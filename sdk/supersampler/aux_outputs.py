@@ -1,4 +1,4 @@
-"""Pictures of what a method tells beside its image: classes, weight of the past, count of samples, work."""
+"""Images of the auxiliary outputs of a step: classes, weight of the history, count of samples, work."""
 
 from collections.abc import Mapping
 
@@ -26,7 +26,7 @@ MOST_SAMPLES = 64.0
 
 LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
-    "weight": false_color_legend("this frame", "the past"),
+    "weight": false_color_legend("this frame", "history"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
     "work": false_color_legend("reused", "computed"),
 }
@@ -64,9 +64,9 @@ def class_colors(shares: Float32) -> Bytes:
     Returns:
         (h, w, 3) uint8 sRGB.
     """
-    _, hidden, changed, plain, geometry, texture = (shares[..., i, None] for i in range(6))
+    _, disoccluded, changed, plain, geometry, texture = (shares[..., i, None] for i in range(6))
     colors = {name: np.array(color, np.float32) for name, color in CLASS_COLORS.items()}
     aliasing = plain * np.array(NO_CLASS) + geometry * colors["geometry"] + texture * colors["texture"]
     ghosting = plain * colors["visibility"] + (1.0 - plain) * colors["visibility, aliased"]
-    mixed = (1.0 - hidden - changed) * aliasing + hidden * ghosting + changed * colors["shading"]
+    mixed = (1.0 - disoccluded - changed) * aliasing + disoccluded * ghosting + changed * colors["shading"]
     return np.asarray(np.clip(np.rint(mixed), 0, 255), np.uint8)

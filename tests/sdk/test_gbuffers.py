@@ -200,7 +200,9 @@ def test_one_ratio_is_exact_and_the_sizes_that_would_do_are_said(
 ) -> None:
     with pytest.raises(FrameError) as caught:
         upscaler(model, display_size=display).step(lit(1, render))
-    said = f"frame.size is {render}, for a display of {display}; want {would_do}: this method draws exactly 2"
+    said = (
+        f"frame.size is {render}, for a display of {display}; want {would_do}: this method upscales exactly 2"
+    )
     assert said in str(caught.value)
     with pytest.raises(FrameError, match=r"frame\.size"):
         model.plan(render, display)

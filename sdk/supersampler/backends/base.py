@@ -1,4 +1,4 @@
-"""How a model runs: what `Model` asks of ONNX Runtime's graph, and of kernels on this processor."""
+"""The backend protocol: what `Model` needs of the ONNX backend and of the CPU backend."""
 
 from collections.abc import Collection, Mapping
 from typing import Any, Protocol
@@ -8,71 +8,70 @@ from numpy.typing import NDArray
 from supersampler.frame import Float32, Frame, Size
 
 Buffers = Any
-"""What one frame leaves for the next, in the form and place that suits an executor."""
+"""A history in the layout and memory of one executor."""
 
 
 class Executor(Protocol):
-    """Runs steps; keeps nothing between them that a result depends on. Shareable between threads.
+    """Runs steps. Keeps no state that a result depends on; shareable between threads.
 
     Attributes:
         name: "onnx" or "cpu".
-        precision: of the learned part, "fp32", "fp16" or, in bytes, "int8".
+        precision: of the network, "fp32", "fp16" or "int8".
     """
 
     name: str
     precision: str
 
     def zeros(self, display: Size, render: Size) -> Buffers:
-        """No past, and room for what a frame of this size leaves."""
+        """Allocate an empty history for frames of this size."""
 
     def fits(self, buffers: Buffers, display: Size, render: Size) -> bool:
-        """Whether what a frame of this size leaves may be written there."""
+        """Whether the history after a frame of this size may be written to these buffers."""
 
     def step(
         self,
         frame: Frame,
         display: Size,
-        past: Buffers,
-        left: Buffers,
+        history: Buffers,
+        next_history: Buffers,
         image: Float32,
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
-        """Upscale a checked frame.
+        """Upscale a frame that has been checked.
 
         Args:
             frame: the frame.
             display: (W, H).
-            past: what the frame before left.
-            left: where this one leaves it; not `past`.
+            history: after the previous frame; not changed.
+            next_history: written to; not `history`.
             image: (H, W, 3), written to.
-            aux_outputs: names of tensors, of those that model.json lists as such.
-            tolerance: how far a tile that stays as it is, where the scene stands still, may be from what it
-                was one period of the jitter before: root mean square of what a screen shows. None: all is
-                drawn.
+            aux_outputs: names of auxiliary outputs to return.
+            tolerance: of static-tile reuse: a tile of a still scene is reused where its change over one
+                jitter period is at most this, root mean square of display values. None: no tile is reused.
 
         Returns:
-            Those tensors, NCHW.
+            The auxiliary outputs, NCHW, by name.
         """
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
-        """Bytes of what a frame leaves, and of all that a step works in; None where that is not known."""
+        """Bytes of a history, and of the working memory of a step; None where that is unknown."""
 
     def note_stages(self) -> Mapping[str, float]:
-        """From now on add up wall seconds by stage, there; nothing where stages are not known."""
+        """Return a mapping in which wall seconds add up by stage from now on; empty where stages are unknown."""
 
     def tensor(self, buffers: Buffers, name: str) -> Float32:
-        """A history tensor of the contract, NCHW, in memory."""
+        """A history tensor of the contract as an array, NCHW."""
 
     def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
-        """Copies of what else goes from frame to frame, by names of the executor's own."""
+        """Copies of the executor's own state beside the history tensors, by name."""
 
     def work(self, buffers: Buffers, display: Size) -> Float32:
-        """Share of a whole step's work that the step that left these did: (rows, columns) of tiles."""
+        """Work of the step that wrote these buffers as a share of a full step, by tile: (rows, columns)."""
 
     def load(self, buffers: Buffers, tensors: Mapping[str, NDArray[Any]]) -> None:
-        """Fill buffers with all history tensors of the contract; shapes are as they must be.
+        """Fill buffers with all history tensors of the contract, whose shapes have been checked.
 
-        What `memory` copied may lie among them, of this executor or of another.
+        Arrays by `memory` may be among them, of this executor or of another.
         """

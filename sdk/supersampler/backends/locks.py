@@ -20,7 +20,7 @@ class ForkSafeLock:
         _LOCKS.add(self)
 
     def renew(self) -> None:
-        """Become another lock, which nobody holds."""
+        """Replace the lock by a new one, which is free."""
         self.lock = allocate_lock()
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Plan:
-    """What an `Upscaler` needs for frames of one size and pictures of another.
+    """What an `Upscaler` needs for one render size and one display size.
 
     Attributes:
         executor: "onnx" or "cpu"; see `Model.load`.

@@ -51,7 +51,7 @@ class PresetChoice(StrEnum):
 
 
 class Format(StrEnum):
-    """Files to write pictures as."""
+    """Image file formats."""
 
     exr = "exr"
     png = "png"

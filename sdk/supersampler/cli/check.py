@@ -11,10 +11,10 @@ def check(
     shot: ShotArgument,
     frames: Annotated[int, typer.Option(min=2, help="How many from the middle to look at.")] = 6,
 ) -> None:
-    """Find out in which conventions SHOT really is: motion, jitter and depth, by what fits the pictures.
+    """Detect the conventions of SHOT: motion, jitter and depth that fit its images best.
 
     Tries motion units, directions and flips, and jitter units, signs and flips, on a few frames, and ranks
-    them by how well they carry each picture to the next. Prints what fits, by how much, and the Conventions
+    them by how well they reproject each image to the next. Prints what fits, by how much, and the Conventions
     to write; and which G-buffers the first frame has. Exit code 1 where what fits contradicts what the shot
     says.
 

@@ -50,7 +50,7 @@ COMPARE_FRAMES = 64
 _NOTES = (
     "Pictures as a screen shows them: exposure, c / (1 + max(r, g, b)), sRGB; JPEG of quality 92, small ones "
     "PNG. The input is as rendered, with its jitter.",
-    "error: mean over r, g, b of |output − reference| of these pictures. PSNR: of the same before they are "
+    "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same before they are "
     "rounded to 8 bits, whole frame.",
 )
 
@@ -59,8 +59,8 @@ _NOTES = (
 class UpscaleJob:
     """What to upscale, how, and to where; sizes are (width, height).
 
-    Frames of the shot that were not shaded are drawn by `extrapolation`, the name or folder of a model.
-    Without `display_size` and `scale` the pictures are of the shot's display size; where it has none, 2x, or
+    Unshaded frames of the shot are extrapolated by `extrapolation`, the name or folder of a model.
+    Without `display_size` and `scale` the images are of the shot's display size; where it has none, 2x, or
     what the model's only ratio is.
     `record` is a file to record to, all frames from the first on; that of an earlier run into the same folder
     is replaced.
@@ -157,7 +157,7 @@ def _own_ratio(model: Model | str | Path) -> float | None:
 
 
 def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
-    """All that the pictures follow from. The number of frames is not in it: a shot may still be growing."""
+    """All that the images depend on. The number of frames is not in it: a shot may still be growing."""
     return {
         "supersampler": __version__,
         "shot": str(job.shot.path.resolve()),
@@ -206,11 +206,11 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
         each = stats.extrapolation_seconds / stats.extrapolated
         job.console.print(f"{stats.extrapolated} were not shaded; drawing one took {each:.2f} s")
     if stats.work < stats.frames:
-        job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was left out: nothing moved.")
+        job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")
 
 
 def _step(job: UpscaleJob, upscaler: Upscaler, frame: Frame) -> StepResult:
-    """Step, and ask for what the pictures and the page show."""
+    """Step, and request the outputs that files and page show."""
     maps = [*upscaler.model.info.maps, "work"] if job.maps else []
     step = upscaler.extrapolate if job.extrapolation and frame.color is None else upscaler.step
     result = step(frame, outputs=(*maps, *(["aovs"] if frame.aovs is not None else [])))

@@ -47,7 +47,8 @@ def upscale(
         bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
     ] = False,
     maps: Annotated[
-        bool, typer.Option("--maps", help="With --compare: also classes, weight of the past, samples, work.")
+        bool,
+        typer.Option("--maps", help="With --compare: also classes, weight of the history, samples, work."),
     ] = False,
     providers: Annotated[
         str,
@@ -65,7 +66,7 @@ def upscale(
     skip: Annotated[
         str,
         typer.Option(
-            help="exact: draw every pixel. auto, or how far a tile may be off: keep what stands still."
+            help="exact: compute every pixel. auto, or how far a tile may be off: keep what stands still."
         ),
     ] = "auto",
     preset: Annotated[
@@ -93,7 +94,7 @@ def upscale(
         bool, typer.Option("--overwrite", help="Start over where results are already.")
     ] = False,
 ) -> None:
-    """Upscale SHOT, frame by frame, into a folder of pictures.
+    """Upscale SHOT, frame by frame, into a folder of images.
 
     A run that was stopped continues when the same command is given again: frames that are complete are not
     written anew, the history is rebuilt by replaying the frames since the last cut.

@@ -44,7 +44,7 @@ class Conventions:
             "forward" 0 at the near plane, 1 at the far plane; "forward_infinite" 1 - near / distance;
             "linear" distance along the view axis.
         near: distance of the near plane, > 0, also where depth is reversed. It matters with a finite far
-            plane and, as a constant factor that changes no picture, with linear depth.
+            plane and, as a constant factor that changes no image, with linear depth.
         far: distance of the far plane, > near. "reversed" and "forward" need it; for "linear", surfaces at
             this distance and beyond are sky.
         jitter_unit: unit of the jitter.
@@ -188,7 +188,7 @@ class Conventions:
         itself takes pixels: motion_unit="pixels" and InMVScale as `motion_scale`.
 
         Sources: Streamline sl_consts.h, ProgrammingGuideDLSS.md section 6. The jitter's sign is not written
-        there; it is seen from outside: OptiScaler hands NGX's Jitter_Offset to FSR 2 and XeSS unchanged.
+        there; evidence: OptiScaler hands NGX's Jitter_Offset to FSR 2 and XeSS unchanged.
         """
         return cls._preset({"motion_unit": "uv", "jitter_sign": -1}, overrides)
 
@@ -229,7 +229,7 @@ class Conventions:
         The sky's Z is 1e10. Blender has no jitter of its own: a camera with shift_x = x / max(w, h) and
         shift_y = -y / max(w, h) samples at the pixel's centre + (x, y), which is this package's sign.
 
-        Source: rendered and measured; a converged picture warped so lies on the next.
+        Source: rendered and measured; a converged image that is warped so matches the next.
         """
         return cls._preset({"motion_flip_y": True, "depth": "linear", "far": 1e10}, overrides)
 

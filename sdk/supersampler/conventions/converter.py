@@ -140,7 +140,8 @@ class Converter:
     def _shift(self, jitter: _Pair, size: Size, previous: _Pair | None) -> _Pair:
         """What jitter adds to a vector, in render pixels.
 
-        The image is drawn at p - jitter, so previous minus current gains - previous jitter + current jitter.
+        The image is rendered at p - jitter, so previous minus current gains
+        - previous jitter + current jitter.
         """
         if not self.conventions.motion_jittered or previous is None:
             return 0.0, 0.0

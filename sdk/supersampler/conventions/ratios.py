@@ -1,4 +1,4 @@
-"""Which display sizes a method draws for which render sizes."""
+"""Ratios of display size to render size that methods support."""
 
 from fractions import Fraction
 
@@ -8,7 +8,7 @@ from supersampler.frame import Size
 
 
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
-    """Raise FrameError unless a method of these ratios (least, largest) draws from one size to the other.
+    """Raise FrameError unless a method of these ratios (least, largest) upscales from one size to the other.
 
     A range has some slack, as either size may be rounded to whole pixels. A method of one ratio puts whole
     blocks of display pixels where a render pixel is: it takes that many times the render size, exactly.
@@ -61,6 +61,6 @@ def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
     raise FrameError(
         "size",
         got=f"{render_size}, for a display of {display_size}",
-        want=f"{' or '.join(would_do) or 'others'}: this method draws exactly {ratio:g} times as large",
+        want=f"{' or '.join(would_do) or 'others'}: this method upscales exactly {ratio:g} times",
         hint="Sizes are (width, height).",
     )

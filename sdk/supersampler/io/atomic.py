@@ -145,7 +145,7 @@ def check_inside(folder: Path, paths: Iterable[Path]) -> None:
 
 
 def _identity(path: Path) -> tuple[int, int] | None:
-    """What tells a file or folder from all others, whatever its name; None where it is not there."""
+    """Identity of a file or folder, whatever its name; None where it does not exist."""
     try:
         found = path.stat()
     except (OSError, ValueError):

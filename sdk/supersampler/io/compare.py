@@ -1,4 +1,4 @@
-"""compare.html: one self-contained page on which a person compares pictures, frame by frame.
+"""compare.html: one self-contained page that compares images, frame by frame.
 
 >>> with compare_page("out/compare.html", about) as page:
 ...     for item in shot:
@@ -65,7 +65,7 @@ ERROR_LEGEND = false_color_legend("0", f"{ERROR_SCALE:.0%} of the display range"
 
 @dataclass(frozen=True, kw_only=True)
 class About:
-    """What a page says beside its pictures.
+    """Captions and legends of a page.
 
     Attributes:
         title: the shot's name, say.
@@ -102,7 +102,7 @@ class ComparePage:
 
         Args:
             index: its place in the shot; larger than the one before.
-            layers: name to (h, w, 3) uint8 sRGB picture of any size, shown stretched to the display size.
+            layers: name to (h, w, 3) uint8 sRGB image of any size, shown stretched to the display size.
                 A frame may lack layers that others have.
             numbers: name to value, of this frame; the page shows them and their mean.
 
@@ -112,16 +112,16 @@ class ComparePage:
         last = self._frames[-1]["index"] if self._frames else -1
         if index <= int(str(last)):
             raise ArgumentError("index", got=index, want=f"frames in order, more than {last}")
-        for name, picture in layers.items():
+        for name, pixels in layers.items():
             tag = f'<script type="text/plain" id="{index}/{escape(name)}">'
-            self._file.write(f"{tag}{_data_uri(picture)}</script>\n")
+            self._file.write(f"{tag}{_data_uri(pixels)}</script>\n")
         numbers = {name: value for name, value in (numbers or {}).items() if np.isfinite(value)}
         self._frames.append({"index": index, "layers": list(layers), "numbers": numbers})
         self._layers.update(dict.fromkeys(layers))
         self._numbers.update(dict.fromkeys(numbers))
 
     def write_summary(self) -> None:
-        """Write what the page says about all frames; no frame comes after it.
+        """Write the captions of all frames; no frame may follow.
 
         Raises:
             ArgumentError: there is no frame.
@@ -169,7 +169,7 @@ def compare_layers(
         frame: what was upscaled; without colour there is no layer `input`.
         image: (H, W, 3) linear RGB, the output.
         reference: linear RGB; one of another size than the image is shown, but not compared. Or None.
-        exposure: > 0, for all pictures of the frame.
+        exposure: > 0, for all images of the frame.
 
     Returns:
         The layers input, output, reference, error as uint8 sRGB, and the PSNR over the whole frame; the last
@@ -192,7 +192,7 @@ def compare_layers(
 def false_color(values: Array) -> Bytes:
     """Map (h, w) values in [0, 1] to (h, w, 3) uint8: black, violet, red, orange, pale yellow.
 
-    Lightness rises evenly with the value, so that the picture also reads in grey; values outside are clamped.
+    Lightness rises evenly with the value, so that the image also reads in grey; values outside are clamped.
     """
     stops = np.linspace(0.0, 1.0, len(_ERROR_COLORS))
     channels = [np.interp(values, stops, channel) for channel in zip(*_ERROR_COLORS, strict=True)]
@@ -206,7 +206,7 @@ def versions() -> str:
     return ", ".join([*installed, f"Python {platform.python_version()}", platform.platform(terse=True)])
 
 
-def _data_uri(picture: Bytes) -> str:
-    small = picture.shape[0] * picture.shape[1] <= _PNG_PIXELS
-    data = encode_png(picture) if small else encode_jpeg(picture, _JPEG_QUALITY)
+def _data_uri(pixels: Bytes) -> str:
+    small = pixels.shape[0] * pixels.shape[1] <= _PNG_PIXELS
+    data = encode_png(pixels) if small else encode_jpeg(pixels, _JPEG_QUALITY)
     return f"data:image/{'png' if small else 'jpeg'};base64,{base64.b64encode(data).decode('ascii')}"

@@ -18,14 +18,14 @@ from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
 EXPOSURE_KEY = 0.18
-"""The log-average luminance that `auto_exposure` brings a picture to: middle grey."""
+"""The log-average luminance that `auto_exposure` maps an image to: middle grey."""
 
 EXPOSURES = (2.0**-24, 2.0**24)
 """The least and the largest exposure that a frame can give: they bring any half float to middle grey and go
 two stops farther at least. In place of one outside, exposure is measured, as where none is given."""
 
 CEILING_DB = 100.0
-"""The PSNR of equal pictures: a finite number, which means can take in and JSON can hold."""
+"""The PSNR of equal images: finite, so that means and JSON can hold it."""
 
 _DARKEST = 1e-4  # luminance below which black stays black instead of pulling the average to nothing
 _MAX_HALF = 65504.0
@@ -83,12 +83,12 @@ def srgb_oetf(linear: Array) -> Float32:
 
 
 def to_uint8(shown: Array) -> NDArray[np.uint8]:
-    """Round pictures in [0, 1] to 0..255, to nearest; values outside are clamped."""
+    """Round values in [0, 1] to 0..255, to nearest; values outside are clamped."""
     return (np.clip(shown, 0.0, 1.0) * 255.0 + 0.5).astype(np.uint8)
 
 
 def auto_exposure(color: NDArray[Any]) -> float:
-    """Return the exposure that brings a picture's log-average luminance to 0.18.
+    """Return the exposure that brings an image's log-average luminance to 0.18.
 
     0.18 / exp(mean(log(max(luminance, 1e-4)))) with BT.709 luminance, over the pixels whose components are
     all numbers in [0, 65504].
@@ -97,7 +97,7 @@ def auto_exposure(color: NDArray[Any]) -> float:
         color: (h, w, 3) linear RGB.
 
     Returns:
-        > 0, at most 1800 (a black picture, or one without a usable pixel).
+        > 0, at most 1800 (a black image, or one without a usable pixel).
 
     Raises:
         ArgumentError: it is not of that shape, or has no numbers.
@@ -143,8 +143,8 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
 class ExposureMeter:
     """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
 
-    A measured exposure follows the pictures by a tenth of the way a frame, in stops, so that a light that
-    flickers does not make the whole picture pump; a cut starts anew. See `followed_exposure` for outliers.
+    A measured exposure moves a tenth of the way to its target in each frame, in stops, so that a light that
+    flickers does not make the whole image pump; a cut starts anew. See `followed_exposure` for outliers.
     """
 
     def __init__(self) -> None:

@@ -82,7 +82,7 @@ def write_exr(
     if len(set(kinds)) > 1:  # where all are equal, OpenImageIO looks at the image's type alone
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
-    spec.attribute("DateTime", "")  # or OpenImageIO stores the time, and equal pictures are different files
+    spec.attribute("DateTime", "")  # or OpenImageIO stores the time, and equal images are different files
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)
 
@@ -189,7 +189,7 @@ def _read_part(
     window = (spec.x, spec.y, spec.width, spec.height)
     full = (spec.full_x, spec.full_y, spec.full_width, spec.full_height)
     if window != full:
-        problem = f"holds a part of its picture: (x, y, w, h) {window} of {full}"
+        problem = f"holds a part of its image: (x, y, w, h) {window} of {full}"
         raise ShotError(path, problem, "Render without a crop region and without overscan.")
     indices = [index for index, name in enumerate(names) if name in wanted]
     begin = indices[0]

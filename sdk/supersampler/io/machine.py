@@ -1,4 +1,4 @@
-"""What images and times depend on beside this package: the machine, and versions of other packages."""
+"""The machine and the package versions that images and times depend on."""
 
 import os
 import platform

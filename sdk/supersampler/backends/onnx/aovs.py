@@ -1,4 +1,4 @@
-"""What frames carry along (alpha, any channels), blended by the weight of the colour: `aovs.onnx`."""
+"""AOVs (alpha, any channels) blended by the weight of the colour: `aovs.onnx`."""
 
 import numpy as np
 
@@ -22,18 +22,18 @@ _TAKES = [
 _GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
 
 
-def check_aovs(frame: Frame, past: Float32 | None) -> None:
-    """Raise FrameError where the frame carries nothing, or other channels than `past`, (1, k, H, W), has."""
+def check_aovs(frame: Frame, history: Float32 | None) -> None:
+    """Raise FrameError where the frame has no AOVs, or other channels than `history` (1, k, H, W)."""
     if frame.aovs is None:
         raise FrameError("aovs", got=None, want="(h, w, k), as it is asked for")
     channels = frame.aovs.shape[2]
-    if past is not None and past.shape[1] != channels:
-        want = f"{past.shape[1]} channels as before, or a reset"
+    if history is not None and history.shape[1] != channels:
+        want = f"{history.shape[1]} channels as before, or a reset"
         raise FrameError("aovs", got=f"{channels} channels", want=want)
 
 
 class AovBlender:
-    """The graph beside a model's step, loaded when a frame first carries something; safe to share."""
+    """The graph beside a model's step, loaded for the first frame with AOVs; safe to share."""
 
     def __init__(self, info: ModelInfo, options: ort.SessionOptions) -> None:
         self._path, self._options = info.aovs_path, options
@@ -41,14 +41,14 @@ class AovBlender:
         self._session: ort.InferenceSession | None = None
 
     def blend(
-        self, frame: Frame, weight: Float32 | None, past: Float32 | None, display_size: Size
+        self, frame: Frame, weight: Float32 | None, history: Float32 | None, display_size: Size
     ) -> Float32:
-        """Bring the channels to display size and blend them with the past.
+        """Upsample the channels to display size and blend them with their history.
 
         Args:
             frame: with `aovs` (h, w, k); see `check_aovs`.
-            weight: (1, 1, H, W) share of the past; None for a method without one.
-            past: (1, k, H, W) of the frame before; None where it carried nothing, which is no past.
+            weight: (1, 1, H, W) weight of the history; None for a method without one.
+            history: (1, k, H, W) of the frame before; None where it had no AOVs.
             display_size: (W, H).
 
         Returns:
@@ -56,9 +56,12 @@ class AovBlender:
         """
         inputs = frame_inputs(frame, display_size, ("aovs", "depth", "motion", "jitter", "display_size"))
         shape = (1, inputs["aovs"].shape[1], *display_size[::-1])
-        if weight is None or past is None:
+        if weight is None or history is None:
             weight = np.zeros((1, 1, *shape[2:]), np.float32)
-        inputs |= {"weight": weight, "history.aovs": np.zeros(shape, np.float32) if past is None else past}
+        inputs |= {
+            "weight": weight,
+            "history.aovs": np.zeros(shape, np.float32) if history is None else history,
+        }
         session = self._loaded()
         with running(self._path):
             image: Float32 = session.run(["image"], inputs)[0]

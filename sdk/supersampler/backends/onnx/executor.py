@@ -67,12 +67,12 @@ class OnnxExecutor:
         self,
         frame: Frame,
         display: Size,
-        past: Tensors,
-        left: Tensors,
+        history: Tensors,
+        next_history: Tensors,
         image: Float32,
         aux_outputs: Collection[str],
         *,
-        tolerance: float | None,  # noqa: ARG002  # a graph draws all
+        tolerance: float | None,  # noqa: ARG002  # a graph computes every pixel
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes = np.empty((1, 3, *display[::-1]), np.float32)
@@ -83,21 +83,29 @@ class OnnxExecutor:
         }
         given = frame_inputs(frame, display, [t.name for t in self._info.inputs])
         self._run(
-            _values(given), past, left, {**_values(outputs), **_values({self._info.image.name: planes})}
+            _values(given),
+            history,
+            next_history,
+            {**_values(outputs), **_values({self._info.image.name: planes})},
         )
         np.copyto(image, planes[0].transpose(1, 2, 0))
         return outputs
 
     def step_tensors(
-        self, given: Tensors, display: Size, past: Tensors, left: Tensors, image: ort.OrtValue | None
+        self,
+        given: Tensors,
+        display: Size,
+        history: Tensors,
+        next_history: Tensors,
+        image: ort.OrtValue | None,
     ) -> ort.OrtValue:
         """Upscale a frame that is on the device, to an image that stays there.
 
         Args:
             given: the graph's inputs.
             display: (W, H).
-            past: what the frame before left.
-            left: where this one leaves it; not `past`.
+            history: after the previous frame; not changed.
+            next_history: written to; not `history`.
             image: (1, 3, H, W), written to; a new one where None.
 
         Raises:
@@ -113,12 +121,14 @@ class OnnxExecutor:
         for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)
-        if self.capture and self.fits(past, display, render):  # the first of another size is run as it comes
+        if self.capture and self.fits(
+            history, display, render
+        ):  # the first of another size is run as it comes
             with self._lock.lock:
                 fixed = self._fixed_step(display, render)
-                fixed.run({**given, **past}, {**left, info.image.name: image})
+                fixed.run({**given, **history}, {**next_history, info.image.name: image})
         else:
-            self._run(given, past, left, {info.image.name: image})
+            self._run(given, history, next_history, {info.image.name: image})
         return image
 
     def _fixed_step(self, display: Size, render: Size) -> FixedStep:
@@ -136,13 +146,13 @@ class OnnxExecutor:
             )
         return self._fixed
 
-    def _run(self, given: Tensors, past: Tensors, left: Tensors, made: Tensors) -> None:
+    def _run(self, given: Tensors, history: Tensors, next_history: Tensors, made: Tensors) -> None:
         binding = self._session.io_binding()
         for name, value in given.items():
             binding.bind_ortvalue_input(name, value)
         for h in self._info.history:
-            binding.bind_ortvalue_input(h.input.name, past[h.input.name])
-            binding.bind_ortvalue_output(h.output, left[h.input.name])
+            binding.bind_ortvalue_input(h.input.name, history[h.input.name])
+            binding.bind_ortvalue_output(h.output, next_history[h.input.name])
         for name, value in made.items():
             binding.bind_ortvalue_output(name, value)
         with running(self._path):

@@ -1,4 +1,4 @@
-"""What draws frames that were not shaded runs on: ONNX Runtime, or kernels of this processor."""
+"""Backends that extrapolate unshaded frames: the protocol, and ONNX Runtime."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
@@ -23,12 +23,12 @@ class ExtrapolationExecutor(Protocol):
     name: str
 
     def placed(self, array: NDArray[Any]) -> Any:
-        """Return an array that nobody else has as a tensor of the past."""
+        """Return an array, which no one else writes to, as a tensor of a history."""
 
     def copied(self, tensor: Any) -> NDArray[Any]:
         """Return a copy of such a tensor."""
 
-    def draw(self, frame: Frame, past: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
+    def draw(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
         """Draw the colour of a checked frame; returns it, (h, w, 3), and what the frame leaves."""
 
 
@@ -63,7 +63,7 @@ class OnnxExtrapolation:
         return np.array(tensor.numpy())
 
     def draw(
-        self, frame: Frame, past: Mapping[str, ort.OrtValue]
+        self, frame: Frame, history: Mapping[str, ort.OrtValue]
     ) -> tuple[Float32, Mapping[str, ort.OrtValue]]:
         """See `ExtrapolationExecutor`."""
         inputs = frame_inputs(frame, frame.size, [tensor.name for tensor in self._info.inputs])
@@ -71,14 +71,14 @@ class OnnxExtrapolation:
         binding = self._session.io_binding()
         for name, array in inputs.items():
             binding.bind_ortvalue_input(name, ort.OrtValue.ortvalue_from_numpy(array))
-        for name, value in past.items():
+        for name, value in history.items():
             binding.bind_ortvalue_input(name, value)
-        for history in self._info.history:
-            binding.bind_output(history.output, self._device)
+        for entry in self._info.history:
+            binding.bind_output(entry.output, self._device)
         binding.bind_ortvalue_output(self._info.image.name, ort.OrtValue.ortvalue_from_numpy(planes))
         with running(self._info.steps["fp32"]):
             binding.synchronize_inputs()
             self._session.run_with_iobinding(binding)
             binding.synchronize_outputs()
-        names = [history.input.name for history in self._info.history]
+        names = [entry.input.name for entry in self._info.history]
         return pixels_of(planes), dict(zip(names, binding.get_outputs()[: len(names)], strict=True))
