@@ -59,7 +59,7 @@ class Executor(Protocol):
         """Bytes of a history, and of the working memory of a step; None where that is unknown."""
 
     def note_stages(self) -> Mapping[str, float]:
-        """Return a mapping in which wall seconds add up by stage from now on; empty where stages are unknown."""
+        """Return a mapping in which wall seconds of stages add up from now on; empty where unknown."""
 
     def tensor(self, buffers: Buffers, name: str) -> Float32:
         """A history tensor of the contract as an array, NCHW."""
