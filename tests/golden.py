@@ -1,6 +1,8 @@
-"""Pictures that must not change unawares. `python tests/golden.py` draws them anew: look, then commit."""
+"""Golden images. `python tests/golden.py` renders them anew: look at them, then commit."""
 
+from dataclasses import replace
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,34 +11,60 @@ from OpenImageIO import ImageBuf
 from supersampler import Model, Upscaler, display_transform, halton_jitter
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
+from supersampler.model import ExecutorName
 from supersampler_bench.fitting import dressed
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
-METHODS = [
-    *("bilinear", "bicubic", "taa", "taau", "classifier", "classifier-small"),
-    *("gbuffer-small", "gbuffer-small-4x", "extrapolate"),
-]
 RENDER, FRAME = (64, 36), 12
 
 
-def drawn(method: str) -> NDArray[np.uint8]:
-    """Return frame 12 of a disc that crosses a panning checker, as a screen shows it."""
-    model = Model.load(method, executor="onnx")
+class Run(NamedTuple):
+    """A method in a backend; with `extrapolation`, every second frame is unshaded, the last one too."""
+
+    method: str
+    executor: ExecutorName
+    extrapolation: str | None = None
+
+    @property
+    def path(self) -> Path:
+        """The golden image."""
+        return FOLDER / self.executor / f"{'+'.join(filter(None, (self.method, self.extrapolation)))}.png"
+
+
+RUNS = [
+    *(Run(method, "onnx") for method in ("bilinear", "bicubic", "taa", "taau", "classifier")),
+    *(
+        Run(method, "onnx")
+        for method in ("classifier-small", "gbuffer-small", "gbuffer-small-4x", "extrapolate")
+    ),
+    *(Run(method, "cpu") for method in ("taa", "taau", "classifier", "classifier-small")),
+    Run("taau", "onnx", "guided-flow"),
+    Run("taau", "cpu", "guided-warp"),
+]
+
+
+def rendered(run: Run) -> NDArray[np.uint8]:
+    """Return frame 12 of a disc that crosses a panning checker, as display values."""
+    model = Model.load(run.method, executor=run.executor)
     ratio = model.info.only_ratio or 2.0
     display = round(RENDER[0] * ratio), round(RENDER[1] * ratio)
-    upscaler = Upscaler(model, display_size=display, validate="off")
+    upscaler = Upscaler(model, display_size=display, extrapolation=run.extrapolation, validate="off")
     for index in range(FRAME + 1):
         frame = DiscOverPlane().frame(index, RENDER, halton_jitter(index, ratio))
-        image = upscaler.step(dressed(frame, model.info.gbuffers, display))
+        frame = dressed(frame, upscaler.gbuffers, display)
+        if run.extrapolation is not None and index % 2 == FRAME % 2 and index > 0:
+            image = upscaler.extrapolate(replace(frame, color=None))
+        else:
+            image = upscaler.step(frame)
     return to_uint8(display_transform(image))
 
 
-def stored(method: str) -> NDArray[np.uint8]:
-    """Return the picture of the repository."""
-    return np.asarray(ImageBuf(str(FOLDER / f"{method}.png")).get_pixels("uint8"))
+def stored(run: Run) -> NDArray[np.uint8]:
+    """Return the golden image."""
+    return np.asarray(ImageBuf(str(run.path)).get_pixels("uint8"))
 
 
 if __name__ == "__main__":
-    for name in METHODS:
-        write_png(FOLDER / f"{name}.png", drawn(name))
+    for each in RUNS:
+        write_png(each.path, rendered(each))
