@@ -124,7 +124,7 @@ def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: boo
 def _heads(replay: "Replay") -> list[str]:
     """Of what the recording is, and both machines."""
     from supersampler.io.machine import machine
-    from supersampler.recording.recorder import versions
+    from supersampler.recording.setup import versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"

@@ -19,16 +19,10 @@ from supersampler.methods.model_file import (
     shipped_model,
 )
 from supersampler.model import ExecutorName, Model, Precision
-from supersampler.recording.calls import (
-    Call,
-    LoadStateCall,
-    RecordedModel,
-    ResetCall,
-    Setup,
-    StepCall,
-)
+from supersampler.recording.calls import Call, LoadStateCall, ResetCall, StepCall
 from supersampler.recording.outcome import Outcome, raised, returned
 from supersampler.recording.recording import Recording
+from supersampler.recording.setup import RecordedModel, Setup
 from supersampler.recording.tensors import image_of_tensor, tensors_of_frame
 from supersampler.upscaler import Upscaler
 
