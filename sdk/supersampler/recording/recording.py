@@ -75,6 +75,8 @@ class Recording:
     def _lines(self) -> Iterator[JsonKeys]:
         """Yield the log's lines; one that the file's end cuts off is left out."""
         path, number = self._inside(self.path / CALLS), 1
+        if not path.is_file():  # a pipe, say, which never ends
+            raise ShotError(path, "is missing, or no regular file")
         with path.open("rb") as file:
             while (text := file.readline(MAX_LINE)).endswith(b"\n"):
                 try:
