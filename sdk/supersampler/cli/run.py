@@ -63,8 +63,7 @@ class UpscaleJob:
     Frames of the shot that were not shaded are drawn by `extrapolation`, the name or folder of a model.
     Without `display_size` and `scale` the pictures are of the shot's display size; where it has none, 2x, or
     what the model's only ratio is.
-    `record` is a folder to record to, all frames from the first on; that of an earlier run into the same folder
-    is replaced.
+    `record` is a folder to record all frames to; the recording of an earlier run into `output` is replaced.
     """
 
     shot: Shot
