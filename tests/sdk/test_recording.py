@@ -198,7 +198,7 @@ def test_frames_that_checks_refuse_are_refused_again_in_the_same_words(
     refused = replayed(file)[1]
     assert (refused.exact, refused.within, refused.result) == (True, True, None)
     assert "FrameError (frame.color" in refused.note
-    assert refused.note.endswith(", as there")
+    assert refused.note.endswith(", as recorded")
 
 
 def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
@@ -235,12 +235,12 @@ def test_a_bug_that_raised_there_and_not_here_is_told(
                 upscaler.step(noise(1))
     told = replayed(file)[1]
     assert (told.exact, told.within) == (False, False)
-    assert told.note == "raises nothing; there: ZeroDivisionError (by zero)"
+    assert told.note == "raises nothing; recorded: ZeroDivisionError (by zero)"
     with monkeypatch.context() as patch:
         patch.setattr(Model, "run_checked", fail)
         other, same = replayed(file)
     assert (other.within, same.within) == (False, True)
-    assert other.note == "raises ZeroDivisionError (by zero); there: nothing"
+    assert other.note == "raises ZeroDivisionError (by zero); recorded: nothing"
 
 
 def test_a_frame_in_which_the_process_ends_is_in_the_recording(
@@ -460,7 +460,7 @@ def test_a_shipped_model_that_has_changed_is_named(models: dict[str, Model], fil
     setup["files"]["step.onnx"] = 64 * "0"
     (file / "recording.json").write_text(json.dumps(setup))
     with pytest.raises(
-        RecordingError, match=r"another 'taau': step\.onnx differs \(sha256 000000000000.*--model"
+        RecordingError, match=r"another 'taau': step\.onnx differs \(recorded sha256 000000000000.*--model"
     ):
         replayed(file)
     assert not Replay(open_recording(file), model="taau").is_recorded_model

@@ -49,9 +49,9 @@ def contents(folder: Path) -> dict[Path, bytes]:
 def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path: Path) -> None:
     done = run("replay", file, "-o", tmp_path / "again")
     assert done.exit_code == 0
-    head, there, here, verdict = done.stdout.splitlines()
+    head, recorded, here, verdict = done.stdout.splitlines()
     assert head == f"{file}: taau, to 64x36"
-    assert there.replace("there", "here ") == here
+    assert recorded.replace("recorded", "here    ") == here
     assert verdict == f"{COUNT} of {COUNT} frames are bit for bit what they were."
     assert pictures(tmp_path / "again") == pictures(tmp_path / "out")
     last = f"{COUNT - 1:04d}.exr"
@@ -118,7 +118,7 @@ def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
     log.write_text("".join(log.read_text().splitlines(keepends=True)[:-2]))  # no outcome, no close
     done = run("replay", file)
     assert done.exit_code == 0
-    assert f"frame {COUNT - 1}: the recording does not say what came of it" in done.stdout
+    assert f"frame {COUNT - 1}: its outcome was not recorded" in done.stdout
     assert f"{COUNT - 1} of {COUNT - 1} frames are bit for bit what they were." in done.stdout
 
 
