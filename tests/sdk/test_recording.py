@@ -143,7 +143,7 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
 def test_a_recording_is_a_shot_of_the_frames_that_no_check_refused(
     models: dict[str, Model], file: Path
 ) -> None:
-    odd = np.float32([[np.nan, np.inf], [-np.inf, 1e-45]])
+    odd = np.array([[np.nan, np.inf], [-np.inf, 1e-45]], np.float32)
     frames = [with_all_inputs(seed, size) for seed, size in enumerate([(32, 18), (43, 24)])]
     frames[1] = replace(frames[1], color=np.array(frames[1].color))
     frames[1].color[:2, :2, 0] = odd  # type: ignore[index]

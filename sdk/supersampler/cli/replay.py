@@ -154,9 +154,7 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
     last: Replayed | None = None  # that returned an image
     call: Call | None = None
     for call in replay.recording:
-        if (
-            isinstance(call, StepCall) and call.outcome is None
-        ):  # printed before the call, which may end this process, too
+        if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
             _say(f"frame {call.index}: its outcome was not recorded")
         with frame_warnings(console, summary.steps):
             step = replay.call(call)

@@ -42,7 +42,7 @@ class Difference:
     largest: float
 
     def is_within(self, tolerance: "Difference") -> bool:
-        """Tell whether mean and 99th percentile are; single values may differ more, where a decision flips."""
+        """Tell whether mean and 99th percentile are; single values may differ more, where a class flips."""
         return self.mean <= tolerance.mean and self.most <= tolerance.most
 
 
