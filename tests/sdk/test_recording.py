@@ -163,6 +163,18 @@ def test_a_recording_is_a_shot_of_the_frames_that_no_check_refused(
             assert getattr(given, "dtype", None) == getattr(found, "dtype", None)
 
 
+def test_a_buffer_that_was_given_another_shape_is_refused_and_the_recording_goes_on(file: Path) -> None:
+    frame = replace(noise(0), gbuffer={"normal": np.zeros((18, 32, 3), np.float32)})
+    assert frame.gbuffer is not None
+    frame.gbuffer["normal"].shape = (32, 18, 3)
+    upscaler = Upscaler("taau", display_size=DISPLAY, record=file, extrapolation="guided-warp")
+    with pytest.raises(FrameError, match="normal"):
+        upscaler.step(frame)
+    with pytest.raises(FrameError):
+        upscaler.step(noise(1))  # lacks the buffers
+    assert [step.exact for step in replayed(file)] == [True]
+
+
 def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
     with recorded(Model.load("taau", threads=1, executor="onnx"), file, validate="strict") as upscaler:
         for seed in range(3):
@@ -219,6 +231,23 @@ def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
                 upscaler.step(noise(1))
         upscaler.step(noise(2))
     assert [step.exact for step in replayed(file)] == [True, True]
+
+
+@pytest.mark.parametrize("moment", ["write_samples", "outcome_json", "returned"])
+def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
+    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(f"supersampler.recording.recorder.{moment}", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                upscaler.step(noise(1))
+        upscaler.step(noise(2))
+    assert [step.exact for step in replayed(file)] == [True, None, True]
 
 
 def test_a_bug_that_raised_there_and_not_here_is_told(

@@ -4,6 +4,7 @@ import json
 import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from io import FileIO
 from pathlib import Path
 from typing import Any, TypeVar
@@ -61,9 +62,9 @@ class Recorder:
             except FileExistsError:
                 hint = "Choose another name, or move it away."
                 raise RecordingError(path, "is there already", hint) from None
+            write_setup(self.path, setup)
             self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line stays at once
             self._close_log = weakref.finalize(self, self._log.close)  # without a warning if it is dropped
-            write_setup(self.path, setup)
 
     def step(
         self,
@@ -84,7 +85,7 @@ class Recorder:
         call = {"call": "extrapolate" if extrapolated else "step", "outputs": list(map(str, outputs))}
         return self._around(
             call,
-            lambda: only_gbuffers(frame, self._inputs),
+            lambda: replace(only_gbuffers(frame, self._inputs)),  # checks the shapes of G-buffers again
             run,
             lambda made: made if isinstance(made, StepResult) else StepResult(made),
         )
@@ -150,17 +151,19 @@ class Recorder:
         with self._or_end(lambda: self._remove(begin, entry)):
             write_frame(self.path, entry, Conventions().converter().from_frame(frame), "none")
             self._append({**call, "frame": entry_json(entry)})
+        self._steps += 1  # whatever interrupts what follows, the next step has files of its own
         try:
             made = run()
         except BaseException as error:
             if isinstance(error, ArgumentError) or not isinstance(error, Exception):
                 self._remove(begin, entry)
+                self._steps -= 1
             else:
                 self._finish(begin, entry, raised(error))
             raise
         result = result_of(made)
         self._display_size = result.image.shape[1], result.image.shape[0]
-        self._finish(begin, entry, returned(self._steps, result))
+        self._finish(begin, entry, returned(_number(entry), result))
         if self._last is None or self._last.shape != result.image.shape:
             self._last = np.empty_like(result.image)
         np.copyto(self._last, result.image)
@@ -180,11 +183,10 @@ class Recorder:
 
     def _finish(self, begin: int, entry: FrameEntry, outcome: Outcome) -> None:
         """Record the outcome of a step. The step has been made: if this fails, the next call raises."""
-        step, self._steps = self._steps, self._steps + 1
         try:
             with self._or_end(lambda: self._remove(begin, entry)):
                 if outcome.samples:
-                    write_samples(sampled_path(self.path, step), outcome.samples)
+                    write_samples(sampled_path(self.path, _number(entry)), outcome.samples)
                 self._append(outcome_json(outcome))
                 if outcome.samples:
                     self._list_in_shot(entry)
@@ -227,8 +229,7 @@ class Recorder:
     def _remove(self, begin: int, entry: FrameEntry) -> None:
         """Remove a step from the recording: its lines, from `begin` on, and its files."""
         self._cut(begin)
-        number = int(Path(entry.file).stem)
-        files = [*(self.path / name for name in files_of(entry)), sampled_path(self.path, number)]
+        files = [*(self.path / name for name in files_of(entry)), sampled_path(self.path, _number(entry))]
         with suppress(OSError):
             remove_files(files)
 
@@ -258,3 +259,8 @@ class Recorder:
         if self._log is not None:
             self._close_log()
         self._log = self._last = None
+
+
+def _number(entry: FrameEntry) -> int:
+    """Return the number of the step that a frame's file is named after."""
+    return int(Path(entry.file).stem)
