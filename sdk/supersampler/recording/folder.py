@@ -1,4 +1,4 @@
-"""Names of the files in a recording's folder. All but the log's are formed from numbers, none is read."""
+"""Names of the files in a recording's folder, and its removal."""
 
 import os
 import re

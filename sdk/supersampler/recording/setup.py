@@ -98,16 +98,7 @@ def setup_here(
     skip: Skip,
     validate: _Validate,
 ) -> Setup:
-    """Return how an Upscaler is made on this machine.
-
-    Args:
-        model: of the Upscaler.
-        extrapolation: the one model that extrapolates unshaded frames, if any.
-        display_size: see `Setup`, as all that follow.
-        scale: see there.
-        skip: see there.
-        validate: see there.
-    """
+    """Return how an Upscaler of this model, and at most one extrapolation, is made here; see `Setup`."""
     return Setup(
         contract=CONTRACT,
         **vars(RecordedModel.of(model.info)),
