@@ -37,12 +37,19 @@ def holds_only_a_recording(path: Path) -> bool:
     """Tell whether this is the folder of a recording, no link to it, and no other file lies in it."""
     if not (is_own_folder(path) and is_recording(path)):
         return False
+    log = (path / CALLS).read_bytes() if is_regular(path / CALLS) else b""
+    counts = {".exr": log.count(b'"frame": {'), ".safetensors": log.count(b'"call": "load_state"')}
     for place, folders, files in os.walk(path):  # follows no links
         below = Path(place).relative_to(path)
         for name in (*folders, *files):
             relative = (below / name).as_posix()
             is_folder = relative in _FOLDERS and is_own_folder(path / relative)
             if not is_folder and not (is_regular(path / relative) and _FILES.fullmatch(relative)):
+                return False
+            stem, suffix = os.path.splitext(name)
+            if (
+                stem.isdigit() and int(stem) > counts[suffix]
+            ):  # a killed process wrote one more than it logged
                 return False
     return True
 
