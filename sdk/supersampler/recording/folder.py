@@ -46,10 +46,8 @@ def holds_only_a_recording(path: Path) -> bool:
             is_folder = relative in _FOLDERS and is_own_folder(path / relative)
             if not is_folder and not (is_regular(path / relative) and _FILES.fullmatch(relative)):
                 return False
-            stem, suffix = os.path.splitext(name)
-            if (
-                stem.isdigit() and int(stem) > counts[suffix]
-            ):  # a killed process wrote one more than it logged
+            stem, suffix = Path(name).stem, Path(name).suffix
+            if stem.isdigit() and int(stem) > counts[suffix]:  # a killed process may have written one more
                 return False
     return True
 
