@@ -18,7 +18,8 @@ from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
-from supersampler.recording.recorder import Recorder, setup_here
+from supersampler.recording.recorder import Recorder
+from supersampler.recording.setup import setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.validation import FrameChecker, Validate
@@ -74,7 +75,7 @@ class Upscaler:
             frames, if anything. None keeps nothing for it.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
-        record: a new file to record all calls to, for `supersampler replay`; `close` ends it.
+        record: a new folder to record all calls to, for `supersampler replay`; `close` ends it.
 
     Attributes:
         model: in use.
@@ -84,7 +85,7 @@ class Upscaler:
     Raises:
         ArgumentError: sizes are missing, or arguments contradict each other.
         ModelError, ProviderError: see `Model.load`.
-        RecordingError: the file to record to is there already, or cannot be written. Any call may raise it
+        RecordingError: the folder to record to is there already, or cannot be written. Any call may raise it
             before anything is done; later calls are then not recorded.
     """
 

@@ -242,8 +242,10 @@ def test_a_recording_of_an_earlier_run_into_the_folder_is_replaced(shot: Path, r
     assert recording.stat().st_mtime_ns > before
 
 
-@pytest.mark.parametrize("case", ["another run's", "no recording", "a link", "of a record that lies"])
-def test_a_file_in_the_way_of_a_recording_is_named_and_kept(
+@pytest.mark.parametrize(
+    "case", ["another run's", "a file", "a link", "no recording", "a file in it", "a frame in it"]
+)
+def test_what_is_in_the_way_of_a_recording_is_named_and_kept(
     shot: Path, recording: Path, tmp_path: Path, case: str
 ) -> None:
     out = tmp_path / "out"
@@ -252,7 +254,14 @@ def test_a_file_in_the_way_of_a_recording_is_named_and_kept(
     elif case == "a link":
         recording.rename(tmp_path / "real")
         recording.symlink_to(tmp_path / "real")
+    elif case == "a file in it":
+        (recording / "sampled" / "mine.exr").write_bytes(b"mine")
+    elif case == "a frame in it":
+        (recording / f"{COUNT + 1:04d}.exr").write_bytes(b"mine")
+    elif case == "no recording":
+        (recording / "recording.json").unlink()
     else:
+        recording.rename(tmp_path / "real")
         recording.write_bytes(b"mine")
     before = content(tmp_path)
     for options in ((), ("--overwrite",)):

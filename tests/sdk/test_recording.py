@@ -1,10 +1,12 @@
-"""A recording holds all that an Upscaler was asked, bit for bit, whatever ends the process that writes it."""
+"""A recording holds all calls of an Upscaler, bit for bit, whatever ends the process that writes it."""
 
+import json
 import shutil
+import subprocess
+import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import fields, replace
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +17,10 @@ from noise import noise
 from supersampler import ArgumentError, Frame, FrameError, Model, RecordingError, Upscaler
 from supersampler.backends.onnx.session import planes_of
 from supersampler.frame import Float32
+from supersampler.io.shot import Shot
+from supersampler.methods.model_file import CONTRACT
 from supersampler.recording import CloseCall, LoadStateCall, ResetCall, StepCall, open_recording
-from supersampler.recording.format import Record, RecordWriter, read_records
+from supersampler.recording.recorder import Recorder
 from supersampler.recording.replay import Replay, Replayed
 
 DISPLAY = (64, 36)
@@ -39,6 +43,11 @@ def recorded(model: Model, file: Path, **arguments: Any) -> Upscaler:
 def replayed(file: Path, **arguments: Any) -> list[Replayed]:
     replay = Replay(open_recording(file), **arguments)
     return [step for step in map(replay.call, replay.recording) if step is not None]
+
+
+def content(folder: Path) -> dict[str, bytes]:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def images(steps: list[Replayed]) -> list[Float32 | None]:
@@ -127,7 +136,43 @@ def test_what_is_read_is_what_was_handed_in(models: dict[str, Model], file: Path
     assert (setup.method, setup.display_size, setup.scale, setup.skip) == ("taau", None, 2.0, 0.25)
     assert setup.versions["supersampler"]
     assert setup.machine["cores"]
-    assert str(file.parent) not in file.read_bytes().decode("latin-1")  # no path of the user's
+    for item in file.rglob("*.*"):
+        assert str(file.parent).encode() not in item.read_bytes()  # no path of the user's
+
+
+def test_a_recording_is_a_shot_of_the_frames_that_no_check_refused(
+    models: dict[str, Model], file: Path
+) -> None:
+    odd = np.array([[np.nan, np.inf], [-np.inf, 1e-45]], np.float32)
+    frames = [with_all_inputs(seed, size) for seed, size in enumerate([(32, 18), (43, 24)])]
+    frames[1] = replace(frames[1], color=np.array(frames[1].color))
+    frames[1].color[:2, :2, 0] = odd  # type: ignore[index]
+    frames[1].depth[:2, :2] = odd
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(frames[0])
+        with pytest.raises(FrameError, match="size"):
+            upscaler.step(noise(6, (128, 72)))
+        upscaler.step(frames[1])
+    shot = Shot.open(file)
+    assert (len(shot), shot.display_size, shot.name) == (2, DISPLAY, file.name)
+    for item, frame in zip(shot, frames, strict=True):
+        read = replace(frame, gbuffer=None, gbuffer_display=None)  # which the method does not read
+        for field in fields(Frame):
+            given, found = getattr(read, field.name), getattr(item.frame, field.name)
+            np.testing.assert_equal(found, given)
+            assert getattr(given, "dtype", None) == getattr(found, "dtype", None)
+
+
+def test_a_buffer_that_was_given_another_shape_is_refused_and_the_recording_goes_on(file: Path) -> None:
+    frame = replace(noise(0), gbuffer={"normal": np.zeros((18, 32, 3), np.float32)})
+    assert frame.gbuffer is not None
+    frame.gbuffer["normal"].shape = (32, 18, 3)
+    upscaler = Upscaler("taau", display_size=DISPLAY, record=file, extrapolation="guided-warp")
+    with pytest.raises(FrameError, match="normal"):
+        upscaler.step(frame)
+    with pytest.raises(FrameError):
+        upscaler.step(noise(1))  # lacks the buffers
+    assert [step.exact for step in replayed(file)] == [True]
 
 
 def test_tensors_are_recorded_and_come_as_tensors_again(file: Path) -> None:
@@ -165,7 +210,7 @@ def test_frames_that_checks_refuse_are_refused_again_in_the_same_words(
     refused = replayed(file)[1]
     assert (refused.exact, refused.within, refused.result) == (True, True, None)
     assert "FrameError (frame.color" in refused.note
-    assert refused.note.endswith(", as there")
+    assert refused.note.endswith(", as recorded")
 
 
 def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
@@ -188,6 +233,23 @@ def test_a_wrong_call_and_ctrl_c_are_no_part_of_a_recording(
     assert [step.exact for step in replayed(file)] == [True, True]
 
 
+@pytest.mark.parametrize("moment", ["write_samples", "outcome_json", "returned"])
+def test_ctrl_c_while_an_outcome_is_written_leaves_the_step_without_one(
+    models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch, moment: str
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    with recorded(models["taau"], file) as upscaler:
+        upscaler.step(noise(0))
+        with monkeypatch.context() as patch:
+            patch.setattr(f"supersampler.recording.recorder.{moment}", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                upscaler.step(noise(1))
+        upscaler.step(noise(2))
+    assert [step.exact for step in replayed(file)] == [True, None, True]
+
+
 def test_a_bug_that_raised_there_and_not_here_is_told(
     models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -202,12 +264,12 @@ def test_a_bug_that_raised_there_and_not_here_is_told(
                 upscaler.step(noise(1))
     told = replayed(file)[1]
     assert (told.exact, told.within) == (False, False)
-    assert told.note == "raises nothing; there: ZeroDivisionError (by zero)"
+    assert told.note == "raises nothing; recorded: ZeroDivisionError (by zero)"
     with monkeypatch.context() as patch:
         patch.setattr(Model, "run_checked", fail)
         other, same = replayed(file)
     assert (other.within, same.within) == (False, True)
-    assert other.note == "raises ZeroDivisionError (by zero); there: nothing"
+    assert other.note == "raises ZeroDivisionError (by zero); recorded: nothing"
 
 
 def test_a_frame_in_which_the_process_ends_is_in_the_recording(
@@ -217,7 +279,7 @@ def test_a_frame_in_which_the_process_ends_is_in_the_recording(
     run = Model.run_checked
 
     def crash(*arguments: Any, **options: Any) -> Any:
-        shutil.copy(file, left)  # what lies on the disk at this moment
+        shutil.copytree(file, left)  # what is on the disk at this moment
         return run(*arguments, **options)
 
     with recorded(models["taau"], file) as upscaler:
@@ -239,87 +301,118 @@ def test_an_upscaler_that_is_dropped_leaves_all_its_frames(models: dict[str, Mod
     assert not any(isinstance(call, CloseCall) for call in open_recording(file))
 
 
-def test_wherever_a_file_is_cut_the_frames_before_are_there(models: dict[str, Model], file: Path) -> None:
-    ends = []
+def test_wherever_the_log_is_cut_the_calls_before_are_there(models: dict[str, Model], file: Path) -> None:
     with recorded(models["taau"], file) as upscaler:
-        for seed in range(3):
+        for seed in range(2):
             upscaler.step(noise(seed, (16, 9), reset=False))
-            ends.append(file.stat().st_size)
-    whole, cut = file.read_bytes(), file.with_name("cut")
-    for frames, (begin, end) in enumerate(pairwise(ends), 1):
-        for size in (begin, begin + 1, begin + 30, (begin + end) // 2, end - 1):
-            cut.write_bytes(whole[:size])
-            calls = [call for call in open_recording(cut) if isinstance(call, StepCall)]
-            assert len([call for call in calls if call.outcome is not None]) == frames
-    for size in (0, 5, 20, 200):
-        cut.write_bytes(whole[:size])
-        with pytest.raises(RecordingError, match=r"is not a recording|ends in its first record"):
-            open_recording(cut)
+    log = file / "calls.jsonl"
+    whole = log.read_bytes()
+    for size in range(len(whole)):
+        log.write_bytes(whole[:size])
+        calls = [call for call in open_recording(file) if isinstance(call, StepCall)]
+        lines = whole[:size].count(b"\n")
+        assert len(calls) == min((lines + 1) // 2, 2)
+        assert len([call for call in calls if call.outcome is not None]) == min(lines // 2, 2)
 
 
-def test_damage_is_an_error_after_the_frames_before(models: dict[str, Model], file: Path) -> None:
+def test_a_process_killed_in_a_step_leaves_a_recording_and_a_shot_of_the_steps_before(file: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "-c", _KILLED_IN_THE_THIRD_STEP, str(file)],
+        cwd=Path(__file__).parents[1],
+        check=False,
+    )
+    assert done.returncode == -9
+    assert [step.exact for step in replayed(file)] == [True, True, None]
+    shot = Shot.open(file)
+    assert len(shot) == 2
+    np.testing.assert_array_equal(shot.read(1).frame.color, noise(1).color)
+
+
+_KILLED_IN_THE_THIRD_STEP = """
+import os, sys
+from noise import noise
+from supersampler import Model, Upscaler
+upscaler = Upscaler("taau", threads=1, display_size=(64, 36), record=sys.argv[1])
+upscaler.step(noise(0))
+upscaler.step(noise(1))
+Model.run_checked = lambda *_, **__: os.kill(os.getpid(), 9)
+upscaler.step(noise(2))
+"""
+
+
+@pytest.mark.parametrize(
+    ("name", "message"),
+    [
+        ("0001.exr", r"0001\.exr: is not an EXR image"),
+        ("sampled/0001.exr", r"sampled.0001\.exr: is not an EXR image"),
+        ("calls.jsonl", r"calls\.jsonl: line 3 is not JSON"),
+    ],
+)
+def test_damage_is_an_error_after_the_frames_before(
+    models: dict[str, Model], file: Path, name: str, message: str
+) -> None:
     with recorded(models["taau"], file) as upscaler:
         upscaler.step(noise(0))
-        begin = file.stat().st_size
         upscaler.step(noise(1))
-    whole = bytearray(file.read_bytes())
-    for place in (begin, begin + 15, begin + 40, begin + 2000):
-        damaged = whole.copy()
-        damaged[place] ^= 0x10
-        file.write_bytes(damaged)
-        calls = iter(open_recording(file))
-        assert isinstance(next(calls), StepCall)
-        with pytest.raises(RecordingError, match=rf"damaged record at byte {begin}\. The file is damaged"):
-            next(calls)
+    content = (file / name).read_bytes()
+    lines = content.splitlines(keepends=True)
+    (file / name).write_bytes(b"".join([*lines[:2], b"x\n"]) if name == "calls.jsonl" else b"x")
+    calls = iter(open_recording(file))
+    assert isinstance(next(calls), StepCall)
+    with pytest.raises(RecordingError, match=f"{message}.*The recording is damaged"):
+        list(calls)
 
 
 @pytest.mark.parametrize(
-    ("record", "message"),
+    ("content", "message"),
     [
-        (Record("setup", {"format": 99}), "is of format 99; this package reads 1"),
-        (Record("setup", {"format": 1}), "a 'setup' record that no Upscaler writes"),
-        (Record("step"), "is of format None"),
+        ({"format": 99}, "is of format 99; this package reads 2"),
+        ({"format": 2, "contract": 99}, "is of contract 99; this package reads"),
+        ({"format": 2, "contract": CONTRACT}, 'has no "folder"'),
+        ([], "want an object"),
     ],
 )
-def test_a_file_of_another_kind_or_version_is_refused(record: Record, message: str, file: Path) -> None:
-    RecordWriter(file).write(record)
+def test_a_recording_of_another_version_is_refused(content: object, message: str, file: Path) -> None:
+    file.mkdir(parents=True)
+    (file / "recording.json").write_text(json.dumps(content))
     with pytest.raises(RecordingError, match=message):
         open_recording(file)
-    file.write_text("not a recording")
+
+
+def test_what_is_no_recording_is_refused(file: Path) -> None:
+    with pytest.raises(RecordingError, match="there is no such folder"):
+        open_recording(file)
+    file.mkdir(parents=True)
     with pytest.raises(RecordingError, match="is not a recording"):
         open_recording(file)
-    with pytest.raises(RecordingError, match="there is no such file"):
-        open_recording(file.with_name("nowhere"))
+    (file / "shot.json").write_text("{}")
+    with pytest.raises(RecordingError, match="is not a recording"):
+        open_recording(file / "shot.json")
 
 
-@pytest.mark.parametrize(
-    "record",
-    [
-        Record("step", {"frame": {"jitter": [9, 9]}, "outputs": []}, {"depth": np.ones((2, 2), np.float32)}),
-        Record("step", {"frame": {"surprise": 1}, "outputs": []}),
-        Record("step", {"frame": 1, "outputs": []}),
-        Record("load_state", {"method": "taau"}),
-        Record("explode"),
-    ],
-)
-def test_a_record_that_no_upscaler_writes_is_refused(
-    record: Record, models: dict[str, Model], file: Path
-) -> None:
+def test_a_recording_that_is_there_is_not_written_over(models: dict[str, Model], file: Path) -> None:
     recorded(models["taau"], file).close()
-    other = file.with_name("other")
-    writer = RecordWriter(other)
-    writer.write(next(read_records(file)))
-    writer.write(record)
-    with pytest.raises(RecordingError, match="no Upscaler writes"):
-        list(open_recording(other))
-
-
-def test_a_file_that_is_there_is_not_written_over(models: dict[str, Model], file: Path) -> None:
-    recorded(models["taau"], file).close()
-    before = file.read_bytes()
+    before = content(file)
     with pytest.raises(RecordingError, match=r"is there already\. Choose another name"):
         recorded(models["taau"], file)
-    assert file.read_bytes() == before
+    assert content(file) == before
+
+
+@contextmanager
+def disk_full_for(path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Writing this file fails."""
+    with monkeypatch.context() as patch:
+        if path.name == "calls.jsonl":
+            patch.setattr(Recorder, "_append", _refuse)
+        else:
+            replace_file = Path.replace
+            refuses = lambda part, to: _refuse() if to == path else replace_file(part, to)  # noqa: E731
+            patch.setattr(Path, "replace", refuses)
+        yield
+
+
+def _refuse(*_: object) -> None:
+    raise OSError(28, "No space left on device")
 
 
 @contextmanager
@@ -334,27 +427,37 @@ def full_disk(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, limits)
 
 
-@pytest.mark.parametrize("room", [100, -100])
-def test_a_full_disk_is_said_before_anything_is_done_and_the_history_stays(
-    room: int, models: dict[str, Model], file: Path
+@pytest.mark.parametrize("full", ["0001.exr", "sampled/0001.exr", "calls.jsonl", "shot.json"])
+def test_a_full_disk_ends_the_recording_with_the_last_complete_step_and_the_history_stays(
+    full: str, models: dict[str, Model], file: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """With room for part of the frame, and with room for the frame but not for what came of it."""
+    """Before the step it is refused; after it, the next one is."""
     upscaler, plain = recorded(models["taau"], file), Upscaler(models["taau"], display_size=DISPLAY)
-    before = file.stat().st_size
     upscaler.step(noise(0))
-    used = file.stat().st_size
     plain.step(noise(0))
-    seed = 1
-    with full_disk(used + room if room > 0 else 2 * used - before + room):
-        if room < 0:
+    before, seed = content(file), 1
+    with disk_full_for(file / full, monkeypatch):
+        if full in ("sampled/0001.exr", "shot.json"):
             np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
             seed += 1
         with pytest.raises(RecordingError, match=r"a\.recording: cannot be written .* Is the disk full"):
             upscaler.step(noise(seed))
-    assert file.stat().st_size == used
+    assert content(file) == before
     np.testing.assert_array_equal(upscaler.step(noise(seed)), plain.step(noise(seed)))
     upscaler.close()
     assert [step.exact for step in replayed(file)] == [True]
+
+
+def test_a_log_that_takes_a_part_of_a_line_ends_before_it(models: dict[str, Model], file: Path) -> None:
+    upscaler = recorded(models["taau"], file)
+    for _ in range(100):  # until the log is the largest file
+        upscaler.reset()
+    before = content(file)
+    with full_disk(len(before["calls.jsonl"]) + 5), pytest.raises(RecordingError, match="Is the disk full"):
+        upscaler.reset()
+    assert content(file) == before
+    upscaler.reset()  # is no longer recorded
+    assert len(list(open_recording(file))) == 100
 
 
 def test_another_executor_is_within_tolerance_and_another_picture_is_not(
@@ -382,11 +485,11 @@ def test_a_model_of_the_users_own_is_asked_for(models: dict[str, Model], file: P
 
 def test_a_shipped_model_that_has_changed_is_named(models: dict[str, Model], file: Path) -> None:
     recorded(models["taau"], file).close()
-    setup, other = next(read_records(file)), file.with_name("other")
-    files = {**setup.values["files"], "step.onnx": 64 * "0"}
-    RecordWriter(other).write(replace(setup, values={**setup.values, "files": files}))
+    setup = json.loads((file / "recording.json").read_text())
+    setup["files"]["step.onnx"] = 64 * "0"
+    (file / "recording.json").write_text(json.dumps(setup))
     with pytest.raises(
-        RecordingError, match=r"another 'taau': step\.onnx differs \(sha256 000000000000.*--model"
+        RecordingError, match=r"another 'taau': step\.onnx differs \(recorded sha256 000000000000.*--model"
     ):
-        replayed(other)
-    assert not Replay(open_recording(other), model="taau").is_recorded_model
+        replayed(file)
+    assert not Replay(open_recording(file), model="taau").is_recorded_model

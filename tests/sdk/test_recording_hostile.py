@@ -1,8 +1,8 @@
 """A recording of a stranger is refused where it holds what no Upscaler writes."""
 
 import json
-import struct
-import zlib
+import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +11,14 @@ import pytest
 
 from noise import noise
 from supersampler import ArgumentError, Model, RecordingError, Upscaler
+from supersampler.io.images import write_exr
+from supersampler.io.shot.safetensors import open_safetensors, write_safetensors
 from supersampler.recording import open_recording
-from supersampler.recording.format import MAGIC, Record, RecordWriter, read_records
+from supersampler.recording.recording import MAX_LINE
 from supersampler.recording.replay import Replay
 
-FRAME = {
-    name: np.zeros((2, 2, *channels), np.float32)
-    for name, channels in (("color", [3]), ("depth", []), ("motion", [2]))
-}
+FRAME = {"file": "0000.exr", "jitter": [0, 0], "render_size": [32, 18]}
+STATE = {"method": "taau", "history": False, "shaded": False, "version": 1}
 
 
 @pytest.fixture(scope="module")
@@ -62,64 +62,149 @@ def recorded(model: Model, file: Path) -> Upscaler:
 )
 def test_a_setup_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    text = {"record": "setup", **next(read_records(file)).values, **changes, "arrays": []}
-    content = json.dumps(text).encode()
-    head = struct.pack("<QII", len(content), len(content), zlib.crc32(content))
-    file.write_bytes(MAGIC + head + struct.pack("<I", zlib.crc32(head)) + content)
-    with pytest.raises(RecordingError, match="a 'setup' record that no Upscaler writes"):
+    setup = json.loads((file / "recording.json").read_text())
+    (file / "recording.json").write_text(json.dumps({**setup, **changes}))
+    with pytest.raises(RecordingError, match=next(iter(changes))):
         open_recording(file)
 
 
+def append(file: Path, *lines: object) -> None:
+    with (file / "calls.jsonl").open("a") as log:
+        log.writelines(json.dumps(line) + "\n" for line in lines)
+
+
 @pytest.mark.parametrize(
-    "record",
+    ("line", "message"),
     [
-        Record("step", {"frame": {"jitter": [0, 0], "gbuffer": True}, "outputs": []}, FRAME),
-        Record("step", {"frame": {"jitter": [0, 10**400]}, "outputs": []}, FRAME),
-        Record("step", {"frame": {"jitter": [0, 0]}, "outputs": "aovs", "tensors": False}, FRAME),
-        Record("outcome", {"digests": {"image": 2**40}, "error": ["", ""]}),
-        Record("outcome", {"digests": {}, "error": ["", "", ""]}),
-        Record("outcome", {"digests": {}, "error": ["", ""]}, {"image": np.ones((2, 2), np.float32)}),
-        Record("outcome", {"digests": {}, "error": ["", ""]}, {"image": np.ones((2, 2, 3), bool)}),
-        Record("close", arrays={"image": np.ones((2, 2, 3), np.int32)}),
-        Record(
-            "load_state", {"method": "taau", "display_size": [1, 2**40], "render_size": None, "past": False}
-        ),
+        ({"call": "explode"}, '"call" of line 4 is "explode"'),
+        ({"call": 1}, '"call" of line 4 is 1'),
+        ({}, 'line 4 has no "call"'),
+        ([], "line 4 is "),
+        ({"call": "step"}, 'no "frame"'),
+        ({"call": "step", "frame": 1}, '"frame" of line 4 is 1'),
+        ({"call": "step", "frame": {**FRAME, "file": "../0000.exr"}}, '"file"'),
+        ({"call": "step", "frame": {**FRAME, "file": "/etc/passwd"}}, '"file"'),
+        ({"call": "step", "frame": {**FRAME, "file": "0009.exr"}}, "no such file"),
+        ({"call": "step", "frame": {**FRAME, "file": "shot.json"}}, "is not an EXR image"),
+        ({"call": "step", "frame": {**FRAME, "jitter": [9, 9]}}, "frame.jitter"),
+        ({"call": "step", "frame": {**FRAME, "jitter": [0, 10**400]}}, '"jitter"'),
+        ({"call": "step", "frame": {**FRAME, "exposure": float("nan")}}, "frame.exposure"),
+        ({"call": "step", "frame": {**FRAME, "render_size": [18, 32]}}, "32x18"),
+        ({"call": "step", "frame": {**FRAME, "render_size": None}}, "render_size"),
+        ({"call": "step", "frame": {**FRAME, "surprise": 1}}, "surprise"),
+        ({"call": "step", "frame": FRAME, "outputs": "aovs"}, '"outputs"'),
+        ({"call": "load_state", **STATE}, "no such file"),
+        ({"call": "close"}, '"image"'),
+        ({"call": "close", "image": 7}, '"image"'),
     ],
 )
-def test_what_a_reader_would_stumble_over_is_refused(record: Record, taau: Model, file: Path) -> None:
+def test_a_line_that_no_upscaler_writes_is_refused(
+    line: object, message: str, taau: Model, file: Path
+) -> None:
     recorded(taau, file).close()
-    records = list(read_records(file))
-    other = file.with_name("other")
-    writer = RecordWriter(other)
-    for each in (*records[:2], record):
-        writer.write(each)
-    with pytest.raises(RecordingError, match="no Upscaler writes"):
-        list(open_recording(other))
+    append(file, line)
+    with pytest.raises(RecordingError, match=message):
+        list(open_recording(file))
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"method": 1},
+        {"display_size": [1, 2**40]},
+        {"display_size": "ab"},
+        {"history": None},
+        {"shaded": 1},
+        {"version": "1"},
+    ],
+)
+def test_a_state_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: Model, file: Path) -> None:
+    upscaler = recorded(taau, file)
+    upscaler.load_state(upscaler.save_state())
+    log = (file / "calls.jsonl").read_text().splitlines()
+    changed = json.dumps({**json.loads(log[-1]), **changes})
+    (file / "calls.jsonl").write_text("\n".join([*log[:-1], changed, ""]))
+    with pytest.raises(RecordingError, match=next(iter(changes))):
+        list(open_recording(file))
+
+
+@pytest.mark.parametrize(
+    "outcome",
+    [
+        {"returned": {"image": 2**40}},
+        {"returned": {"image": -1}},
+        {"returned": ["image"]},
+        {"raised": ["", "", ""]},
+        {"raised": [1, 2]},
+        {"raised": "FrameError"},
+    ],
+)
+def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:
+    recorded(taau, file).close()
+    append(file, {"call": "step", "frame": FRAME}, outcome)
+    with pytest.raises(RecordingError, match="line 5"):
+        list(open_recording(file))
+
+
+def test_a_line_without_end_is_refused_before_it_is_read_whole(taau: Model, file: Path) -> None:
+    recorded(taau, file).close()
+    with (file / "calls.jsonl").open("a") as log:
+        log.write('"' + "a" * MAX_LINE)
+    with pytest.raises(RecordingError, match="line 4 is longer than 4 MiB"):
+        list(open_recording(file))
+    (file / "calls.jsonl").write_bytes(b"[" * 100_000 + b"\n")
+    with pytest.raises(RecordingError, match="line 1 is not JSON"):
+        list(open_recording(file))
+
+
+@pytest.mark.parametrize("name", ["calls.jsonl", "0000.exr", "sampled/0000.exr", "last.exr"])
+def test_a_link_out_of_the_folder_is_not_followed(name: str, taau: Model, file: Path) -> None:
+    recorded(taau, file).close()
+    outside = file.parent / "outside"
+    (file / name).rename(outside)
+    (file / name).symlink_to(outside)
+    with pytest.raises(RecordingError, match="leads out of"):
+        list(open_recording(file))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes")
+@pytest.mark.parametrize("name", ["recording.json", "calls.jsonl", "0000.exr"])
+def test_a_pipe_in_place_of_a_file_is_refused(name: str, taau: Model, file: Path) -> None:
+    recorded(taau, file).close()
+    (file / name).unlink()
+    os.mkfifo(file / name)
+    with pytest.raises(RecordingError):
+        list(open_recording(file))
 
 
 def test_a_state_in_a_recording_is_checked_as_any_state(taau: Model, file: Path) -> None:
     upscaler = recorded(taau, file)
     upscaler.load_state(upscaler.save_state())
     upscaler.close()
-    other = file.with_name("other")
-    writer = RecordWriter(other)
-    for record in read_records(file):
-        arrays = dict(record.arrays)
-        if record.kind == "load_state":
-            arrays["history.surface"] = arrays["history.surface"][..., 1:]
-        writer.write(Record(record.kind, record.values, arrays))
-    replay = Replay(open_recording(other))
+    path = file / "states" / "0000.safetensors"
+    arrays = {name: np.array(array) for name, array in open_safetensors(path)[0].items()}
+    write_safetensors(path, {**arrays, "history.surface": arrays["history.surface"][..., 1:]})
+    replay = Replay(open_recording(file))
     with pytest.raises(ArgumentError, match=r"state is with 'history\.surface'"):
         list(map(replay.call, replay.recording))
 
 
-def test_a_record_beyond_memory_is_refused(taau: Model, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_pixels_of_another_size_are_beyond_tolerance(taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    recording = open_recording(file)
+    write_exr(file / "sampled" / "0000.exr", np.zeros((2, 2, 3), np.float16))
+    log = (file / "calls.jsonl").read_text()
+    (file / "calls.jsonl").write_text(re.sub(r'"image": \d+', '"image": 1', log))
+    replay = Replay(open_recording(file))
+    (step,) = filter(None, map(replay.call, replay.recording))
+    assert (step.exact, step.within) == (False, False)
 
-    def full(*_: object) -> None:
+
+def test_a_frame_beyond_memory_is_refused(taau: Model, file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    recorded(taau, file).close()
+
+    def full(*_: object, **__: object) -> None:
         raise MemoryError
 
-    monkeypatch.setattr(np, "empty", full)
-    with pytest.raises(RecordingError, match=r"a record at byte \d+ beyond memory"):
-        list(recording)
+    monkeypatch.setattr(np, "stack", full)
+    with pytest.raises(RecordingError, match="needs more memory than there is"):
+        list(open_recording(file))

@@ -1,6 +1,6 @@
-"""`supersampler upscale --record` and `supersampler replay`: one file, and an exit code."""
+"""`supersampler upscale --record` and `supersampler replay`: one folder, and an exit code."""
 
-from dataclasses import replace
+import json
 from pathlib import Path
 
 import numpy as np
@@ -12,8 +12,6 @@ from supersampler import Upscaler
 from supersampler.cli import app
 from supersampler.io.images import read_exr
 from supersampler.io.shot import ShotWriter
-from supersampler.recording import StepCall, open_recording
-from supersampler.recording.format import RecordWriter, read_records
 
 COUNT = 4
 
@@ -44,12 +42,16 @@ def pictures(folder: Path) -> dict[str, bytes]:
     return {path.name: path.read_bytes() for path in sorted(folder.glob("*.exr"))}
 
 
+def contents(folder: Path) -> dict[Path, bytes]:
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
 def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path: Path) -> None:
     done = run("replay", file, "-o", tmp_path / "again")
     assert done.exit_code == 0
-    head, there, here, verdict = done.stdout.splitlines()
+    head, recorded, here, verdict = done.stdout.splitlines()
     assert head == f"{file}: taau, to 64x36"
-    assert there.replace("there", "here ") == here
+    assert recorded.replace("recorded", "here    ") == here
     assert verdict == f"{COUNT} of {COUNT} frames are bit for bit what they were."
     assert pictures(tmp_path / "again") == pictures(tmp_path / "out")
     last = f"{COUNT - 1:04d}.exr"
@@ -86,10 +88,10 @@ def test_pictures_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -
 def test_a_recording_of_frames_that_are_there_has_all_of_them_and_replaces_an_earlier_one(
     file: Path, shot: Path, tmp_path: Path
 ) -> None:
-    before, recorded = pictures(tmp_path / "out"), file.read_bytes()
+    before, recorded = pictures(tmp_path / "out"), contents(file)
     again = ("upscale", shot, "-o", tmp_path / "out", "--method", "taau", "--record")
     assert run(*again, file).exit_code == 0
-    assert file.read_bytes() == recorded
+    assert contents(file) == recorded
     assert pictures(tmp_path / "out") == before
 
 
@@ -112,39 +114,33 @@ def test_refused_frames_warnings_and_an_end_too_early_are_told(tmp_path: Path) -
 
 
 def test_a_frame_in_which_the_process_ended_is_announced(file: Path) -> None:
-    ends = [call.index for call in open_recording(file) if isinstance(call, StepCall)]
-    whole = file.read_bytes()
-    outcome = whole.rindex(b'{"record":"outcome"') - 20
-    file.write_bytes(whole[:outcome])
+    log = file / "calls.jsonl"
+    log.write_text("".join(log.read_text().splitlines(keepends=True)[:-2]))  # no outcome, no close
     done = run("replay", file)
     assert done.exit_code == 0
-    assert f"frame {ends[-1]}: the recording does not say what came of it" in done.stdout
+    assert f"frame {COUNT - 1}: its outcome was not recorded" in done.stdout
     assert f"{COUNT - 1} of {COUNT - 1} frames are bit for bit what they were." in done.stdout
 
 
-def test_a_file_that_is_no_recording_is_one_line(shot: Path) -> None:
-    done = run("replay", shot / "shot.json")
+def test_a_folder_that_is_no_recording_is_one_line(shot: Path) -> None:
+    done = run("replay", shot)
     assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
-    assert "shot.json: is not a recording" in done.stderr
+    assert "shot: is not a recording" in done.stderr
 
 
 def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_before(file: Path) -> None:
-    content = bytearray(file.read_bytes())
-    content[content.rindex(b'{"record":"close"') + 3] ^= 1
-    file.write_bytes(content)
+    (file / "last.exr").write_bytes(b"damaged")
     done = run("replay", file)
     assert done.exit_code == 1
     assert f"{COUNT} of {COUNT} frames are bit for bit" in done.stdout
-    assert "has a damaged record" in done.stderr
+    assert "last.exr: is not an EXR image" in done.stderr
 
 
-def test_a_strangers_file_has_no_say_over_the_terminal(file: Path, tmp_path: Path) -> None:
-    setup, *rest = read_records(file)
-    writer = RecordWriter(tmp_path / "b")
-    writer.write(replace(setup, values={**setup.values, "machine": {"cpu": "\x1b[2J\nwhat"}}))
-    for record in rest:
-        writer.write(record)
-    assert "?[2J?what" in run("replay", tmp_path / "b").stdout
+def test_a_strangers_file_has_no_say_over_the_terminal(file: Path) -> None:
+    setup = json.loads((file / "recording.json").read_text())
+    setup["machine"] = {"cpu": "\x1b[2J\nwhat"}
+    (file / "recording.json").write_text(json.dumps(setup))
+    assert "?[2J?what" in run("replay", file).stdout
 
 
 def test_pictures_of_a_replay_hold_what_was_carried(tmp_path: Path) -> None:

@@ -22,33 +22,27 @@ if TYPE_CHECKING:
 
 
 def replay(
-    recording: Annotated[Path, typer.Argument(metavar="FILE", help="A recording.")],
+    recording: Annotated[Path, typer.Argument(metavar="FOLDER", help="A recording.")],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder to write the pictures to.")
+        Path | None, typer.Option("-o", "--output", help="Folder to write the images to.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
     ] = None,
     model: Annotated[
         str | None,
-        typer.Option(
-            help="A model folder, or a shipped model by name, whatever was recorded.", show_default="recorded"
-        ),
+        typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded"),
     ] = None,
     extrapolation: Annotated[
         str | None,
-        typer.Option(
-            help="The same of the model that draws frames that were not shaded.", show_default="recorded"
-        ),
+        typer.Option(help="Likewise, the model that extrapolates unshaded frames.", show_default="recorded"),
     ] = None,
     executor: Annotated[
         ExecutorChoice | None,
-        typer.Option(
-            help="How to run it. onnx: in ONNX Runtime. cpu: as compiled kernels.", show_default="recorded"
-        ),
+        typer.Option(help="onnx: the ONNX backend. cpu: the CPU backend.", show_default="recorded"),
     ] = None,
     precision: Annotated[
-        PrecisionName | None, typer.Option(help="Of what is learned.", show_default="recorded")
+        PrecisionName | None, typer.Option(help="Of the network.", show_default="recorded")
     ] = None,
     providers: Annotated[
         str | None,
@@ -57,14 +51,13 @@ def replay(
         ),
     ] = None,
     overwrite: Annotated[
-        bool, typer.Option("--overwrite", help="Start over where pictures of another replay are.")
+        bool, typer.Option("--overwrite", help="Replace the images of another replay.")
     ] = False,
 ) -> None:
-    """Do again what `upscale --record FILE` or `Upscaler(record=FILE)` recorded, and compare.
+    """Replay what `upscale --record FOLDER` or `Upscaler(record=FOLDER)` recorded, and compare.
 
-    Prints how many frames are bit for bit what they were, the first that is not, and how far pictures are
-    apart at most. Exit code 1 where they are further apart than tolerated, or where a frame is refused that
-    was not, or the other way round.
+    Prints how many frames are bit for bit what they were, the first that is not, and the largest difference.
+    Exit code 1 if a frame is beyond tolerance, or is refused in only one of the two runs.
 
     \b
     Examples:
@@ -89,7 +82,7 @@ def replay(
         _say(line)
     try:
         _run(replayed, summary, results)
-    finally:  # of a damaged file: on the frames before
+    finally:  # also of the frames before a damaged file
         for line in _verdict(replayed, summary):
             _say(line)
     if summary.beyond is not None:
@@ -122,15 +115,19 @@ def _begun(replay: "Replay", folder: Path, formats: list[str], *, overwrite: boo
 
 
 def _heads(replay: "Replay") -> list[str]:
-    """Of what the recording is, and both machines."""
+    """Return lines about the recording and both machines."""
     from supersampler.io.machine import machine
-    from supersampler.recording.recorder import versions
+    from supersampler.recording.setup import versions
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
-    there = _place(setup.executor, setup.precision, setup.providers, setup.versions, setup.machine)
+    recorded = _place(setup.executor, setup.precision, setup.providers, setup.versions, setup.machine)
     here = _place(model.executor, model.precision, model.providers, versions(), machine())
-    return [f"{replay.recording.path}: {setup.method}, {size}", f"  there  {there}", f"  here   {here}"]
+    return [
+        f"{replay.recording.path}: {setup.method}, {size}",
+        f"  recorded  {recorded}",
+        f"  here      {here}",
+    ]
 
 
 def _place(
@@ -147,7 +144,7 @@ def _place(
 
 
 def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> None:
-    """Do all calls; print, sum up and write what comes of each."""
+    """Make all calls; print, count and write their outcomes."""
     from rich.console import Console
 
     from supersampler.cli.frame_warnings import frame_warnings
@@ -157,8 +154,8 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
     last: Replayed | None = None  # that returned an image
     call: Call | None = None
     for call in replay.recording:
-        if isinstance(call, StepCall) and call.outcome is None:  # said before: it may end this process, too
-            _say(f"frame {call.index}: the recording does not say what came of it")
+        if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
+            _say(f"frame {call.index}: its outcome was not recorded")
         with frame_warnings(console, summary.steps):
             step = replay.call(call)
         if step is not None:
@@ -170,15 +167,15 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
                 if results is not None:
                     results.write(step.index, step.result.image, step.exposure, step.result.aovs)
     if not isinstance(call, CloseCall):
-        _say("The recording was not closed; it ends with its last whole call.")
+        _say("The recording was not closed; it ends with its last complete call.")
     elif results is not None and last is not None and call.image is not None:
         results.write_recorded(last.index, call.image, last.exposure)
 
 
 def _verdict(replay: "Replay", summary: "Summary") -> Iterator[str]:
-    """What is asked first of a report: is it so here, from which frame on, and by how much."""
+    """Return lines that say whether images differ, from which frame on, and by how much."""
     if not replay.is_recorded_model:
-        yield "The model is not the recorded one: pictures are bound to differ."
+        yield "The model is not the recorded one: images are bound to differ."
     same = f"{summary.exact} of {summary.steps - summary.unknown} frames are bit for bit what they were"
     if summary.first is None:
         yield f"{same}."

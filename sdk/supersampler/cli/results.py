@@ -58,7 +58,7 @@ class Results:
             frame_count: how many there will be; None where it is not known.
             overwrite: whether to remove what an earlier run wrote, instead of continuing it.
             page: whether a page is to be written.
-            recording: the file that the run will record to: where it is there, one of an earlier run here.
+            recording: the folder that the run will record to; if it exists, it is an earlier run's.
 
         Raises:
             ShotError: files that no earlier run here wrote are in the way; or images of other settings are
@@ -171,15 +171,15 @@ class Results:
                     raise foreign(path)
 
     def _check_recording(self, recording: Path | None) -> None:
-        """Raise where a file to record to is there, unless an earlier run of this folder recorded it."""
+        """Raise where the folder to record to exists, unless an earlier run of this folder recorded it."""
         if recording is None or not is_there(recording):
             return
-        from supersampler.recording.format import is_recording
+        from supersampler.recording.folder import holds_only_a_recording
 
         own = self._record.recording == os.path.realpath(recording)
-        if not (own and is_regular(recording) and is_recording(recording)):
+        if not (own and holds_only_a_recording(recording)):
             problem = f"is there already, and is no recording of an earlier run into {self.folder}"
-            raise ShotError(recording, problem, "Choose another name, or move the file away.")
+            raise ShotError(recording, problem, "Choose another name, or move it away.")
 
     def _check_same(self, there: Mapping[str, object], wanted: Mapping[str, object]) -> None:
         changed = [key for key in wanted if there.get(key) != json.loads(json.dumps(wanted[key]))]

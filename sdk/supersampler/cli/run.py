@@ -28,7 +28,7 @@ from supersampler.cli.results import Results
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.atomic import check_apart, remove_files
+from supersampler.io.atomic import check_apart
 from supersampler.io.compare import (
     ERROR_LEGEND,
     About,
@@ -42,6 +42,7 @@ from supersampler.io.shot import Shot
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model, Precision, Skip
 from supersampler.presets import PresetName, chosen
+from supersampler.recording.folder import remove_recording
 from supersampler.upscaler import Upscaler
 
 COMPARE_FRAMES = 64
@@ -62,8 +63,7 @@ class UpscaleJob:
     Unshaded frames of the shot are extrapolated by `extrapolation`, the name or folder of a model.
     Without `display_size` and `scale` the images are of the shot's display size; where it has none, 2x, or
     what the model's only ratio is.
-    `record` is a file to record to, all frames from the first on; that of an earlier run into the same folder
-    is replaced.
+    `record` is a folder to record all frames to; the recording of an earlier run into `output` is replaced.
     """
 
     shot: Shot
@@ -139,7 +139,7 @@ def _open_upscaler(job: UpscaleJob) -> Upscaler:
 def _recording_upscaler(job: UpscaleJob, opened: Upscaler) -> Upscaler:
     """Return one with the same model that records; the shot makes an earlier run's recording again."""
     assert job.record is not None  # noqa: S101 - the caller has seen to it
-    remove_files([job.record])  # `Results.begin` has made sure that it is an earlier run's, if anybody's
+    remove_recording(job.record)  # `Results.begin` has made sure that it is an earlier run's, if anybody's
     return Upscaler(
         opened.model,
         display_size=opened.display_size,

@@ -40,7 +40,7 @@ class RunRecord:
     Attributes:
         settings: all that the images follow from; JSON values.
         files: numbered files as `exr/####.exr`, to how many there are from 0000 on; PAGE to 1.
-        recording: the file that the run records to, or None.
+        recording: the folder that the run records to, or None.
     """
 
     settings: Mapping[str, Any]

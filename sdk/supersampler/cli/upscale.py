@@ -88,7 +88,7 @@ def upscale(
         ),
     ] = Validate.warn,
     record: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Record all frames, for `supersampler replay`.")
+        Path | None, typer.Option(metavar="FOLDER", help="Record all frames, for `supersampler replay`.")
     ] = None,
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Start over where results are already.")

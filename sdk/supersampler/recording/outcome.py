@@ -1,23 +1,23 @@
-"""What came of a step, in little room: enough to say whether another is the same, and how far it is off."""
+"""The outcome of a step: hashes and a few pixels of what it returned, or the error that it raised."""
 
 import math
 import zlib
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Float32
+from supersampler.frame import Array, Float32
 from supersampler.history import StepResult
-from supersampler.recording.format import Record, octets
-from supersampler.recording.values import members, texts, whole
+from supersampler.io.images import Channel, read_exr, write_exr
+from supersampler.io.shot.frame_files import AOVS, COLOR, take, take_aovs
+from supersampler.io.shot.json_keys import JsonKeys
 
 SAMPLES = 4096
-"""Pixels of each image that are kept, about: little beside a frame."""
-
-_SAMPLED = ("image", "aovs")  # maps tell why a picture is as it is, and may differ where it does not
+"""Pixels of each image that are kept, about: few beside those of a frame."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,37 +25,37 @@ class Outcome:
     """What a step returned, or raised.
 
     Attributes:
-        digests: CRC-32 of each array that was returned, by its name in `StepResult`.
-        samples: pixels of the image and of what was carried; see `sampled`.
+        digests: CRC-32 of the bytes of each array that was returned, by its name in `StepResult`.
+        samples: pixels of "image" and "aovs"; see `sampled`.
         error: name of the exception's class and its text; "" and "" where none was raised.
     """
 
     digests: Mapping[str, int] = field(default_factory=dict)
-    samples: Mapping[str, NDArray[Any]] = field(default_factory=dict)
+    samples: Mapping[str, Array] = field(default_factory=dict)
     error: tuple[str, str] = ("", "")
 
 
 def returned(index: int, result: StepResult) -> Outcome:
-    """Outcome of the step of this index that returned `result`."""
+    """Return the outcome of the step of this index, which returned `result`."""
     arrays = {f.name: getattr(result, f.name) for f in fields(result)}
     there = {name: array for name, array in arrays.items() if array is not None}
     return Outcome(
-        {name: zlib.crc32(octets(array)) for name, array in there.items()},
-        {name: sampled(index, there[name]) for name in _SAMPLED if name in there},
+        {name: _crc32(array) for name, array in there.items()},
+        {name: sampled(index, there[name]) for name in ("image", "aovs") if name in there},
     )
 
 
 def raised(error: Exception) -> Outcome:
-    """Outcome of a step that raised `error`."""
+    """Return the outcome of a step that raised `error`."""
     return Outcome(error=(type(error).__name__, str(error)))
 
 
 def sampled(index: int, image: Float32) -> Float32:
-    """Every so-many-th pixel in x and y, from a place that moves on from step to step.
+    """Return every s-th pixel in x and y, from an offset that changes from step to step.
 
     Args:
         index: of the step.
-        image: (H, W, k); small ones are returned whole.
+        image: (H, W, k); s is ceil(sqrt(H W / SAMPLES)).
     """
     height, width = image.shape[:2]
     stride = math.ceil(math.sqrt(height * width / SAMPLES))
@@ -63,29 +63,43 @@ def sampled(index: int, image: Float32) -> Float32:
     return image[top::stride, left::stride]
 
 
-def outcome_record(outcome: Outcome) -> Record:
-    """As it is written after its step."""
-    return Record("outcome", {"digests": outcome.digests, "error": outcome.error}, outcome.samples)
+def outcome_json(outcome: Outcome) -> dict[str, Any]:
+    """Return the line of an outcome in the log; its pixels are in a file of their own."""
+    return {"raised": outcome.error} if any(outcome.error) else {"returned": outcome.digests}
 
 
-def outcome_of(record: Record) -> Outcome:
-    """Undo `outcome_record`.
-
-    Raises:
-        KeyError, ValueError: it is no outcome.
-    """
-    digests = {name: whole(n, 0, 0xFFFFFFFF) for name, n in members(record.values["digests"]).items()}
-    kind, error = texts(record.values["error"], 2)
-    samples = {name: checked_image(name, image) for name, image in record.arrays.items()}
-    return Outcome(digests, samples, (kind, error))
-
-
-def checked_image(name: str, image: NDArray[Any]) -> Float32:
-    """Return an array of a record that is to be an image.
+def read_outcome(keys: JsonKeys, samples: Path) -> Outcome:
+    """Undo `outcome_json` and `write_samples`.
 
     Raises:
-        ValueError: it is none.
+        ShotError: a value is of a wrong type or range, or the pixels cannot be read.
     """
-    if image.dtype != np.float32 or image.ndim != 3 or image.size == 0:
-        raise ValueError(f"{name} is {image.shape} {image.dtype}; want (H, W, k) float32")
-    return image
+    if "raised" in keys:
+        error = keys.take_texts("raised")
+        if len(error) != 2:
+            raise keys.wrong("raised", error, "[class, text]")
+        return Outcome(error=(error[0], error[1]))
+    digests = keys.take("returned", dict)
+    if not all(type(digest) is int and 0 <= digest <= 0xFFFFFFFF for digest in digests.values()):
+        raise keys.wrong("returned", digests, "32-bit numbers by name")
+    channels = read_exr(samples)
+    aovs = take_aovs(samples, channels)
+    images = {"image": take(samples, channels, COLOR)} | ({} if aovs is None else {"aovs": aovs})
+    return Outcome(digests, images)
+
+
+def write_samples(path: Path, samples: Mapping[str, Array]) -> None:
+    """Write the pixels that are kept of a step's images.
+
+    Raises:
+        ShotError: the disk refused.
+    """
+    channels: dict[str, Channel] = {}
+    for name, image in samples.items():
+        names = COLOR if name == "image" else [f"{AOVS}{index}" for index in range(image.shape[2])]
+        channels |= {channel: image[..., index] for index, channel in enumerate(names)}
+    write_exr(path, channels, compression="none")
+
+
+def _crc32(array: NDArray[Any]) -> int:
+    return zlib.crc32(np.ascontiguousarray(array).reshape(-1).view(np.uint8).data)

@@ -1,55 +1,70 @@
-"""`Recorder`: writes down what an Upscaler is asked and what it answers, while it is asked."""
+"""`Recorder`: writes each call of an Upscaler, and its outcome, to a folder while it is made."""
 
-import platform
-from collections.abc import Callable, Collection, Mapping, Sequence
+import json
+import weakref
+from collections.abc import Callable, Collection, Iterator, Mapping
+from contextlib import contextmanager, suppress
+from dataclasses import replace
+from io import FileIO
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 
-from supersampler import __version__
 from supersampler.backends.onnx.tensors import Tensor
-from supersampler.errors import ArgumentError, RecordingError
+from supersampler.conventions import Conventions
+from supersampler.errors import ArgumentError, RecordingError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.history import StepResult
-from supersampler.io.machine import installed_versions, machine
+from supersampler.io.atomic import NO_ROOM, remove_files, replacing
+from supersampler.io.images import write_exr
+from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_json, files_of, shot_json
+from supersampler.io.shot.frame_files import write_frame
+from supersampler.io.shot.safetensors import write_safetensors
 from supersampler.methods.gbuffers import only_gbuffers
-from supersampler.methods.model_file import CONTRACT, ModelInfo
-from supersampler.recording.calls import RecordedModel, Setup, setup_record, state_record, step_record
-from supersampler.recording.format import Record, RecordWriter
-from supersampler.recording.outcome import Outcome, outcome_record, raised, returned
+from supersampler.recording.calls import state_arrays, state_json
+from supersampler.recording.folder import CALLS, LAST_IMAGE, sampled_path, state_path
+from supersampler.recording.outcome import Outcome, outcome_json, raised, returned, write_samples
+from supersampler.recording.setup import Setup, write_setup
 from supersampler.recording.tensors import frame_of_tensors, image_of_tensor
 from supersampler.state import State
 
-if TYPE_CHECKING:
-    from supersampler.model import Model, Skip
-
-_PACKAGES = ("numpy", "onnxruntime", "onnxruntime-gpu", "onnxruntime-directml", "numba", "llvmlite")
+_FRAME_RATE = 30.0  # which shot.json must have, and no call tells
 _Made = TypeVar("_Made")
 
 
 class Recorder:
-    """Appends each call to a file before it is carried out, and what came of it after.
+    """Appends each call to a log before it is made, and its outcome after it.
 
-    Where the file cannot be written, the call raises before anything is done, and the recording ends with
-    the call before; later calls are carried out without being recorded.
+    Where the disk refuses, the call raises before anything is done, and the recording ends with the call
+    before; later calls are made without being recorded.
 
     Args:
-        path: the file, which must not be there yet.
+        path: the folder, which must not exist.
         setup: how the Upscaler was made.
         inputs: names of the tensors that its models read; no other G-buffers are recorded.
 
     Raises:
-        RecordingError: the file is there already, or cannot be written.
+        RecordingError: the folder exists, or cannot be written.
     """
 
     def __init__(self, path: Path | str, setup: Setup, inputs: Collection[str]) -> None:
-        self._inputs = inputs
-        self._writer: RecordWriter | None = RecordWriter(path)
+        self.path, self._inputs = Path(path), inputs
         self._failure: RecordingError | None = None
-        self._steps = 0
+        self._entries: list[FrameEntry] = []  # of the frames in shot.json
+        self._display_size: Size | None = None
+        self._steps = self._states = 0
         self._last: Float32 | None = None
-        self._write(setup_record(setup))
+        self._log: FileIO | None = None
+        with self._or_end():
+            try:
+                self.path.mkdir(parents=True)
+            except FileExistsError:
+                hint = "Choose another name, or move it away."
+                raise RecordingError(path, "is there already", hint) from None
+            write_setup(self.path, setup)
+            self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line stays at once
+            self._close_log = weakref.finalize(self, self._log.close)  # without a warning if it is dropped
 
     def step(
         self,
@@ -59,16 +74,21 @@ class Recorder:
         *,
         extrapolated: bool = False,
     ) -> Float32 | StepResult:
-        """Carry out a step by `run`, of a frame whose colour is to be drawn if `extrapolated`, and record it.
+        """Make a step, or an extrapolation, by `run`, and record it.
 
-        The frame is written first, so that one in which the process ends is there. What is refused for an
-        argument of the call, and what Ctrl-C stops, changes nothing and is no part of the recording.
+        The frame is written first, so that it is there if the process ends in the step. A call that is
+        refused for an argument, or stopped by Ctrl-C, changes nothing and is removed from the recording.
 
         Raises:
-            RecordingError: it, or the outcome of the step before, cannot be written; nothing was done.
+            RecordingError: the call, or the outcome of the one before, cannot be written; nothing was done.
         """
-        kept = only_gbuffers(frame, self._inputs)
-        return self._around(run, lambda: step_record(kept, outputs, extrapolated=extrapolated), _as_result)
+        call = {"call": "extrapolate" if extrapolated else "step", "outputs": list(map(str, outputs))}
+        return self._around(
+            call,
+            lambda: replace(only_gbuffers(frame, self._inputs)),  # checks the shapes of G-buffers again
+            run,
+            lambda made: made if isinstance(made, StepResult) else StepResult(made),
+        )
 
     def step_tensors(
         self,
@@ -78,77 +98,157 @@ class Recorder:
         reset: bool,
         run: Callable[[], Tensor],
     ) -> Tensor:
-        """Carry out a step with tensors by `run`, and record it: as a frame, which is copied to the host.
+        """Make a step with tensors by `run`, and record it as a frame, which is copied from the device.
 
         Raises:
-            FrameError: they make no frame; nothing was done.
+            FrameError: the tensors make no frame; nothing was done.
             RecordingError: see `step`.
         """
-
-        def record() -> Record:
-            frame = frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs)
-            return step_record(frame, (), tensors=True)
-
-        return self._around(run, record, lambda image: StepResult(image_of_tensor(image)))
+        return self._around(
+            {"call": "step_tensors"},
+            lambda: frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs),
+            run,
+            lambda image: StepResult(image_of_tensor(image)),
+        )
 
     def reset(self) -> None:
         """Record a reset that is about to be made."""
         self._raise_failure()
-        self._write(Record("reset"))
+        with self._or_end():
+            self._append({"call": "reset"})
 
     def load_state(self, state: State) -> None:
         """Record a state that is about to be loaded."""
         self._raise_failure()
-        self._write(state_record(state))
+        if self._log is not None:
+            with self._or_end():
+                write_safetensors(state_path(self.path, self._states), state_arrays(state))
+                self._append({"call": "load_state", **state_json(state)})
+            self._states += 1
 
     def close(self) -> None:
-        """Write the last image as a whole, and end the file."""
+        """Write the last image and end the recording."""
         self._raise_failure()
-        self._write(Record("close", arrays={} if self._last is None else {"image": self._last}))
-        self._stop()
+        if self._log is not None:
+            with self._or_end():
+                if self._last is not None:
+                    write_exr(self.path / LAST_IMAGE, self._last, compression="none")
+                self._append({"call": "close", "image": self._last is not None})
+            self._stop()
 
     def _around(
-        self, run: Callable[[], _Made], record: Callable[[], Record], result_of: Callable[[_Made], StepResult]
+        self,
+        call: Mapping[str, Any],
+        frame_of: Callable[[], Frame],
+        run: Callable[[], _Made],
+        result_of: Callable[[_Made], StepResult],
     ) -> _Made:
         self._raise_failure()
-        if self._writer is None:
+        if self._log is None:
             return run()
-        begin = self._writer.end
-        self._write(record())
+        frame, begin = frame_of(), self._log.tell()
+        entry = self._entry(frame)
+        with self._or_end(lambda: self._remove(begin, entry)):
+            write_frame(self.path, entry, Conventions().converter().from_frame(frame), "none")
+            self._append({**call, "frame": entry_json(entry)})
+        self._steps += 1  # whatever interrupts what follows, the next step has files of its own
         try:
             made = run()
         except BaseException as error:
             if isinstance(error, ArgumentError) or not isinstance(error, Exception):
-                self._writer.cut(begin)
+                self._remove(begin, entry)
+                self._steps -= 1
             else:
-                self._close_step(begin, raised(error))
+                self._finish(begin, entry, raised(error))
             raise
         result = result_of(made)
-        self._close_step(begin, returned(self._steps, result))
+        self._display_size = result.image.shape[1], result.image.shape[0]
+        self._finish(begin, entry, returned(_number(entry), result))
         if self._last is None or self._last.shape != result.image.shape:
             self._last = np.empty_like(result.image)
         np.copyto(self._last, result.image)
         return made
 
-    def _close_step(self, begin: int, outcome: Outcome) -> None:
-        """Record what came of a step. It has been made: where that fails, the next call raises."""
-        self._steps += 1
+    def _entry(self, frame: Frame) -> FrameEntry:
+        name = f"{self._steps:04d}.exr"
+        return FrameEntry(
+            file=name,
+            jitter=frame.jitter,
+            reset=frame.reset,
+            exposure=frame.exposure,
+            display_file=f"display/{name}" if frame.gbuffer_display else None,
+            render_size=frame.size,
+            shaded=frame.color is not None,
+        )
+
+    def _finish(self, begin: int, entry: FrameEntry, outcome: Outcome) -> None:
+        """Record the outcome of a step. The step has been made: if this fails, the next call raises."""
         try:
-            self._write(outcome_record(outcome), keep=begin)
+            with self._or_end(lambda: self._remove(begin, entry)):
+                if outcome.samples:
+                    write_samples(sampled_path(self.path, _number(entry)), outcome.samples)
+                self._append(outcome_json(outcome))
+                if outcome.samples:
+                    self._list_in_shot(entry)
         except RecordingError as error:
             self._failure = error
 
-    def _write(self, record: Record, keep: int | None = None) -> None:
-        """Append a record, or end the recording: as it was before, or after `keep` bytes."""
-        if self._writer is None:
+    def _list_in_shot(self, entry: FrameEntry) -> None:
+        """List a frame in shot.json: it has been stepped, and no check refused it."""
+        entries = [*self._entries, entry]
+        info = ShotInfo(
+            name=self.path.name,
+            render_size=entries[0].render_size or (0, 0),
+            display_size=self._display_size,
+            frame_rate=_FRAME_RATE,
+            conventions=Conventions(),
+        )
+        with replacing(self.path / FILE_NAME) as partial:
+            partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
+        self._entries = entries
+
+    def _append(self, line: Mapping[str, Any]) -> None:
+        """Append a line to the log, whole or not at all."""
+        if self._log is None:
             return
+        data, begin = memoryview(json.dumps(line, allow_nan=False).encode() + b"\n"), self._log.tell()
         try:
-            self._writer.write(record)
-        except RecordingError:
-            if keep is not None:
-                self._writer.cut(keep)
-            self._stop()
+            while data:  # an unbuffered file takes a part where the disk is nearly full
+                data = data[self._log.write(data) :]
+        except BaseException:
+            self._cut(begin)
             raise
+
+    def _cut(self, end: int) -> None:
+        """Let the log end there again, as far as the disk allows."""
+        if self._log is not None:
+            with suppress(OSError):
+                self._log.seek(end)
+                self._log.truncate()
+
+    def _remove(self, begin: int, entry: FrameEntry) -> None:
+        """Remove a step from the recording: its lines, from `begin` on, and its files."""
+        self._cut(begin)
+        files = [*(self.path / name for name in files_of(entry)), sampled_path(self.path, _number(entry))]
+        with suppress(OSError):
+            remove_files(files)
+
+    @contextmanager
+    def _or_end(self, undo: Callable[[], None] = lambda: None) -> Iterator[None]:
+        """Where the disk refuses what is done inside, undo it and end the recording.
+
+        Raises:
+            RecordingError: the disk refused.
+        """
+        try:
+            yield
+        except OSError as error:
+            undo()
+            self._stop()
+            if isinstance(error, RecordingError):
+                raise
+            reason = error.problem if isinstance(error, ShotError) else f"cannot be written ({error})"
+            raise RecordingError(self.path, reason, NO_ROOM) from error
 
     def _raise_failure(self) -> None:
         if self._failure is not None:
@@ -156,52 +256,11 @@ class Recorder:
             raise failure
 
     def _stop(self) -> None:
-        if self._writer is not None:
-            self._writer.close()
-        self._writer = self._last = None
+        if self._log is not None:
+            self._close_log()
+        self._log = self._last = None
 
 
-def _as_result(made: Float32 | StepResult) -> StepResult:
-    return made if isinstance(made, StepResult) else StepResult(made)
-
-
-def setup_here(
-    model: "Model",
-    extrapolation: Sequence[ModelInfo],
-    *,
-    display_size: Size | None,
-    scale: float,
-    skip: "Skip",
-    validate: Literal["off", "warn", "strict"],
-) -> Setup:
-    """Return how an Upscaler is made, with all that its pictures depend on.
-
-    Args:
-        model: of the Upscaler.
-        extrapolation: of the one model that draws frames that were not shaded, if any.
-        display_size: see `Setup`, as what follows.
-        scale: see there.
-        skip: see there.
-        validate: see there.
-    """
-    return Setup(
-        contract=CONTRACT,
-        **vars(RecordedModel.of(model.info)),
-        extrapolation=next(map(RecordedModel.of, extrapolation), None),
-        executor=model.executor,
-        precision=model.precision,
-        providers=tuple(model.providers),
-        threads=model.threads,
-        display_size=display_size,
-        scale=scale,
-        skip=skip,
-        validate=validate,
-        versions=versions(),
-        machine=machine(),
-    )
-
-
-def versions() -> dict[str, str]:
-    """Return the versions of this package, Python and the packages that pictures depend on."""
-    own = {"supersampler": __version__, "Python": platform.python_version()}
-    return own | installed_versions(*_PACKAGES)
+def _number(entry: FrameEntry) -> int:
+    """Return the number of the step that a frame's file is named after."""
+    return int(Path(entry.file).stem)

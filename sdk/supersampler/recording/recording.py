@@ -1,36 +1,39 @@
 """A recording, read call by call."""
 
-import reprlib
+import json
 from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
-from supersampler.errors import RecordingError, SupersamplerError
-from supersampler.methods.model_file import CONTRACT
-from supersampler.recording.calls import (
-    FORMAT,
-    Call,
-    CloseCall,
-    LoadStateCall,
-    ResetCall,
-    Setup,
-    StepCall,
-    frame_of,
-    image_of,
-    setup_of,
-    state_of,
-)
-from supersampler.recording.format import Record, read_records
-from supersampler.recording.outcome import outcome_of
-from supersampler.recording.values import flag, texts
+import numpy as np
 
-_WRONG = (SupersamplerError, AttributeError, KeyError, TypeError, ValueError, OverflowError)
+from supersampler.conventions import Conventions
+from supersampler.errors import RecordingError, ShotError, SupersamplerError
+from supersampler.frame import Float32
+from supersampler.io.atomic import check_inside
+from supersampler.io.shot.format import files_of, frame_entry
+from supersampler.io.shot.frame_files import read_frame, read_reference
+from supersampler.io.shot.json_keys import JsonKeys
+from supersampler.io.shot.safetensors import open_safetensors
+from supersampler.recording.calls import Call, CloseCall, LoadStateCall, ResetCall, StepCall, state_of
+from supersampler.recording.folder import CALLS, LAST_IMAGE, sampled_path, state_path
+from supersampler.recording.outcome import Outcome, read_outcome
+from supersampler.recording.setup import Setup, read_setup
+from supersampler.state import State
+
+MAX_LINE = 4 << 20
+"""Bytes of a line of the log, at most."""
+
+_STEPS = ("step", "extrapolate", "step_tensors")
+_DAMAGED = "The recording is damaged; copy it again."
 
 
 class Recording:
-    """The calls of an Upscaler, in order. Each iteration reads the file anew, one frame at a time.
+    """The calls of an Upscaler, in order. Each iteration reads the log anew, one frame at a time.
 
     Attributes:
-        path: the file.
+        path: the folder.
         setup: how the Upscaler was made, and where.
     """
 
@@ -38,45 +41,78 @@ class Recording:
         self.path, self.setup = path, setup
 
     def __iter__(self) -> Iterator[Call]:
-        """Yield the calls up to the last whole one.
+        """Yield the calls up to the last complete line of the log.
 
         Raises:
-            RecordingError: a record is damaged, or is none that an Upscaler writes; after the calls before.
+            RecordingError: a line or a file is damaged, or none that an Upscaler writes; after the calls
+                before it.
         """
-        records = read_records(self.path)
-        next(records, None)  # the setup
-        steps, step = 0, None  # the latter waits for its outcome
-        for record in records:
+        steps = states = 0
+        step: StepCall | None = None  # waits for its outcome
+        with _damage(self.path):
+            for line in self._lines():
+                if step is not None:
+                    has_outcome = "returned" in line or "raised" in line
+                    yield replace(step, outcome=self._outcome(line, steps)) if has_outcome else step
+                    steps, step = steps + 1, None
+                    if has_outcome:
+                        continue
+                kind = line.take("call", str)
+                if kind in _STEPS:
+                    step = self._step(kind, line, steps)
+                elif kind == "reset":
+                    yield ResetCall()
+                elif kind == "load_state":
+                    yield LoadStateCall(self._state(line, states))
+                    states += 1
+                elif kind == "close":
+                    yield CloseCall(self._last_image() if line.take("image", bool) else None)
+                else:
+                    raise line.wrong("call", kind, "a call of an Upscaler")
             if step is not None:
-                outcome = record if record.kind == "outcome" else None
-                yield self._call(step, steps, outcome)
-                steps, step = steps + 1, None
-                if outcome is not None:
-                    continue
-            if record.kind == "step":
-                step = record
-            else:
-                yield self._call(record)
-        if step is not None:
-            yield self._call(step, steps)
+                yield step
 
-    def _call(self, record: Record, index: int = 0, outcome: Record | None = None) -> Call:
-        try:
-            match record.kind:
-                case "step":
-                    told = None if outcome is None else outcome_of(outcome)
-                    outputs, tensors = texts(record.values["outputs"], 16), flag(record.values["tensors"])
-                    extrapolated = flag(record.values.get("extrapolated", False))
-                    return StepCall(index, frame_of(record), outputs, tensors, extrapolated, told)
-                case "load_state":
-                    return LoadStateCall(state_of(record))
-                case "reset":
-                    return ResetCall()
-                case "close":
-                    return CloseCall(image_of(record))
-        except _WRONG as error:
-            raise _strange(self.path, record, error) from error
-        raise _strange(self.path, record)
+    def _lines(self) -> Iterator[JsonKeys]:
+        """Yield the log's lines; one that the file's end cuts off is left out."""
+        path, number = self._inside(self.path / CALLS), 1
+        if not path.is_file():  # a pipe, say, which never ends
+            raise ShotError(path, "is missing, or no regular file")
+        with path.open("rb") as file:
+            while (text := file.readline(MAX_LINE)).endswith(b"\n"):
+                try:
+                    content = json.loads(text)
+                except (ValueError, RecursionError) as error:
+                    raise ShotError(path, f"line {number} is not JSON ({error})") from error
+                yield JsonKeys(path, f"line {number}", content)
+                number += 1
+        if len(text) == MAX_LINE:
+            raise ShotError(path, f"line {number} is longer than {MAX_LINE >> 20} MiB")
+
+    def _step(self, kind: str, line: JsonKeys, index: int) -> StepCall:
+        entry = frame_entry(JsonKeys(line.path, f"the frame in {line.where}", line.take("frame", dict)))
+        if entry.render_size is None:
+            raise line.wrong("frame", None, "its render_size")
+        for name in files_of(entry):
+            self._inside(self.path / name)
+        raw = read_frame(self.path, entry, entry.render_size, None)
+        frame = Conventions().converter().to_frame(raw)
+        tensors, extrapolated = kind == "step_tensors", kind == "extrapolate"
+        return StepCall(index, frame, line.take_texts("outputs"), tensors, extrapolated, None)
+
+    def _outcome(self, line: JsonKeys, index: int) -> Outcome:
+        return read_outcome(line, self._inside(sampled_path(self.path, index)))
+
+    def _state(self, line: JsonKeys, number: int) -> State:
+        arrays, _ = open_safetensors(self._inside(state_path(self.path, number)))
+        return state_of(line, {name: np.array(array) for name, array in arrays.items()})
+
+    def _last_image(self) -> Float32:
+        return read_reference(self._inside(self.path / LAST_IMAGE), None)
+
+    def _inside(self, path: Path) -> Path:
+        """Return a path once it is known that no link leads from it out of the folder."""
+        check_inside(self.path, [path])
+        return path
 
 
 def open_recording(path: Path | str) -> Recording:
@@ -89,22 +125,20 @@ def open_recording(path: Path | str) -> Recording:
     Raises:
         RecordingError: it is missing, of another kind or of another version.
     """
-    first = next(read_records(path), None)
-    if first is None:
-        raise RecordingError(path, "ends in its first record", "The process ended, or the disk was full.")
-    if first.kind != "setup" or first.values.get("format") != FORMAT:
-        problem = f"is of format {reprlib.repr(first.values.get('format'))}; this package reads {FORMAT}"
-        raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
+    return Recording(Path(path), read_setup(Path(path)))
+
+
+@contextmanager
+def _damage(path: Path) -> Iterator[None]:
+    """Raise RecordingError where a recording cannot be read."""
     try:
-        setup = setup_of(first)
-    except _WRONG as error:
-        raise _strange(path, first, error) from error
-    if setup.contract != CONTRACT:
-        problem = f"holds frames of contract {setup.contract}; this package drives {CONTRACT}"
-        raise RecordingError(path, problem, "Replay it with the version of supersampler that wrote it.")
-    return Recording(Path(path), setup)
-
-
-def _strange(path: Path | str, record: Record, error: Exception | None = None) -> RecordingError:
-    why = "" if error is None else f" ({type(error).__name__}: {error})"
-    return RecordingError(path, f"has a {reprlib.repr(record.kind)} record that no Upscaler writes{why}")
+        yield
+    except MemoryError as error:
+        hint = "Replay it on a machine with more memory."
+        raise RecordingError(path, "needs more memory than there is", hint) from error
+    except ShotError as error:
+        raise RecordingError(error.path, error.problem, _DAMAGED) from error
+    except OSError as error:
+        raise RecordingError(path, f"cannot be read ({error})") from error
+    except SupersamplerError as error:
+        raise RecordingError(path, f"has a call that no Upscaler makes ({error})", _DAMAGED) from error

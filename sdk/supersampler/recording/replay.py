@@ -1,4 +1,4 @@
-"""`Replay`: does again what a recording holds, and says how far what comes of it is from what came there."""
+"""`Replay`: makes the calls of a recording again and compares the outcomes."""
 
 from collections.abc import Sequence
 from dataclasses import astuple, dataclass
@@ -19,27 +19,21 @@ from supersampler.methods.model_file import (
     shipped_model,
 )
 from supersampler.model import ExecutorName, Model, Precision
-from supersampler.recording.calls import (
-    Call,
-    LoadStateCall,
-    RecordedModel,
-    ResetCall,
-    Setup,
-    StepCall,
-)
+from supersampler.recording.calls import Call, LoadStateCall, ResetCall, StepCall
 from supersampler.recording.outcome import Outcome, raised, returned
 from supersampler.recording.recording import Recording
+from supersampler.recording.setup import RecordedModel, Setup
 from supersampler.recording.tensors import image_of_tensor, tensors_of_frame
 from supersampler.upscaler import Upscaler
 
 
 @dataclass(frozen=True)
 class Difference:
-    """How far pictures are apart, value by value: of what a screen shows, in [0, 1].
+    """Differences between images as a screen shows them, in [0, 1], over all values.
 
     Attributes:
-        mean: over all values.
-        most: at 99 % of them.
+        mean: of the absolute differences.
+        most: their 99th percentile.
         largest: of them.
     """
 
@@ -48,28 +42,27 @@ class Difference:
     largest: float
 
     def is_within(self, tolerance: "Difference") -> bool:
-        """Tell whether mean and most are: single values may be far off, where a decision tips over."""
+        """Tell whether mean and 99th percentile are; single values may differ more, where a class flips."""
         return self.mean <= tolerance.mean and self.most <= tolerance.most
 
 
 SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
-"""Tolerated between machines and executors: with what is learned in single precision; in halves or bytes."""
+"""Tolerated between machines and executors: with fp32 networks; with fp16 or int8 ones."""
 _NOTHING, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Replayed:
-    """What came of a step here.
+    """A step that was replayed, beside the recorded one.
 
     Attributes:
         index: of the step.
         result: what it returned; None where it raised.
-        exposure: that pictures are compared with.
-        exact: every bit of what it returned is as it was there, or the same was raised; None where it is not
-            known what came of it there.
-        difference: of the pixels that were recorded; None where there is nothing to compare.
-        within: not known to be beyond tolerance.
-        note: what else is to be said: errors, here or there.
+        exposure: with which images are compared.
+        exact: whether it returned the same bits, or raised the same; None where no outcome was recorded.
+        difference: of the recorded pixels; None where there is nothing to compare.
+        within: False where it is known to be beyond tolerance.
+        note: errors, of either run.
     """
 
     index: int
@@ -82,28 +75,28 @@ class Replayed:
 
 
 class Replay:
-    """An Upscaler as the recorded one was, and its calls.
+    """An Upscaler made as the recorded one, and its calls.
 
     >>> replay = Replay(open_recording("kitchen.recording"))
     >>> steps = [replay.call(call) for call in replay.recording]
 
     Args:
         recording: the recording.
-        model: a model's name or folder, whatever was recorded; None takes the recorded one, if it ships.
-        extrapolation: the same of the model that draws frames that were not shaded.
-        executor: see `Model.load`. Where none of these three is given, and the model is the recorded one, it
-            runs as it did there; else what is not given is "auto".
+        model: a model's name or folder; None takes the recorded one, if it ships.
+        extrapolation: likewise, of the model that extrapolates unshaded frames.
+        executor: see `Model.load`. With the recorded model, and none of executor, precision and providers
+            given, the recorded ones are taken; otherwise "auto" stands in for what is not given.
         precision: see `Model.load`.
         providers: see `Model.load`; None takes the recorded ones where they are installed, else "auto".
 
     Attributes:
         recording: the recording.
-        model: that steps.
-        is_recorded_model: whether it is the one that was recorded, and so is the extrapolation.
-        tolerance: within which pictures that are not the same are taken for it.
+        model: in use.
+        is_recorded_model: whether model and extrapolation are the recorded ones.
+        tolerance: for images that are not bit for bit the same.
 
     Raises:
-        RecordingError: the model is neither given nor one of those that ship.
+        RecordingError: the recorded model does not ship, and none is given.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
 
@@ -145,10 +138,10 @@ class Replay:
         self._meter = ExposureMeter()
 
     def call(self, call: Call) -> Replayed | None:
-        """Do what was done there; return what came of it where it was a step.
+        """Make a recorded call; return the outcome of a step.
 
         Raises:
-            ArgumentError: a state that was loaded there is not one of this model.
+            ArgumentError: a recorded state does not fit this model.
 
         Warns:
             FrameWarning: as the recorded Upscaler did.
@@ -166,26 +159,26 @@ class Replay:
     def _step(self, call: StepCall) -> Replayed:
         try:
             result = self._made(call)
-        except Exception as error:  # whatever was raised there may be raised here: it is what is looked for
+        except Exception as error:  # of any type: the recorded step may have raised the same
             return _refused(call, raised(error))
-        frame, there = call.frame, call.outcome
+        frame, recorded = call.frame, call.outcome
         exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
-        if there is None:
+        if recorded is None:
             return Replayed(call.index, result, exposure, exact=None, difference=None, within=True)
-        if any(there.error):
-            note = f"raises nothing; there: {_text(there)}"
+        if any(recorded.error):
+            note = f"raises nothing; recorded: {_text(recorded)}"
             return Replayed(
                 call.index, result, exposure, exact=False, difference=None, within=False, note=note
             )
         here = returned(call.index, result)
-        exact = here.digests == there.digests
-        difference = _NOTHING if exact else _difference(here, there, exposure)
+        exact = here.digests == recorded.digests
+        difference = _NOTHING if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
     def _made(self, call: StepCall) -> StepResult:
         frame, upscaler = call.frame, self._upscaler
-        if call.tensors and self.model.executor == "onnx":  # kernels take no tensors
+        if call.tensors and self.model.executor == "onnx":  # the CPU backend takes no tensors
             tensors = tensors_of_frame(frame, self.model.device)
             image = upscaler.step_tensors(
                 tensors, jitter=frame.jitter, exposure=frame.exposure, reset=frame.reset
@@ -198,12 +191,12 @@ class Replay:
 
 @dataclass
 class Summary:
-    """What the steps of a replay come to.
+    """Counts and largest differences of a replay.
 
     Attributes:
         steps: how many.
         exact: those that are the same bit for bit.
-        unknown: those of which it is not known what came of them there.
+        unknown: those without a recorded outcome.
         first: index of the first that is not the same.
         beyond: index of the first that is not within tolerance.
         apart: the largest mean, the largest most and the largest difference of any step.
@@ -235,13 +228,13 @@ class Summary:
 
 
 def _refused(call: StepCall, here: Outcome) -> Replayed:
-    """A step that raised here."""
-    there, exact = call.outcome, None
+    """Return the comparison of a step that raised in the replay."""
+    recorded, exact = call.outcome, None
     note = f"raises {_text(here)}"
-    if there is not None:
-        kind, text = there.error
+    if recorded is not None:
+        kind, text = recorded.error
         exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # ours say the same
-        note += ", as there" if exact else f"; there: {_text(there) if kind else 'nothing'}"
+        note += ", as recorded" if exact else f"; recorded: {_text(recorded) if kind else 'nothing'}"
     return Replayed(call.index, None, 1.0, exact, None, within=exact is True, note=note)
 
 
@@ -250,20 +243,20 @@ def _text(outcome: Outcome) -> str:
     return f"{kind} ({text.rstrip('.')})"
 
 
-def _difference(here: Outcome, there: Outcome, exposure: float) -> Difference:
-    """Of the pixels that are kept; what is carried is no light: its difference is relative above 1."""
-    shapes = [{name: pixels.shape for name, pixels in outcome.samples.items()} for outcome in (here, there)]
+def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference:
+    """Compare the pixels that were kept. AOVs are no light: their difference is relative above 1."""
+    shapes = [{name: pixels.shape for name, pixels in o.samples.items()} for o in (here, recorded)]
     if shapes[0] != shapes[1]:
         return _ALL
-    apart = []
+    differences = []
     for name, pixels in here.samples.items():
-        other = there.samples[name]
+        other = recorded.samples[name]
         if name == "image":
-            off = display_transform(pixels, exposure) - display_transform(other, exposure)
+            difference = display_transform(pixels, exposure) - display_transform(other, exposure)
         else:
-            off = (pixels - other) / np.maximum(1.0, np.maximum(np.abs(pixels), np.abs(other)))
-        apart.append(np.abs(off).ravel())
-    values = np.nan_to_num(np.concatenate(apart), nan=1.0)
+            difference = (pixels - other) / np.maximum(1.0, np.maximum(np.abs(pixels), np.abs(other)))
+        differences.append(np.abs(difference).ravel())
+    values = np.nan_to_num(np.concatenate(differences), nan=1.0)
     return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
 
 
@@ -274,12 +267,12 @@ def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
 
 
 def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:
-    """Folder of a model that was recorded, among those that ship; `option` hands in another.
+    """Return the folder of a recorded model among those that ship; `option` gives another.
 
     Raises:
         RecordingError: it is not among them.
     """
-    hint = f"Hand in the recorded one's folder: {option} FOLDER."
+    hint = f"Give the recorded one's folder: {option} FOLDER."
     if model.folder not in [*model_names(), *extrapolation_names()]:
         problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"
         raise RecordingError(recording.path, problem, hint)
@@ -287,8 +280,8 @@ def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> 
     here = read_model_info(folder)
     if not model.is_of(here):
         name = next((name for name in model.files if model.files[name] != here.files.get(name)), "model.json")
-        there, version = model.files.get(name, "")[:12], recording.setup.versions.get("supersampler")
-        problem = f"was recorded with another {model.folder!r}: {name} differs (sha256 {there}... there)"
+        digest, version = model.files.get(name, "")[:12], recording.setup.versions.get("supersampler")
+        problem = f"was recorded with another {model.folder!r}: {name} differs (recorded sha256 {digest}...)"
         raise RecordingError(recording.path, f"{problem}, of supersampler {version}", hint)
     return folder
 

@@ -1,4 +1,4 @@
-"""Tensors on a device, for a file and back: what `Upscaler.step_tensors` takes and gives."""
+"""Tensors on a device as frames, and back: what `Upscaler.step_tensors` takes and returns."""
 
 from collections.abc import Collection, Mapping
 from typing import Any
@@ -23,18 +23,18 @@ def frame_of_tensors(
     reset: bool,
     inputs: Collection[str],
 ) -> Frame:
-    """Return the frame that tensors are, copied to the host.
+    """Return tensors as a frame, copied from the device.
 
     Args:
         tensors: by name.
         jitter: see `Frame`.
         exposure: see `Frame`.
         reset: see `Frame`.
-        inputs: names of those that the method reads. Depth and motion that it does not read may be missing,
-            and are 0 in the frame; other G-buffers are left out.
+        inputs: names of the tensors that the method reads. Depth and motion may be missing if it does not
+            read them, and are 0 in the frame; other G-buffers are left out.
 
     Raises:
-        FrameError: they are none: one is missing, or of a wrong type, shape or range.
+        FrameError: a tensor is missing, or of a wrong type, shape or range.
     """
     images: dict[str, Any] = {}
     gbuffers = [name for name in inputs if name in GBUFFERS]
@@ -60,11 +60,11 @@ def frame_of_tensors(
 
 
 def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
-    """Return what `frame_of_tensors` took, on a device as `Model.device` names it."""
+    """Undo `frame_of_tensors`, on a device as `Model.device` names it."""
     images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *names_of(frame))}
     return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
 
 
 def image_of_tensor(image: Tensor) -> Float32:
-    """Return (H, W, 3) of (1, 3, H, W), copied to the host."""
+    """Return (H, W, 3) of (1, 3, H, W), copied from the device."""
     return pixels_of(taken(image, "image").numpy())

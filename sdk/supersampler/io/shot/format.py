@@ -87,7 +87,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     header.check_no_more()
     if not 1 <= len(frames) <= SHOT_FRAMES:
         raise ShotError(path, f"lists {len(frames)} frames; want 1 to {SHOT_FRAMES}")
-    entries = [_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
+    entries = [frame_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
     _check_listed_once(path, entries)
     return info, entries
 
@@ -105,12 +105,12 @@ def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
         "conventions": info.conventions.to_json(),
     }
     head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
-    frames = ",\n".join("    " + json.dumps(_entry_json(entry)) for entry in entries)
+    frames = ",\n".join("    " + json.dumps(entry_json(entry)) for entry in entries)
     return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'
 
 
-def _entry_json(entry: FrameEntry) -> dict[str, object]:
-    """Leave out what says nothing, so that a long shot's file stays readable."""
+def entry_json(entry: FrameEntry) -> dict[str, object]:
+    """Return a frame's entry as JSON values, without its defaults: a long shot's file stays readable."""
     item: dict[str, object] = {
         "file": entry.file, "jitter": entry.jitter, "reset": entry.reset, "exposure": entry.exposure,
     }  # fmt: skip
@@ -145,7 +145,12 @@ def _conventions(header: JsonKeys) -> Conventions:
         raise ShotError(header.path, f'"conventions" will not do: {error}') from error
 
 
-def _entry(keys: JsonKeys) -> FrameEntry:
+def frame_entry(keys: JsonKeys) -> FrameEntry:
+    """Undo `entry_json`.
+
+    Raises:
+        ShotError: a key is missing, wrong or unknown.
+    """
     entry = FrameEntry(
         file=_file(keys, "file"),
         jitter=keys.take_pair("jitter"),

@@ -25,7 +25,7 @@ GBUFFER: Mapping[str, Sequence[str]] = {
 }
 _GBUFFER_DISPLAY: Mapping[str, Sequence[str]] = {**GBUFFER, "depth": DEPTH}
 CLASSES = ("class.ghost", "class.alias")
-_AOVS = "aovs."
+AOVS = "aovs."
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -79,7 +79,7 @@ def read_frame(
         exposure=entry.exposure,
         gbuffer=_take_gbuffer(path, channels, GBUFFER),
         gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
-        aovs=_take_aovs(path, channels),
+        aovs=take_aovs(path, channels),
     )
 
 
@@ -142,7 +142,7 @@ def write_frame(
     for name, array in (raw.gbuffer_display or {}).items():
         _put(large, _GBUFFER_DISPLAY[name], array)
     if raw.aovs is not None:
-        _put(render, [f"{_AOVS}{index}" for index in range(raw.aovs.shape[2])], raw.aovs)
+        _put(render, [f"{AOVS}{index}" for index in range(raw.aovs.shape[2])], raw.aovs)
     write_exr(folder / entry.file, render, compression=compression)
     if display and entry.display_file is not None:
         write_exr(folder / entry.display_file, large, compression=compression)
@@ -200,9 +200,10 @@ def _unwanted(
             yield from channels
 
 
-def _take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
-    count = sum(name.startswith(_AOVS) for name in channels)
+def take_aovs(path: Path, channels: Mapping[str, Channel]) -> Array | None:
+    """Return the AOVs, (h, w, k); None where the file has none."""
+    count = sum(name.startswith(AOVS) for name in channels)
     if count == 0:
         return None
-    array = take(path, channels, [f"{_AOVS}{index}" for index in range(count)])
+    array = take(path, channels, [f"{AOVS}{index}" for index in range(count)])
     return array if array.ndim == 3 else array[..., None]

@@ -1,7 +1,8 @@
-"""The safetensors file format, read by memory map: a length, a JSON header, then the tensors' bytes."""
+"""The safetensors file format: a length, a JSON header, then the tensors' bytes. Read by memory map."""
 
 import json
 import math
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -9,12 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.errors import ShotError
+from supersampler.io.atomic import replacing
 from supersampler.io.limits import JSON_BYTES
 
 _TYPES = {
-    "F16": "<f2", "F32": "<f4", "F64": "<f8", "BOOL": "?", "U8": "u1", "I8": "i1",
-    "I16": "<i2", "I32": "<i4", "I64": "<i8",
+    "F16": "<f2", "F32": "<f4", "F64": "<f8", "BOOL": "?", "U8": "u1", "I8": "i1", "U16": "<u2",
+    "I16": "<i2", "U32": "<u4", "I32": "<i4", "U64": "<u8", "I64": "<i8",
 }  # fmt: skip
+_NAMES = {np.dtype(kind): name for name, kind in _TYPES.items()}
 _HINT = "The file is damaged or cut off; copy it again."
 
 
@@ -48,6 +51,25 @@ def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any
         return {name: _tensor(content[start:], **entry) for name, entry in header.items()}, metadata
     except (ValueError, TypeError, AttributeError, KeyError, OverflowError, RecursionError) as error:
         raise ShotError(path, f"has a header or tensor that cannot be read ({error})", _HINT) from error
+
+
+def write_safetensors(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
+    """Write arrays of plain numbers by name, in one piece or not at all.
+
+    Raises:
+        ShotError: an array's type is none of the format's, or the disk refused.
+    """
+    header, parts, end = dict[str, Any](), list[bytes](), 0
+    for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # so that all are aligned
+        if array.dtype not in _NAMES:
+            raise ShotError(path, f"cannot hold {name}, of type {array.dtype}")
+        parts.append(array.tobytes())
+        begin, end = end, end + array.nbytes
+        header[name] = {"dtype": _NAMES[array.dtype], "shape": array.shape, "data_offsets": [begin, end]}
+    text = json.dumps(header).encode()
+    text += b" " * (-len(text) % 8)
+    with replacing(path) as partial:
+        partial.write_bytes(b"".join([len(text).to_bytes(8, "little"), text, *parts]))
 
 
 def _tensor(data: NDArray[np.uint8], dtype: str, shape: list[int], data_offsets: list[int]) -> NDArray[Any]:

@@ -1,0 +1,69 @@
+"""Names of the files in a recording's folder, and its removal."""
+
+import os
+import re
+from pathlib import Path
+
+from supersampler.errors import RecordingError
+from supersampler.io.atomic import is_own_folder, is_regular, is_there, remove_files
+
+SETUP = "recording.json"
+CALLS = "calls.jsonl"
+LAST_IMAGE = "last.exr"
+
+_FOLDERS = ("display", "sampled", "states")
+_FILES = re.compile(
+    r"((display|sampled)/)?\d{4,}\.exr|states/\d{4,}\.safetensors|last\.exr|(recording|shot)\.json|calls\.jsonl"
+    r"|((display|sampled|states)/)?\.\w+\.[0-9a-f]{8}\.partial\.\w+"  # of a killed process; see `io.atomic`
+)
+
+
+def sampled_path(folder: Path, step: int) -> Path:
+    """Return the file of the pixels that are kept of a step's images."""
+    return folder / "sampled" / f"{step:04d}.exr"
+
+
+def state_path(folder: Path, number: int) -> Path:
+    """Return the file of the state of the load_state call of this number, from 0."""
+    return folder / "states" / f"{number:04d}.safetensors"
+
+
+def is_recording(path: Path) -> bool:
+    """Tell whether a folder holds a recording; other files may lie in it, too."""
+    return is_regular(path / SETUP)
+
+
+def holds_only_a_recording(path: Path) -> bool:
+    """Tell whether this is the folder of a recording, no link to it, and no other file lies in it."""
+    if not (is_own_folder(path) and is_recording(path)):
+        return False
+    log = (path / CALLS).read_bytes() if is_regular(path / CALLS) else b""
+    counts = {".exr": log.count(b'"frame": {'), ".safetensors": log.count(b'"call": "load_state"')}
+    for place, folders, files in os.walk(path):  # follows no links
+        below = Path(place).relative_to(path)
+        for name in (*folders, *files):
+            relative = (below / name).as_posix()
+            is_folder = relative in _FOLDERS and is_own_folder(path / relative)
+            if not is_folder and not (is_regular(path / relative) and _FILES.fullmatch(relative)):
+                return False
+            stem, suffix = Path(name).stem, Path(name).suffix
+            if stem.isdigit() and int(stem) > counts[suffix]:  # a killed process may have written one more
+                return False
+    return True
+
+
+def remove_recording(path: Path) -> None:
+    """Remove the folder of a recording, if there is one.
+
+    Raises:
+        RecordingError: other files lie in it, or something else has its name; nothing is removed.
+        ShotError: the disk refused.
+    """
+    if not is_there(path):
+        return
+    if not holds_only_a_recording(path):
+        raise RecordingError(path, "is no recording, or holds other files, too", "Move it away.")
+    places = [path / name for name in _FOLDERS if is_own_folder(path / name)] + [path]
+    for place in places:
+        remove_files(file for file in place.iterdir() if file.is_file())
+        place.rmdir()
