@@ -14,8 +14,9 @@ from supersampler import Frame
 from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.model_file import find_model
+from supersampler.methods.spec import DISPLAY
 from supersampler_export.folder import write_model_folder
-from supersampler_model.methods.base import DISPLAY, Method, render_size_of
+from supersampler_model.methods.base import Method, render_size_of
 from supersampler_model.methods.base import Size as Extent
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import grid_of, linear, resample, taps

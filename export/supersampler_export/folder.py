@@ -17,6 +17,7 @@ from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
 from supersampler.io.shot.json_keys import read_json
 from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
+from supersampler.methods.spec import RENDER, TENSORS, Shape
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -31,7 +32,7 @@ from supersampler_export.parity import (
     check_parity,
 )
 from supersampler_model.methods.aovs import Carry
-from supersampler_model.methods.base import RENDER, TENSORS, Fused, Method, Shape
+from supersampler_model.methods.base import Fused, Method
 
 _FILES = {
     "aovs.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",

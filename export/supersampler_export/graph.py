@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
-from supersampler_model.methods.base import (
+from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,
     DISPLAY,
@@ -23,11 +23,9 @@ from supersampler_model.methods.base import (
     RENDER,
     SHADED,
     TENSORS,
-    Fused,
-    Method,
     Shape,
-    Size,
 )
+from supersampler_model.methods.base import Fused, Method, Size
 
 OPSET = 17
 """Last one in which every provider implements GridSample alike (docs/contract.md)."""

@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 
+from supersampler.methods.classifier.spec import CLASSES, ClassifierConfig
 from supersampler_export.calibrate import calibrated
 from supersampler_export.quantize import BLOCK, KEPT, quantised
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import CLASSES, ClassifierNetwork
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.network import ClassifierNetwork
 
 CONSTANTS = (
     "network", "sample_sigma", "moment_sigma", "kernel_sigma", "gamma", "history_sharpness", "samples",

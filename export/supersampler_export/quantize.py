@@ -20,8 +20,8 @@ import numpy as np
 from numpy.typing import NDArray
 from torch import nn
 
-from supersampler_model.methods.classifier.network import CLASSES, ClassifierNetwork
-from supersampler_model.methods.classifier.network_inputs import SEEN
+from supersampler.methods.classifier.spec import CLASSES, SEEN
+from supersampler_model.methods.classifier.network import ClassifierNetwork
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]

@@ -9,6 +9,7 @@ import torch
 from onnx import TensorProto, helper
 from torch import Tensor, nn
 
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, Shape
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import (
     ExportError,
@@ -20,17 +21,7 @@ from supersampler_export.graph import (
     shape_of,
     traced_sizes,
 )
-from supersampler_model.methods.base import (
-    DISPLAY,
-    HALF,
-    PREVIOUS,
-    RENDER,
-    SHADED,
-    Fused,
-    Method,
-    Shape,
-    Size,
-)
+from supersampler_model.methods.base import Fused, Method, Size
 
 
 class Kept(Method):

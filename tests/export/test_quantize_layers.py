@@ -6,6 +6,7 @@ import torch
 from numpy.typing import NDArray
 from torch import nn
 
+from supersampler.methods.classifier.spec import SEEN
 from supersampler_export.half import InHalf, folded
 from supersampler_export.quantize import (
     BLOCK,
@@ -24,7 +25,6 @@ from supersampler_export.quantize import (
 )
 from supersampler_export.quantize import folded as folded_pointwise
 from supersampler_model.methods.classifier.network import Pointwise
-from supersampler_model.methods.classifier.network_inputs import SEEN
 
 RANDOM = np.random.default_rng(0)
 GIVEN = Bytes.of(6, 0.01).beside(Bytes.of(3, 0.02, 128.0)).followed_by(1).beside(Bytes.of(2, 0.005))

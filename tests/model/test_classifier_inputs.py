@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from noise import noise
+from supersampler.methods.classifier.spec import AROUND, CLASSES, SEEN
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network import CLASSES
-from supersampler_model.methods.classifier.network_inputs import AROUND, SEEN, around_of, inputs_of
+from supersampler_model.methods.classifier.network_inputs import around_of, inputs_of
 from supersampler_model.ops.sampling import View
 
 DISPLAY = Size(47, 27)

@@ -78,6 +78,11 @@ class MapOf(NamedTuple):
     channels: int
 
 
+@dataclass(frozen=True)
+class NoConstants:
+    """Of methods that have none."""
+
+
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
     """What a method is.
@@ -95,7 +100,7 @@ class MethodSpec:
             sizes are exactly that many times the render size.
         only_extrapolated: whether it steps on extrapolated frames alone, beside a method that steps on shaded
             ones.
-        config: makes the default constants, a frozen dataclass; None where there are no constants.
+        config: its constants, a frozen dataclass of which the defaults are the method's.
     """
 
     name: str
@@ -107,7 +112,7 @@ class MethodSpec:
     image: Shape = (1, 3, *DISPLAY)
     ratios: tuple[float, float] = (1.0, 4.0)
     only_extrapolated: bool = False
-    config: type[Any] | None = None
+    config: type[Any] = NoConstants
 
     @property
     def graph_history(self) -> dict[str, Shape]:
@@ -117,7 +122,7 @@ class MethodSpec:
 
 def constants_of(spec: MethodSpec) -> dict[str, Range]:
     """Return the range of each constant that kernels compute with, in the order of `constants_array`."""
-    hints = get_type_hints(spec.config, include_extras=True) if spec.config else {}
+    hints = get_type_hints(spec.config, include_extras=True)
     return {
         name: part for name, hint in hints.items() for part in get_args(hint)[1:] if isinstance(part, Range)
     }
@@ -131,4 +136,4 @@ def constants_array(spec: MethodSpec, config: Mapping[str, Any]) -> Float32:
 def constant_indices(spec: MethodSpec) -> Any:
     """Return a named tuple of where each constant is in `constants_array`; a global that kernels may read."""
     names = list(constants_of(spec))
-    return namedtuple("Indices", names)(*range(len(names)))  # type: ignore[misc]
+    return namedtuple("Indices", names)(*range(len(names)))

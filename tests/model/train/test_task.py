@@ -11,8 +11,9 @@ from torch.nn import functional as F
 
 from gbuffer_sets import gbuffer_data
 from supersampler.errors import ArgumentError
+from supersampler.methods.spec import DISPLAY
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import DISPLAY, Method
+from supersampler_model.methods.base import Method
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.frame_inputs import frame_inputs
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
