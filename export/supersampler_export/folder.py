@@ -17,7 +17,7 @@ from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
 from supersampler.io.shot.json_keys import read_json
 from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
-from supersampler.methods.spec import RENDER, TENSORS, Shape
+from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -246,7 +246,7 @@ def _network(fused: Fused) -> dict[str, Any]:
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:
-    return {"name": name, "type": "int64" if name == "display_size" else "float32", "shape": list(shape)}
+    return {"name": name, "type": dtype_of(name), "shape": list(shape)}
 
 
 def _size(size: Sequence[int]) -> str:
