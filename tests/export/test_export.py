@@ -4,7 +4,7 @@ import io
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import onnx
@@ -19,6 +19,7 @@ from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_in_torch
@@ -231,7 +232,7 @@ def test_the_gate_measures_in_both_directions() -> None:
     class Same(Method):
         """A step of nothing but its input."""
 
-        name, source = "same", "a test"
+        spec: ClassVar = MethodSpec(name="same", source="a test", inputs=("color",))
 
         def forward(self, color: Tensor) -> tuple[Tensor]:
             return (color * 1.0,)
