@@ -13,7 +13,7 @@ import pytest
 
 from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.classifier.spec import CLASSIFIER, ClassifierConfig
-from supersampler.methods.extrapolation.spec import EXTRAPOLATE_DRAWN, GUIDED_WARP, GuidedWarpConfig
+from supersampler.methods.extrapolation.spec import EXTRAPOLATE_UNSHADED, GUIDED_WARP, GuidedWarpConfig
 from supersampler.methods.model_file import read_model_info
 from supersampler.methods.spec import MethodSpec, constant_indices, constants_array, constants_of
 from supersampler.methods.taa.spec import TAA, TaaConfig
@@ -28,7 +28,7 @@ MODELS = ROOT / "sdk/supersampler/models"
 ALL: dict[str, type[Method]] = {
     **METHODS,
     **LEARNED,
-    EXTRAPOLATE_DRAWN.name: DrawnExtrapolate,
+    EXTRAPOLATE_UNSHADED.name: DrawnExtrapolate,
     AOVS.name: Carry,
 }
 PACKAGES = ("sdk/supersampler", "model/supersampler_model", "export/supersampler_export")

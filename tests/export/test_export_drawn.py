@@ -101,7 +101,7 @@ def test_nothing_is_written_where_either_is_off(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
 ) -> None:
     def made(one: Method, _: object) -> dict[str, bytes]:
-        if one.only_extrapolated is inner:
+        if one.spec.only_extrapolated is inner:
             raise ExportError("off")
         return {"model.json": b""}
 

@@ -6,7 +6,6 @@ history in the order of the spec, then the auxiliary outputs. A history of zeros
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import fields
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
 
@@ -22,7 +21,6 @@ from supersampler.methods.spec import (
     PREVIOUS,
     RENDER,
     SHADED,
-    MapOf,
     MethodSpec,
     Shape,
 )
@@ -55,30 +53,24 @@ class Fused(NamedTuple):
 class Method(nn.Module):
     """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
 
-    A subclass states its `spec`, of which it has the facts as attributes, too: `Taau.name` is `TAAU.name`.
+    A subclass states its `spec` and nothing else of what is in it.
 
     Attributes:
-        spec: what the method is; see `MethodSpec` for its facts.
+        spec: what the method is.
+        name, history, ratios: those of the spec.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
     spec: ClassVar[MethodSpec]
     name: ClassVar[str]
-    source: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]]
-    aux_outputs: ClassVar[tuple[str, ...]]
-    maps: ClassVar[Mapping[str, MapOf]]
-    image: ClassVar[Shape]
     ratios: ClassVar[tuple[float, float]]
-    only_extrapolated: ClassVar[bool]
     learned: Mapping[str, Any] = MappingProxyType({})
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
         if "spec" in cls.__dict__:
-            for fact in fields(MethodSpec):
-                if fact.name in Method.__annotations__:
-                    setattr(cls, fact.name, getattr(cls.spec, fact.name))
+            cls.name, cls.history, cls.ratios = cls.spec.name, cls.spec.history, cls.spec.ratios
 
     @classmethod
     def inputs(cls) -> list[str]:
@@ -88,7 +80,7 @@ class Method(nn.Module):
     @classmethod
     def extrapolates(cls) -> bool:
         """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
-        return cls.image[2:] == RENDER
+        return cls.spec.image[2:] == RENDER
 
     @classmethod
     def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:

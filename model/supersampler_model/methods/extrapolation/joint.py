@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import CLASSES
-from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_DRAWN
+from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import Fused, display_size_of, render_size_of
 from supersampler_model.methods.classifier.buffers import History
@@ -76,7 +76,7 @@ class Extrapolate(TwoEncoders):
 class DrawnExtrapolate(TwoEncoders):
     """Steps on frames whose colour was drawn: `extrapolate` with its other encoder."""
 
-    spec: ClassVar = EXTRAPOLATE_DRAWN
+    spec: ClassVar = EXTRAPOLATE_UNSHADED
 
     def fused(self) -> Fused:
         """See `Classifier`; the third input is base colour, packed."""

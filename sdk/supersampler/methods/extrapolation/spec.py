@@ -91,7 +91,7 @@ EXTRAPOLATE = replace(
     name="extrapolate",
     source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
 )
-EXTRAPOLATE_DRAWN = replace(
+EXTRAPOLATE_UNSHADED = replace(
     EXTRAPOLATE,
     name="extrapolate-drawn",
     inputs=(*EXTRAPOLATE.inputs, "gbuffer_base_color"),
