@@ -93,13 +93,15 @@ class Classifier(LearnedMethod):
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
         c = self.config
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.mixing)
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.blend_parameters)
 
     def fused(self) -> Fused | None:
         """Classifier and compositor, on packed pixels."""
         c = self.config
         inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
-        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
+        return Fused(
+            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+        )
 
     @classmethod
     def configured(cls, config: Mapping[str, Any]) -> Self:

@@ -37,7 +37,7 @@ class TwoEncoders(Classifier):
         """Return the network, untrained."""
         c = self.config
         return ExtraSSNetwork(
-            c.network, packed=4 * c.planes, carried=c.carried, surface=4 * SURFACE, mixing=c.mixing
+            c.network, packed=4 * c.planes, carried=c.carried, surface=4 * SURFACE, mixing=c.blend_parameters
         )
 
 
@@ -86,7 +86,9 @@ class DrawnExtrapolate(TwoEncoders):
             "carried": (1, c.carried, *HALF),
             "surface": (1, 4 * SURFACE, *HALF),
         }
-        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
+        return Fused(
+            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+        )
 
     def forward(  # type: ignore[override]  # it asks for one input more
         self,

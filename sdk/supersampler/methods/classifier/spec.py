@@ -1,4 +1,4 @@
-"""What `classifier` and its relatives are: a small network says how history and frame are weighed."""
+"""What `classifier` and its relatives are: a small network says how history and frame are blended."""
 
 from dataclasses import dataclass, field, replace
 from typing import Literal
@@ -8,33 +8,36 @@ from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec
 CLASSES = 6
 """Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
 INPUTS = (
-    "frame",  # luma of this frame, smoothly upsampled
-    "sample",  # luma of the nearest samples
+    "frame",  # luma of this frame, upsampled
+    "sample",  # luma of the samples near the pixel
     "past",  # luma of the warped history
-    "past_to_sample",  # the channel that differs most
+    "past_to_sample",  # largest difference of a channel
     "past_to_frame",
-    "contrast",  # of the samples around
+    "contrast",  # standard deviation of the samples around
     "past_contrast",  # of the warped history in 3x3 pixels
-    "beyond",  # how far the sample is outside of the history in 3x3 pixels
-    "least",  # luma that the samples of the history had
-    "most",
-    "detail",  # what the cubic has sharpened
-    "confidence",  # how near the samples are
-    "count",  # how many the history is made of
-    "difference",  # of depth, equation 10
-    "surface",  # whether the history shows what is there now
-    "speed",
-    "blur",  # of this resampling
-    "edge",  # in depth
+    "beyond",  # distance of the sample from that range
+    "least",  # minimum luma of the accumulated samples
+    "most",  # maximum
+    "detail",  # cubic minus bilinear resampling of the history
+    "confidence",  # sum of Gaussian weights of the samples near the pixel
+    "count",  # number of accumulated samples
+    "difference",  # relative difference of depth, equation 10
+    "surface",  # 0 where disoccluded
+    "speed",  # length of the motion
+    "blur",  # of the resampling of the history
+    "edge",  # relative range of depth in 3x3 samples
 )
-"""Names of what the network may see of a pixel, (1, 1, H, W) each."""
-SEEN = tuple(name for name in INPUTS if name not in ("speed", "blur"))
-"""Those that it does see: sixteen, which are one vector of bytes for four pixels (docs/methods.md)."""
-AROUND = (
-    "drift",  # mean difference of history and frame: their light differs
-    "grain",  # mean absolute difference: they differ in detail alone, too
+"""Available inputs per display pixel, (1, 1, H, W) each."""
+
+DEFAULT_INPUTS = tuple(name for name in INPUTS if name not in ("speed", "blur"))
+"""The default sixteen: four pixels fill one vector of bytes (docs/methods.md)."""
+
+NEIGHBOURHOOD_INPUTS = (
+    "drift",  # absolute mean difference of history and frame: the lighting changed
+    "grain",  # mean absolute difference: also of detail alone
 )
-"""Names of what it may see of a neighbourhood of about ten pixels, (1, 1, H / 2, W / 2) each."""
+"""Inputs per neighbourhood of about ten display pixels, (1, 1, H / 2, W / 2) each."""
+
 CountCode = Literal["saturating", "logarithm"]
 ToneSpace = Literal["largest", "channels", "logarithm"]
 
@@ -44,51 +47,51 @@ class NetworkConfig:
     """Widths of the network."""
 
     levels: tuple[int, ...] = (32, 48, 96, 192)
-    """Channels of the encoder's levels, each a multiple of what its pixels unpack into."""
+    """Channels of the encoder's levels, each a multiple of 4^level."""
     decoder: int = 32
     """Channels of the decoder."""
     decoder_layers: int = 1
-    """Layers of the decoder."""
+    """Number of 1x1 convolutions in the decoder."""
     hidden: int = 51
-    """Channels of the compositor."""
+    """Channels of the compositor's hidden layer."""
 
 
 @dataclass(frozen=True)
 class ClassifierConfig:
-    """Constants of the step around the network; docs/methods.md has what each gives."""
+    """Constants of the step; docs/methods.md gives the effect of each."""
 
     network: NetworkConfig = field(default_factory=NetworkConfig)
     """Widths of the network."""
-    inputs: tuple[str, ...] = SEEN
-    """Those of INPUTS that the network sees."""
-    around: tuple[str, ...] = AROUND
-    """Those of AROUND that it sees."""
+    inputs: tuple[str, ...] = DEFAULT_INPUTS
+    """Network inputs per pixel, names of INPUTS."""
+    around: tuple[str, ...] = NEIGHBOURHOOD_INPUTS
+    """Network inputs per neighbourhood, names of NEIGHBOURHOOD_INPUTS."""
     count_code: CountCode = "saturating"
-    """How it sees the count of samples."""
+    """Encoding of the sample count."""
     recurrent: bool = True
-    """Whether it also sees the classes of the previous frame."""
+    """Whether the classes of the previous frame are network inputs."""
     rectified: bool = True
-    """Whether the history cut to the box is one of the colours that are weighed."""
+    """Whether the clipped history is one of the blended colours."""
     own_motion: bool = True
-    """Whether the history by each pixel's own motion is one, too; else that of the closest surface alone."""
+    """Whether the history warped by each pixel's own motion is one of them."""
     corrected: bool = True
     """Whether the warped history is filtered by a learned cross of five pixels."""
     tone_space: ToneSpace = "largest"
-    """Tone curve under which colours are weighed."""
+    """Tone curve of the blended colours."""
     sample_sigma: Sigma = 0.47
     """Gaussian of a sample's influence, display pixels."""
     moment_sigma: Sigma = 0.45
     """Gaussian window of the moments of the box, render pixels."""
     kernel_sigma: Sigma = 0.45
-    """Gaussian that the learned kernel begins as, render pixels."""
+    """Gaussian that the learned kernel multiplies, render pixels."""
     gamma: Number = 1.0
     """Half size of the box in standard deviations."""
     history_sharpness: Number = 0.7
     """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
     samples: Number = 64.0
-    """Most samples that the count counts."""
+    """Maximum of the sample count."""
     contraction: Number = 1.0 / 16.0
-    """Share by which the range of the history contracts to a new sample."""
+    """Fraction by which the luma range contracts towards each new sample."""
     depth_margin: Number = 0.005
     """Relative depth by which the history must be closer before it counts as another surface."""
     depth_ramp: Number = 0.05
@@ -96,27 +99,27 @@ class ClassifierConfig:
 
     @property
     def planes(self) -> int:
-        """Channels of a pixel that the network sees."""
+        """Number of network inputs per display pixel."""
         return len(self.inputs)
 
     @property
     def carried(self) -> int:
-        """Channels at half size that it sees."""
+        """Number of network inputs at half display size."""
         return CLASSES * self.recurrent + len(self.around)
 
     @property
     def candidates(self) -> int:
-        """Colours that are weighed."""
+        """Number of blended colours."""
         return 4 + self.rectified + self.own_motion
 
     @property
     def filters(self) -> tuple[int, int, int]:
-        """Outputs beside weights: sharpness, cross of the history, 3x3 kernel of this frame."""
+        """Numbers of other blend parameters: sharpness, cross on the history, 3x3 kernel on this frame."""
         return 1, 4 * self.corrected, 9
 
     @property
-    def mixing(self) -> int:
-        """Outputs of the compositor for each pixel."""
+    def blend_parameters(self) -> int:
+        """Number of blend parameters per display pixel."""
         return self.candidates + sum(self.filters)
 
 
@@ -147,9 +150,9 @@ CLASSIFIER = MethodSpec(
     inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
-        "state": (1, 3, *DISPLAY),  # count, least and most luma, the latter and GLARE
+        "state": (1, 3, *DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
         "classes": (1, CLASSES, *HALF),  # class probabilities
-        "depth": (1, 2, *PREVIOUS),  # as it is, and without thin things
+        "depth": (1, 2, *PREVIOUS),  # depth, and depth after a morphological opening
         "jitter": (1, 2),
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
     },

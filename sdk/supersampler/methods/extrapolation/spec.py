@@ -8,20 +8,20 @@ from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED
 
 @dataclass(frozen=True)
 class GuidedWarpConfig:
-    """Constants; docs/methods.md has where they come from."""
+    """Constants; docs/methods.md gives their origin."""
 
     strides: tuple[int, ...] = (1, 3, 5, 9)
     """Of the rings of eight samples around the middle one, pixels (equation 1)."""
     taps: int = 4
-    """Samples that are kept."""
+    """Number of samples that are averaged."""
     surface_sigma: Sigma = 0.03
-    """One standard deviation of base colour and normal (equation 2)."""
+    """Standard deviation of base colour and normal (equation 2)."""
     depth_sigma: Sigma = 0.05
-    """One of depth, as a share of it."""
+    """Standard deviation of relative depth."""
     distance_sigma: Sigma = 1.0
-    """One of places on screen, pixels of the shaded frame (equation 2)."""
+    """Standard deviation of screen distance, pixels of the shaded frame (equation 2)."""
     least: Number = 0.02
-    """Reflectance that is added to base colours, so that dividing by black ones changes nothing."""
+    """Reflectance added to base colours before division."""
 
 
 @dataclass(frozen=True)
@@ -30,25 +30,25 @@ class FlowNetworkConfig:
 
     levels: tuple[int, ...] = (32, 48, 64, 96)
     """Channels of the pyramid's levels; each is half as large as the one before, the first half as large as
-    the images."""
+    the inputs."""
 
 
 @dataclass(frozen=True)
 class GuidedFlowConfig:
-    """Constants; docs/methods.md has where they come from."""
+    """Constants; docs/methods.md gives their origin."""
 
     network: FlowNetworkConfig = field(default_factory=FlowNetworkConfig)
     """Widths of the network."""
     warp: GuidedWarpConfig = field(default_factory=GuidedWarpConfig)
     """Constants of `guided-warp`."""
     farthest: float = 64.0
-    """How far light is moved at most, pixels of the render size."""
+    """Maximum motion of light, render pixels."""
     stops: float = 2.0
-    """By how much it is made brighter or darker at most; 0 leaves it to the flow alone."""
+    """Maximum gain in stops; 0 disables the gain."""
     turned: float = 0.5
-    """Difference of two normals of one standard deviation: light is moved along a surface alone."""
+    """Standard deviation of normals; light only moves along similar surfaces."""
     apart: float = 0.1
-    """The same of two depths, as a share of one."""
+    """Standard deviation of relative depth."""
 
 
 GUIDED_WARP = MethodSpec(

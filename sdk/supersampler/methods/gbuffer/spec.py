@@ -7,30 +7,30 @@ from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MethodSpec
 
 FRAME = 11
-"""Channels of a previous frame: linear RGB, depth, base colour, normal, whether it is usable."""
+"""Channels of a stored frame: linear RGB, depth, base colour, normal, 1 where usable."""
 Attention = Literal["both", "one", "none"]
 
 
 @dataclass(frozen=True)
 class GBufferNetworkConfig:
-    """Widths, and the parts that the paper takes away one by one (its table IX)."""
+    """Widths, and the parts of the paper's ablation (table IX)."""
 
     surfaces: tuple[int, ...] = (128, 128, 64)
-    """Channels of the G-buffers encoder, layer by layer."""
+    """Channels of each layer of the G-buffer encoder."""
     detailed: tuple[int, ...] = (64, 64, 64)
-    """Channels of its gated branch, which ends as wide."""
+    """Channels of its gated branch; the last width must be the same."""
     frame: int = 32
     """Channels of the frame encoder."""
     levels: tuple[int, ...] = (64, 128, 192, 256)
-    """Channels of the fusion network, from render size down."""
+    """Channels of the fusion network, finest first."""
     separable: bool = False
     """Whether 3x3 convolutions are depthwise, between 1x1 ones."""
     gated: bool = True
-    """Whether base colour and depth have a branch of their own."""
+    """Whether base colour and depth have a gated branch."""
     attention: Attention = "both"
     """Between the frame and the gradients of the G-buffers: both ways, one way, or none."""
     refined: bool = True
-    """Whether features of the history are refined by those of this frame."""
+    """Whether features of previous frames pass through a refiner network."""
 
 
 SMALL_NETWORK = GBufferNetworkConfig(
@@ -40,7 +40,7 @@ SMALL_NETWORK = GBufferNetworkConfig(
 
 @dataclass(frozen=True)
 class GBufferConfig:
-    """Constants; docs/methods.md has what each gives."""
+    """Constants; docs/methods.md gives the effect of each."""
 
     network: GBufferNetworkConfig = field(default_factory=GBufferNetworkConfig)
     """Widths of the network."""
@@ -49,7 +49,7 @@ class GBufferConfig:
     history_sharpness: float = 0.6
     """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
     samples: float = 64.0
-    """Most samples that the count counts."""
+    """Maximum of the sample count."""
     sample_sigma: float = 0.47
     """Gaussian of a sample's influence, display pixels."""
     smooth_sigma: float = 0.45
@@ -59,14 +59,14 @@ class GBufferConfig:
     depth_ramp: float = 0.05
     """Relative depth over which that becomes certain."""
     masked: bool = True
-    """Whether what equations 1 and 2 find to be of no use is taken out of the previous frames."""
+    """Whether the previous frames are masked by equations 1 and 2."""
     blended: bool = True
-    """Whether the previous image is blended in, pixel by pixel, which the paper leaves to its outlook
-    (section V); else the history is features alone."""
+    """Whether the previous image is blended in per pixel, which the paper leaves to its outlook (section V);
+    otherwise the history only enters as network features."""
 
     @property
     def parts(self) -> tuple[int, int, int]:
-        """Outputs of the network per pixel: weights of colours, 3x3 kernels on neighbours and samples."""
+        """Numbers of blend parameters: weights of colours, kernel on neighbours, kernel on samples."""
         return 7, 9, 9
 
 

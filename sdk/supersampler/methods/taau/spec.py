@@ -12,7 +12,7 @@ class TaauConfig:
     frame_sigma: Sigma = 0.365
     """Gaussian that upsamples this frame alone, render pixels."""
     frame_sharpness: Number = 0.25
-    """Share of Catmull-Rom in that upsampling."""
+    """Fraction of Catmull-Rom in that upsampling."""
     sample_sigma: Sigma = 0.47
     """Gaussian of a sample's influence on the accumulated colour, display pixels."""
     history_sharpness: Number = 0.7
@@ -30,28 +30,28 @@ class TaauConfig:
     spread_samples: Number = 14.0
     """Samples over which the spread over time is averaged."""
     spread_step: Number = 0.15
-    """A sample counts as no farther off than the spread so far plus this, so that thin wires build up a
-    spread over some frames, and one firefly does not."""
+    """The deviation of a sample is limited to the spread so far plus this: thin wires build up a spread over
+    some frames, one firefly does not."""
     forget: Number = 0.5
-    """Share of the samples dropped per half extent that the history lies outside the box."""
+    """Fraction of the samples dropped per half extent of distance to the box."""
     samples: Number = 18.0
-    """Most samples kept at rest: samples / (1 + blur_cost * blur + speed_cost * speed)."""
+    """Maximum of the sample count: samples / (1 + blur_cost * blur + speed_cost * speed)."""
     blur_cost: Number = 32.0
-    """By how much fewer samples are kept, per full resampling blur."""
+    """Reduction of that maximum per full resampling blur."""
     speed_cost: Number = 7.5
-    """The same, per display pixel of motion."""
+    """Reduction of that maximum per display pixel of motion."""
     settled: Number = 0.9
-    """Samples from which on only those near a pixel's centre are added, not the whole upsampling."""
+    """Count from which on only samples near the pixel's centre are added, not the whole upsampling."""
     depth_margin: Number = 0.005
     """Relative depth by which the history must be closer before it counts as another surface."""
     depth_ramp: Number = 0.05
     """Relative depth over which that becomes certain."""
     change_deviation: Number = 0.53
-    """A change of light moves a mean by more than this many standard deviations ..."""
+    """The lighting changed where the mean differs by more than this many standard deviations ..."""
     change_relative: Number = 0.1
-    """... plus this share of the mean itself ..."""
+    """... plus this fraction of itself ..."""
     change_ramp: Number = 0.65
-    """... and is certain over this ramp."""
+    """... and the ramp softens the test."""
 
 
 TAAU = MethodSpec(
@@ -61,7 +61,7 @@ TAAU = MethodSpec(
     history={
         "color": (1, 3, *DISPLAY),  # linear RGB
         "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
-        "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
+        "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
     },
