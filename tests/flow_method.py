@@ -10,10 +10,9 @@ import torch
 from lit_scene import LitScene
 from supersampler import Frame
 from supersampler.frame import Size
+from supersampler.methods.extrapolation.spec import FlowNetworkConfig, GuidedFlowConfig, GuidedWarpConfig
 from supersampler_model.data.scenes.analytic import Values, Vector, grey
-from supersampler_model.methods.extrapolation.flow_network import FlowNetworkConfig
-from supersampler_model.methods.extrapolation.guided import GuidedWarpConfig
-from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow, GuidedFlowConfig
+from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.weights_file import Trained, save_trained
 
 SMALL = GuidedFlowConfig(network=FlowNetworkConfig((8, 8, 8)), warp=GuidedWarpConfig(strides=(1,)))

@@ -14,8 +14,9 @@ from supersampler import Frame
 from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped
 from supersampler.methods.model_file import find_model
+from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_export.folder import write_model_folder
-from supersampler_model.methods.base import DISPLAY, Method, render_size_of
+from supersampler_model.methods.base import Method, render_size_of
 from supersampler_model.methods.base import Size as Extent
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import grid_of, linear, resample, taps
@@ -35,9 +36,19 @@ class Step(NamedTuple):
 class Demodulated(Method):
     """Light, which is colour over base colour, upsampled and lit again; a tenth of it is the past's."""
 
-    name, source = "demodulated", "a test"
-    history: ClassVar = {"color": (1, 3, *DISPLAY)}
-    ratios: ClassVar = (float(RATIO), float(RATIO))
+    spec: ClassVar = MethodSpec(
+        name="demodulated",
+        source="a test",
+        inputs=(
+            "color",
+            "jitter",
+            "gbuffer_base_color",
+            "gbuffer_display_base_color",
+            "gbuffer_display_normal",
+        ),
+        history={"color": (1, 3, *DISPLAY)},
+        ratios=(float(RATIO), float(RATIO)),
+    )
 
     def forward(
         self,

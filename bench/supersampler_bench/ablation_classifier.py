@@ -4,10 +4,10 @@ from collections.abc import Callable, Mapping
 from dataclasses import replace
 from typing import Any
 
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network_inputs import INPUTS
-from supersampler_model.methods.classifier.small import SmallClassifier, SmallConfig
-from supersampler_model.methods.classifier_paper.model import PaperClassifier, PaperConfig
+from supersampler.methods.classifier.spec import INPUTS, ClassifierConfig, PaperConfig, SmallConfig
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.small import SmallClassifier
+from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.task import Task
 

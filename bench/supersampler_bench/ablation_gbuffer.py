@@ -6,10 +6,10 @@ from typing import Any
 
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.base import render_size_of
 from supersampler_model.methods.gbuffer.buffers import Gathered, History, Surfaces
-from supersampler_model.methods.gbuffer.model import GBufferConfig
-from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer4
+from supersampler_model.methods.gbuffer.small import SmallGBuffer4
 from supersampler_model.methods.gbuffer.surfaces import matte
 from supersampler_model.ops.sampling import View
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights
@@ -59,12 +59,12 @@ def lacking(*unread: str) -> Callable[[], Task[Any]]:
 
 def changed(**fields: Any) -> Callable[[], Task[Any]]:
     """Return what makes the task of one with other settings."""
-    return lambda: GBufferTask(SmallGBuffer4(GBufferConfig(ratio=4, **{"network": NETWORK, **fields})))
+    return lambda: GBufferTask(SmallGBuffer4(GBufferConfig(ratio=4, **{"network": SMALL_NETWORK, **fields})))
 
 
 def built(**fields: Any) -> Callable[[], Task[Any]]:
     """Return what makes the task of one with other settings of the network."""
-    return changed(network=replace(NETWORK, **fields))
+    return changed(network=replace(SMALL_NETWORK, **fields))
 
 
 VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
@@ -77,7 +77,7 @@ VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
     "without depth of display size": lambda: GBufferTask(Lacking(nearest=("depth",))),
     "depth alone": lacking(*ALONE),
     "without G-buffers of display size": lambda: GBufferTask(Lacking(nearest=Surfaces._fields)),
-    "without the gated encoder, unshuffled alone": built(surfaces=NETWORK.surfaces[-1:], gated=False),
+    "without the gated encoder, unshuffled alone": built(surfaces=SMALL_NETWORK.surfaces[-1:], gated=False),
     "without the gated branch": built(gated=False),
     "without the enhancer": built(attention="none"),
     "attention one way": built(attention="one"),

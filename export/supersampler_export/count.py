@@ -12,7 +12,8 @@ from torch.utils.flop_counter import FlopCounterMode
 from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
 from supersampler.methods.model_file import extents
-from supersampler_model.methods.base import DISPLAY, HALF, RENDER, Fused
+from supersampler.methods.spec import DISPLAY, HALF, RENDER
+from supersampler_model.methods.base import Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)

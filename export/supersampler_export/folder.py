@@ -17,6 +17,7 @@ from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
 from supersampler.io.shot.json_keys import read_json
 from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
+from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
 from supersampler_export.half import in_half
@@ -31,7 +32,7 @@ from supersampler_export.parity import (
     check_parity,
 )
 from supersampler_model.methods.aovs import Carry
-from supersampler_model.methods.base import RENDER, TENSORS, Fused, Method, Shape
+from supersampler_model.methods.base import Fused, Method
 
 _FILES = {
     "aovs.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",
@@ -132,24 +133,25 @@ def _serialized(graph: onnx.ModelProto) -> bytes:
 
 def describe(method: Method) -> dict[str, Any]:
     """What model.json says, but for the files and the parity."""
-    config, fused = getattr(method, "config", None), method.fused()
+    spec, fused = method.spec, method.fused()
+    config = getattr(method, "config", spec.config())
     return {
         "contract": CONTRACT,
-        "method": method.name,
-        "source": method.source,
-        "ratios": list(method.ratios),
+        "method": spec.name,
+        "source": spec.source,
+        "ratios": list(spec.ratios),
         "opset": OPSET,
-        "inputs": [_tensor(name, TENSORS[name]) for name in method.inputs()],
-        **({"only_extrapolated": True} if method.only_extrapolated else {}),
+        "inputs": [_tensor(name, TENSORS[name]) for name in spec.inputs],
+        **({"only_extrapolated": True} if spec.only_extrapolated else {}),
         "history": [
             {**_tensor(history_name(f"history_{name}"), shape), "output": f"next.{name}"}
-            for name, shape in method.history.items()
+            for name, shape in spec.history.items()
         ],
-        "image": _tensor("image", method.image),
+        "image": _tensor("image", spec.image),
         **({} if fused is None else {"network": _network(fused)}),
-        "aux_outputs": [_tensor(name, TENSORS[name]) for name in method.aux_outputs],
-        "maps": {name: where._asdict() for name, where in method.maps.items()},
-        "config": {} if config is None else dataclasses.asdict(config),
+        "aux_outputs": [_tensor(name, TENSORS[name]) for name in spec.aux_outputs],
+        "maps": {name: where._asdict() for name, where in spec.maps.items()},
+        "config": dataclasses.asdict(config),
         **({"learned": dict(method.learned)} if method.learned else {}),
         "licence": "Apache-2.0",
         "attributions": list(method.learned.get("attributions", ())),
@@ -245,7 +247,7 @@ def _network(fused: Fused) -> dict[str, Any]:
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:
-    return {"name": name, "type": "int64" if name == "display_size" else "float32", "shape": list(shape)}
+    return {"name": name, "type": dtype_of(name), "shape": list(shape)}
 
 
 def _size(size: Sequence[int]) -> str:

@@ -13,7 +13,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
-from supersampler_model.methods.base import (
+from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,
     DISPLAY,
@@ -23,11 +23,9 @@ from supersampler_model.methods.base import (
     RENDER,
     SHADED,
     TENSORS,
-    Fused,
-    Method,
     Shape,
-    Size,
 )
+from supersampler_model.methods.base import Fused, Method, Size
 
 OPSET = 17
 """Last one in which every provider implements GridSample alike (docs/contract.md)."""
@@ -79,12 +77,14 @@ def export_graph(method: Method) -> onnx.ModelProto:
         for name, shape in shapes.items()
     }
     inputs = [history_name(name) for name in names]
-    outputs = ["image", *(f"next.{name}" for name in method.history), *method.aux_outputs]
+    outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
     left = [[current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()]
     model = _traced(method, arguments, inputs, outputs, dynamic)
     _declare(model.graph.input, list(shapes.values()))
-    _declare(model.graph.output, [method.image, *left, *(TENSORS[name] for name in method.aux_outputs)])
+    _declare(
+        model.graph.output, [method.spec.image, *left, *(TENSORS[name] for name in method.spec.aux_outputs)]
+    )
     _strip(model)
     return model
 

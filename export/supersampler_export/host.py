@@ -6,16 +6,16 @@ from typing import Any
 
 import numpy as np
 
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig
+from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.spec import constants_of
 from supersampler_export.calibrate import calibrated
 from supersampler_export.quantize import BLOCK, KEPT, quantised
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import CLASSES, ClassifierNetwork
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.methods.classifier.network import ClassifierNetwork
 
-CONSTANTS = (
-    "network", "sample_sigma", "moment_sigma", "kernel_sigma", "gamma", "history_sharpness", "samples",
-    "contraction", "depth_margin", "depth_ramp", "corrected", "rectified", "own_motion",
-)  # fmt: skip
+CONSTANTS = ("network", *constants_of(CLASSIFIER), *Variant._fields)
 """Of ClassifierConfig, what the kernels take as it comes, or are made for; the rest is built in."""
 
 

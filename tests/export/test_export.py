@@ -4,7 +4,7 @@ import io
 import json
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import onnx
@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
-from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.methods.model_file import EXTRAPOLATED, find_model, read_model_info
+from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_in_torch
@@ -43,11 +44,14 @@ from supersampler_model.methods.weights_file import Trained, save_trained
 
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None:
-    folder = find_model(name)
-    shipped = json.loads((folder / "model.json").read_text())
-    for key, value in json.loads(json.dumps(describe(made_method(name)))).items():
-        if key != "versions":
-            assert shipped[key] == value, f"run: supersampler export {name} -o {folder}"
+    folder, method = find_model(name), made_method(name)
+    inner = method.on_extrapolated()
+    described = {folder: method} | ({} if inner is None else {folder / EXTRAPOLATED: inner})
+    for place, one in described.items():
+        written = (place / "model.json").read_text()
+        measured = {key: json.loads(written)[key] for key in ("versions", "files", "parity")}
+        made = json.dumps(describe(one) | measured, indent=1) + "\n"
+        assert made == written, f"run: supersampler export {name} -o {folder}"
 
 
 @pytest.mark.parametrize("name", shipped_methods())
@@ -231,7 +235,7 @@ def test_the_gate_measures_in_both_directions() -> None:
     class Same(Method):
         """A step of nothing but its input."""
 
-        name, source = "same", "a test"
+        spec: ClassVar = MethodSpec(name="same", source="a test", inputs=("color",))
 
         def forward(self, color: Tensor) -> tuple[Tensor]:
             return (color * 1.0,)

@@ -10,6 +10,7 @@ from lit_scene import LitScene
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
 from supersampler_export.folder import describe, write_model_folder
@@ -17,8 +18,6 @@ from supersampler_export.graph import ExportError
 from supersampler_export.half import in_half
 from supersampler_export.host import host_network
 from supersampler_model.methods.base import Method, Size
-from supersampler_model.methods.classifier.model import ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
@@ -102,7 +101,7 @@ def test_nothing_is_written_where_either_is_off(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, inner: bool
 ) -> None:
     def made(one: Method, _: object) -> dict[str, bytes]:
-        if one.only_extrapolated is inner:
+        if one.spec.only_extrapolated is inner:
             raise ExportError("off")
         return {"model.json": b""}
 

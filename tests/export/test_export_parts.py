@@ -1,6 +1,5 @@
 """Parts of the exporter that take no tracing."""
 
-from collections.abc import Mapping
 from typing import ClassVar
 
 import onnx
@@ -9,6 +8,7 @@ import torch
 from onnx import TensorProto, helper
 from torch import Tensor, nn
 
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, MethodSpec, Shape
 from supersampler_export.count import multiply_adds_in_torch
 from supersampler_export.graph import (
     ExportError,
@@ -20,30 +20,24 @@ from supersampler_export.graph import (
     shape_of,
     traced_sizes,
 )
-from supersampler_model.methods.base import (
-    DISPLAY,
-    HALF,
-    PREVIOUS,
-    RENDER,
-    SHADED,
-    Fused,
-    Method,
-    Shape,
-    Size,
-)
+from supersampler_model.methods.base import Fused, Method, Size
 
 
 class Kept(Method):
     """A method of no use."""
 
-    name, source = "kept", "a test"
-    history: ClassVar[Mapping[str, Shape]] = {
-        "color": (1, 3, *DISPLAY),
-        "classes": (1, 6, *HALF),
-        "depth": (1, 2, *PREVIOUS),
-        "old": (1, 1, *SHADED),
-        "jitter": (1, 2),
-    }
+    spec: ClassVar = MethodSpec(
+        name="kept",
+        source="a test",
+        inputs=("color", "display_size", "aovs", "gbuffer_display_depth"),
+        history={
+            "color": (1, 3, *DISPLAY),
+            "classes": (1, 6, *HALF),
+            "depth": (1, 2, *PREVIOUS),
+            "old": (1, 1, *SHADED),
+            "jitter": (1, 2),
+        },
+    )
 
     def forward(
         self, color: Tensor, display_size: Tensor, aovs: Tensor, gbuffer_display_depth: Tensor,

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import pytest
 
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_export.host import _fits, host_network
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.taau.model import Taau
 

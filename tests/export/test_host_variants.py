@@ -14,13 +14,13 @@ from noise import Size, noise
 from supersampler import Frame, Model, Upscaler, display_transform
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
 from supersampler_export.host import host_network
 from supersampler_model.methods.base import Size as ModelSize
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.classifier.model import Classifier
 
 VARIANTS = [
     Variant(corrected=False, rectified=False, own_motion=False),
@@ -107,4 +107,4 @@ def test_a_variant_says_what_its_config_counts() -> None:
                 config = ClassifierConfig(corrected=corrected, rectified=rectified, own_motion=own)
                 assert variant == Variant.of(asdict(config))
                 assert variant == Variant.with_parts(*variant.kernel("module.function").split("+")[1:])
-                assert variant.said == config.mixing
+                assert variant.said == config.blend_parameters

@@ -114,7 +114,7 @@ def assert_steps_alike(method: Method, graph: Path) -> None:
             image, after, aux_outputs = method.step(*arguments, *history)
         feeds = {key: value.numpy() for key, value in zip(names, [*arguments, *history], strict=True)}
         theirs = [torch.from_numpy(array) for array in session.run(None, feeds)]
-        outputs = ["image", *method.history, *method.aux_outputs]
+        outputs = ["image", *method.history, *method.spec.aux_outputs]
         for output, a, b in zip(outputs, [image, *after, *aux_outputs], theirs, strict=True):
             assert_alike(f"{output} of frame {index}", a, b)
         assert [t.shape for t in after] == shapes

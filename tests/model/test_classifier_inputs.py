@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from noise import noise
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network import CLASSES
-from supersampler_model.methods.classifier.network_inputs import AROUND, SEEN, around_of, inputs_of
+from supersampler_model.methods.classifier.network_inputs import around_of, inputs_of
 from supersampler_model.ops.sampling import View
 
 DISPLAY = Size(47, 27)
@@ -40,8 +40,8 @@ def gathered(value: float | None = None) -> Gathered:
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
 def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
     packed, half = Classifier().seen(gathered(value))
-    assert tuple(packed.shape) == (1, 4 * len(SEEN), 14, 24)
-    assert tuple(half.shape) == (1, CLASSES + len(AROUND), 14, 24)
+    assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 14, 24)
+    assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 14, 24)
     for seen in (packed, half):
         assert seen.isfinite().all()
         assert seen.min() >= -1.0

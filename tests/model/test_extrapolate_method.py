@@ -120,7 +120,7 @@ def test_once_trained_drawn_frames_depend_on_base_colour(begun: Extrapolate) -> 
 def test_the_method_on_drawn_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
     assert DrawnExtrapolate.history == Extrapolate.history == Classifier.history
     assert set(DrawnExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
-    assert DrawnExtrapolate.only_extrapolated
+    assert DrawnExtrapolate.spec.only_extrapolated
     assert DrawnExtrapolate.name not in LEARNED
 
 

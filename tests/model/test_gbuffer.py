@@ -8,13 +8,14 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_bench import metrics
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.depth import DepthGBuffer
 from supersampler_model.methods.gbuffer.model import GBuffer
-from supersampler_model.methods.gbuffer.network import GBufferNetwork, GBufferNetworkConfig
-from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer.network import GBufferNetwork
+from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.surfaces import (
     LEAST,
     changed_light,
@@ -108,7 +109,7 @@ def test_what_is_not_blended_is_not_of_the_picture_before() -> None:
     render, display = textured(2)
     first = frame(render, display, reflectance(render), (0.1, -0.2))
     second = frame(render, display, 0.5 * reflectance(render), (0.1, -0.2))
-    alone = SmallGBuffer(replace(SmallGBuffer.settings(), blended=False)).eval()
+    alone = SmallGBuffer(replace(SmallGBuffer.spec.config(), blended=False)).eval()
     _, history = step(alone, first)
     torch.testing.assert_close(step(alone, second, history)[0], step(alone, second)[0])
     blended = SmallGBuffer().eval()
@@ -234,8 +235,8 @@ def test_the_past_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> No
     "config",
     [
         GBufferNetworkConfig(),
-        replace(NETWORK, gated=False, attention="none", refined=False),
-        replace(NETWORK, attention="one"),
+        replace(SMALL_NETWORK, gated=False, attention="none", refined=False),
+        replace(SMALL_NETWORK, attention="one"),
     ],
 )
 def test_a_network_without_some_of_its_parts_still_begins_as_the_mean(config: GBufferNetworkConfig) -> None:

@@ -7,6 +7,7 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
@@ -17,10 +18,9 @@ from supersampler_model.methods.gbuffer.network import (
     Enhancer,
     GatedEncoder,
     GBufferNetwork,
-    GBufferNetworkConfig,
     Seen,
 )
-from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.methods.gbuffer.surfaces import (
     bilinear_past,
     closest_around,
@@ -81,7 +81,7 @@ def test_a_frame_and_the_edges_of_its_surfaces_each_ask_the_other() -> None:
     torch.testing.assert_close(enhancer(frame, gradients), expected)
 
 
-@pytest.mark.parametrize("config", [GBufferNetworkConfig(), NETWORK], ids=["gbuffer", "gbuffer-small"])
+@pytest.mark.parametrize("config", [GBufferNetworkConfig(), SMALL_NETWORK], ids=["gbuffer", "gbuffer-small"])
 def test_the_networks_that_are_used_have_all_parts_of_the_paper(config: GBufferNetworkConfig) -> None:
     assert (config.gated, config.attention, config.refined) == (True, "both", True)
     assert len(Enhancer(2, 4, config.attention).projections) == 6
@@ -89,7 +89,7 @@ def test_the_networks_that_are_used_have_all_parts_of_the_paper(config: GBufferN
 
 def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> None:
     torch.manual_seed(0)
-    encoder = GatedEncoder(replace(NETWORK, surfaces=(8, 8), detailed=(8, 8)), 2).eval()
+    encoder = GatedEncoder(replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8)), 2).eval()
     surfaces = torch.rand(1, SURFACES, 8, 8)
     assert encoder.gate is not None
     with torch.no_grad():
@@ -123,7 +123,9 @@ def seen(size: int = 16) -> Seen:
 @pytest.mark.parametrize("name", Seen._fields)
 def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) -> None:
     torch.manual_seed(1)
-    network = GBufferNetwork(NETWORK, ratio=2, mixing=5)  # training: what is untrained is normalised as well
+    network = GBufferNetwork(
+        SMALL_NETWORK, ratio=2, mixing=5
+    )  # training: what is untrained is normalised as well
     torch.nn.init.normal_(network.mixing.weight, std=0.1)
     tensors = seen()
     with torch.no_grad():
@@ -135,7 +137,7 @@ def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) 
 
 def test_both_frames_of_the_past_are_refined_by_what_lies_beside_each() -> None:
     torch.manual_seed(1)
-    network = GBufferNetwork(NETWORK, ratio=2, mixing=5).eval()
+    network = GBufferNetwork(SMALL_NETWORK, ratio=2, mixing=5).eval()
     torch.nn.init.normal_(network.mixing.weight, std=0.1)
     tensors = seen()
     same = tensors._replace(earlier=tensors.past, beside_earlier=tensors.beside)

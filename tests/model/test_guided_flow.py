@@ -12,6 +12,7 @@ from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
+from supersampler.methods.extrapolation.spec import GuidedFlowConfig
 from supersampler_export.half import InHalf
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
@@ -21,7 +22,6 @@ from supersampler_model.methods.extrapolation.guided import surface_of
 from supersampler_model.methods.extrapolation.guided_flow import (
     Gathered,
     GuidedFlow,
-    GuidedFlowConfig,
     halved,
     motions_of,
     past_of,

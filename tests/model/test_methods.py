@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter, model_names
 from supersampler.frame import Float32
+from supersampler.methods.taa.spec import TaaConfig
 from supersampler_bench.ablation_classifier import METHODS as VARIANTS
 from supersampler_model.data.scenes.analytic import (
     Cut,
@@ -24,7 +25,7 @@ from supersampler_model.data.scenes.analytic import (
 )
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method, Size
-from supersampler_model.methods.taa.model import Taa, TaaConfig
+from supersampler_model.methods.taa.model import Taa
 
 RENDER, DISPLAY = (64, 36), (128, 72)
 PATTERNS = [zone_plate, thin_lines, dots]

@@ -7,17 +7,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from torch import Tensor
 
+from supersampler.methods.classifier.spec import ToneSpace
 from supersampler_model.methods.base import Size
-from supersampler_model.ops.color import (
-    TONES,
-    ToneSpace,
-    from_ycocg,
-    inverse_tone,
-    sanitize,
-    tone,
-    valid,
-    ycocg,
-)
+from supersampler_model.ops.color import TONES, from_ycocg, inverse_tone, sanitize, tone, valid, ycocg
 from supersampler_model.ops.motion import (
     covered,
     dilate_motion_2x2,

@@ -4,8 +4,9 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler.methods.taa.spec import TaaConfig
 from supersampler_model.methods.base import Size
-from supersampler_model.methods.taa.model import Gathered, Taa, TaaConfig
+from supersampler_model.methods.taa.model import Gathered, Taa
 from supersampler_model.ops.color import tone, ycocg
 from supersampler_model.ops.rectification import Rect
 

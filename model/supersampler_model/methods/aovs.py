@@ -9,9 +9,8 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
+from supersampler.methods.aovs.spec import AOVS
 from supersampler_model.methods.base import (
-    CHANNELS,
-    DISPLAY,
     Method,
     display_size_of,
     render_size_of,
@@ -33,9 +32,7 @@ class Step(NamedTuple):
 class Carry(Method):
     """Upsample, warp, blend."""
 
-    name, source = "aovs", "Guo, Chen, Dong and Tong 2022: one weight for all that a pixel has"
-    history: ClassVar = {"aovs": (1, CHANNELS, *DISPLAY)}
-    image: ClassVar = (1, CHANNELS, *DISPLAY)
+    spec: ClassVar = AOVS
 
     def forward(
         self,

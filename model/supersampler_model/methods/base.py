@@ -1,12 +1,10 @@
-"""What a method is: a pure function step(frame inputs, history) -> (image, history), as one torch module.
+"""What a method does: a pure function step(frame inputs, history) -> (image, history), as one torch module.
 
-The signature of `forward` is the contract: its parameters name the inputs that the method asks for, those
-that begin with `history_` the tensors it wants back from the frame before. Each has the shape in `TENSORS`
-or in the method's own `history`. An all-zero history means no past. What it returns is the image, the
-history in the order of `history`, then what else it tells, in the order of `aux_outputs`.
+What it is (names, shapes, ratios, constants) says its `spec`, in the SDK. The parameters of `forward` are the
+spec's inputs and, with the prefix `history_`, its history tensors, in that order. It returns the image, the
+history in the order of the spec, then the auxiliary outputs. A history of zeros means no history.
 """
 
-import inspect
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import Any, ClassVar, NamedTuple
@@ -14,34 +12,18 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.gbuffers import GBUFFERS
-
-Shape = tuple[int | str, ...]
-
-RENDER = ("render_height", "render_width")
-PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
-SHADED = ("shaded_height", "shaded_width")  # render size of the last frame that was shaded, likewise
-EARLIER = ("earlier_height", "earlier_width")  # of the one that was shaded before that
-BETWEEN = ("between_height", "between_width")  # of the frame right before the last shaded one, of either kind
-DISPLAY = ("display_height", "display_width")
-CHANNELS = "channels"  # of what a frame carries along
-HALF = ("half_height", "half_width")  # half the display size, rounded up
-
-TENSORS: Mapping[str, Shape] = {
-    "color": (1, 3, *RENDER),
-    "depth": (1, 1, *RENDER),
-    "motion": (1, 2, *RENDER),
-    "jitter": (1, 2),
-    "exposure": (1,),  # 0 asks the graph to measure it
-    "display_size": (2,),  # int64 (width, height)
-    "aovs": (1, CHANNELS, *RENDER),
-    **{
-        name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
-        for name, place in GBUFFERS.items()
-    },
-    "weight": (1, 1, *DISPLAY),
-    "image": (1, 3, *DISPLAY),
-}
+from supersampler.methods.spec import (
+    BETWEEN,
+    CHANNELS,
+    DISPLAY,
+    EARLIER,
+    HALF,
+    PREVIOUS,
+    RENDER,
+    SHADED,
+    MethodSpec,
+    Shape,
+)
 
 
 class Size(NamedTuple):
@@ -49,14 +31,6 @@ class Size(NamedTuple):
 
     width: int
     height: int
-
-
-class MapOf(NamedTuple):
-    """Where a map for people to look at is: channels of one output of the graph."""
-
-    output: str
-    first: int
-    channels: int
 
 
 class Outputs(NamedTuple):
@@ -79,43 +53,34 @@ class Fused(NamedTuple):
 class Method(nn.Module):
     """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
 
+    A subclass states its `spec` and nothing else of what is in it.
+
     Attributes:
-        name: as in `Upscaler(name)` and in the model folder.
-        source: the paper or definition it follows.
-        history: shape of each tensor handed from one frame to the next, without the `history_` prefix.
-        told: names, of `TENSORS`, of outputs that no step needs.
-        maps: by name, what says why a picture is as it is.
-        image: shape of the image.
-        ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
-            sizes are exactly that many times the render size, and a graph is traced so.
-        only_drawn: whether it steps on frames whose colour was drawn alone, beside a method that has it
-            `on_extrapolated`.
+        spec: what the method is.
+        name, history, ratios: those of the spec.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
+    spec: ClassVar[MethodSpec]
     name: ClassVar[str]
-    source: ClassVar[str]
-    history: ClassVar[Mapping[str, Shape]] = {}
-    aux_outputs: ClassVar[tuple[str, ...]] = ()
-    maps: ClassVar[Mapping[str, MapOf]] = {}
-    image: ClassVar[Shape] = TENSORS["image"]
-    ratios: ClassVar[tuple[float, float]] = (1.0, 4.0)
-    only_extrapolated: ClassVar[bool] = False
+    history: ClassVar[Mapping[str, Shape]]
+    ratios: ClassVar[tuple[float, float]]
     learned: Mapping[str, Any] = MappingProxyType({})
+
+    def __init_subclass__(cls) -> None:
+        super().__init_subclass__()
+        if "spec" in cls.__dict__:
+            cls.name, cls.history, cls.ratios = cls.spec.name, cls.spec.history, cls.spec.ratios
 
     @classmethod
     def inputs(cls) -> list[str]:
         """Names of the frame inputs that the step asks for, in order."""
-        return [name for name in cls._parameters_of_step() if not name.startswith("history_")]
-
-    @classmethod
-    def _parameters_of_step(cls) -> list[str]:
-        return [name for name in inspect.signature(cls.forward).parameters if name != "self"]
+        return list(cls.spec.inputs)
 
     @classmethod
     def extrapolates(cls) -> bool:
         """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
-        return cls.image[2:] == RENDER
+        return cls.spec.image[2:] == RENDER
 
     @classmethod
     def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:

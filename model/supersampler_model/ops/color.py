@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.classifier.spec import ToneSpace
 from supersampler_model.ops.sampling import sum_of
 
 MAX_HALF = 65504.0
@@ -128,7 +129,6 @@ class ToneCurve(NamedTuple):
     inverse: Callable[[Tensor], Tensor]
 
 
-ToneSpace = Literal["largest", "channels", "logarithm"]
 _LOG = math.log1p(MAX_HALF)
 TONES: Mapping[ToneSpace, ToneCurve] = {
     "largest": ToneCurve(tone, inverse_tone),

@@ -1,4 +1,4 @@
-"""What a method is: its model folder and inputs; in a folder each, the stages and kernels of its CPU backend.
+"""What a method is: its model folder; in a folder each, its `spec`, and its stages and kernels on the CPU.
 
 Torch is not imported here; the trained definition of each method is supersampler_model.methods.
 """

@@ -1,29 +1,14 @@
 """Whether what a model.json says is a model that this runtime drives: docs/contract.md, tensor by tensor."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, NoReturn
 
 from supersampler.errors import ModelError
-from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.spec import DISPLAY, HALF, INPUTS, PREVIOUS, RENDER, WEIGHT, dtype_of
 
 if TYPE_CHECKING:
     from supersampler.methods.model_file import ModelInfo, TensorInfo
 
-Shape = tuple[int | str, ...]
-_RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
-_HALF, _PREVIOUS = ("half_height", "half_width"), ("previous_height", "previous_width")
-_INPUTS: Mapping[str, tuple[str, Shape]] = {
-    "color": ("float32", (1, 3, *_RENDER)),
-    "depth": ("float32", (1, 1, *_RENDER)),
-    "motion": ("float32", (1, 2, *_RENDER)),
-    "jitter": ("float32", (1, 2)),
-    "exposure": ("float32", (1,)),
-    "display_size": ("int64", (2,)),
-    **{
-        name: ("float32", (1, place.channels, *(_DISPLAY if place.of_display else _RENDER)))
-        for name, place in GBUFFERS.items()
-    },
-}
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
 _MAPS = {"class_map", "weight", "count"}  # what a Result has room for
 
@@ -31,13 +16,13 @@ _MAPS = {"class_map", "weight", "count"}  # what a Result has room for
 def check_contract(info: "ModelInfo") -> None:
     """Raise ModelError where a tensor or map is none that this runtime knows what to do with."""
     for tensor in info.inputs:
-        wanted = _INPUTS.get(tensor.name)
-        if wanted is None:
-            _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(_INPUTS)}")
+        if tensor.name not in INPUTS:
+            _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(INPUTS)}")
+        wanted = dtype_of(tensor.name), INPUTS[tensor.name]
         if (tensor.type, tensor.shape) != wanted:
             _refuse(info, f"input {tensor.name!r}", _text(tensor), f"{wanted[1]} {wanted[0]}")
-    if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (_DISPLAY, _RENDER)]:
-        _refuse(info, "image", _text(info.image), f"{(1, 3, *_DISPLAY)} or {(1, 3, *_RENDER)} float32")
+    if (info.image.type, info.image.shape) not in [("float32", (1, 3, *s)) for s in (DISPLAY, RENDER)]:
+        _refuse(info, "image", _text(info.image), f"{(1, 3, *DISPLAY)} or {(1, 3, *RENDER)} float32")
     history = [h.input.name for h in info.history]
     _check_unique(info, "inputs and history", [*(tensor.name for tensor in info.inputs), *history])
     outputs = [
@@ -64,7 +49,7 @@ def check_extrapolated(info: "ModelInfo", drawn: "ModelInfo") -> None:
 def _check_upscaling(info: "ModelInfo") -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
-    known = {*_RENDER, *_DISPLAY, *_HALF, *_PREVIOUS}
+    known = {*RENDER, *DISPLAY, *HALF, *PREVIOUS}
     for tensor in (h.input for h in info.history):
         if tensor.type != "float32" or not _named(tensor) <= known or tensor.name == "history.aovs":
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
@@ -91,15 +76,15 @@ def _check_extrapolation(info: "ModelInfo") -> None:
 def _check_told(info: "ModelInfo") -> None:
     for tensor in info.aux_outputs:
         named = tensor.shape[2:]
-        if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (_DISPLAY, _HALF):
+        if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):
             _refuse(
                 info,
                 f"aux_outputs {tensor.name!r}",
                 _text(tensor),
-                f"(1, k, ...) float32 of {_DISPLAY} or {_HALF}",
+                f"(1, k, ...) float32 of {DISPLAY} or {HALF}",
             )
-        if tensor.name == "weight" and tensor.shape != (1, 1, *_DISPLAY):
-            _refuse(info, "aux_outputs 'weight'", _text(tensor), f"{(1, 1, *_DISPLAY)} float32")
+        if tensor.name == "weight" and tensor.shape != WEIGHT:
+            _refuse(info, "aux_outputs 'weight'", _text(tensor), f"{WEIGHT} float32")
     shapes = {h.output: h.input.shape for h in info.history} | {t.name: t.shape for t in info.aux_outputs}
     for name, where in info.maps.items():
         shape = shapes.get(where.output, ())

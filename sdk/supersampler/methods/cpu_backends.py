@@ -3,6 +3,7 @@
 import os
 import warnings
 from collections.abc import Mapping
+from dataclasses import asdict
 
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.threads import ThreadPool
@@ -11,10 +12,13 @@ from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.cpu_checks import check_constants, has_known_history
 from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.cpu import TaaCpu
+from supersampler.methods.taa.spec import TAA, TaaConfig
 from supersampler.methods.taau.cpu import TaauCpu
 
-_SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
+_SALVIS = {name: value for name, value in asdict(TaaConfig()).items() if name not in constants_of(TAA)}
+"""Options of `taa` that its kernels are written for."""
 _HOSTS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
     "classifier": ClassifierCpu,
     "taa": TaaCpu,

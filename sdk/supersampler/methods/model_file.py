@@ -19,6 +19,7 @@ from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape
 
 CONTRACT = 2
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
@@ -45,7 +46,7 @@ class TensorInfo:
 
     name: str
     type: str
-    shape: tuple[int | str, ...]
+    shape: Shape
 
     def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
         """Its shape at the given (width, height) sizes."""
@@ -71,15 +72,6 @@ class HistoryInfo:
 
 
 @dataclass(frozen=True)
-class MapInfo:
-    """Where a map for people to look at is: `channels` of the output tensor `output`, from `first` on."""
-
-    output: str
-    first: int
-    channels: int
-
-
-@dataclass(frozen=True)
 class ModelInfo:
     """What model.json says; see `supersampler info MODEL`."""
 
@@ -92,7 +84,7 @@ class ModelInfo:
     history: tuple[HistoryInfo, ...]
     image: TensorInfo
     aux_outputs: tuple[TensorInfo, ...]
-    maps: Mapping[str, MapInfo]
+    maps: Mapping[str, MapOf]
     files: Mapping[str, str]
     multiply_adds: float  # of what is learned, per pixel of the display
     config: Mapping[str, Any]
@@ -149,15 +141,10 @@ class ModelInfo:
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
     """Return what the names in shapes stand for at the given (width, height) sizes."""
+    half = (display[0] + 1) // 2, (display[1] + 1) // 2
+    sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
     return {
-        "render_width": render[0],
-        "render_height": render[1],
-        "display_width": display[0],
-        "display_height": display[1],
-        "half_width": (display[0] + 1) // 2,
-        "half_height": (display[1] + 1) // 2,
-        "previous_width": previous[0],
-        "previous_height": previous[1],
+        name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
     }
 
 
@@ -182,7 +169,7 @@ def _described() -> dict[str, Path]:
 
 
 def _of_render_size(shape: Sequence[int | str]) -> bool:
-    return tuple(shape[2:]) == ("render_height", "render_width")
+    return tuple(shape[2:]) == RENDER
 
 
 def find_model(name_or_path: str | Path) -> Path:
@@ -332,9 +319,9 @@ def _tensor(data: Field) -> TensorInfo:
     return TensorInfo(data["name"].text(80), data["type"].value, shape)
 
 
-def _map(data: Field) -> MapInfo:
+def _map(data: Field) -> MapOf:
     first, channels = data["first"].whole(0, _CHANNELS), data["channels"].whole(1, _CHANNELS)
-    return MapInfo(data["output"].text(80), first, channels)
+    return MapOf(data["output"].text(80), first, channels)
 
 
 def _file_name(data: Field, name: str) -> str:

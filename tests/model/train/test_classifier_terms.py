@@ -6,10 +6,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.labels import Alias, Ghost
 from supersampler_model.methods.base import Size
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.ops.sampling import View
 from supersampler_model.training.class_loss import class_loss
 from supersampler_model.training.classifier_task import ClassifierTask

@@ -15,11 +15,11 @@ from gbuffer_sets import DISPLAY, gbuffer_data
 from stopped_run import assert_goes_on_exactly
 from supersampler.cli import app
 from supersampler.errors import ArgumentError
+from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.labels import Ghost
 from supersampler_model.methods.base import Size
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
+from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.joint import Extrapolate
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.training.crops import Place, Sample

@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from gbuffer_sets import gbuffer_data
-from supersampler_model.methods.gbuffer.model import GBufferConfig
-from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
+from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.training.tasks import TASKS
@@ -20,7 +20,7 @@ RATIO, SIZE = 2, 24
 @pytest.fixture(scope="module")
 def task() -> GBufferTask:
     torch.manual_seed(0)
-    network = replace(NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
+    network = replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
     return GBufferTask(SmallGBuffer(GBufferConfig(network=network)))
 
 

@@ -8,10 +8,10 @@ import pytest
 import torch
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
-from supersampler_model.methods.gbuffer.model import GBufferConfig
-from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
+from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.ops.sampling import View
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
@@ -49,7 +49,7 @@ def sample(display: Surfaces) -> Sample:
 @pytest.fixture(scope="module")
 def task() -> GBufferTask:
     torch.manual_seed(0)
-    network = replace(NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
+    network = replace(SMALL_NETWORK, surfaces=(8, 8), detailed=(8, 8), frame=8, levels=(8, 8, 8, 8))
     return GBufferTask(SmallGBuffer(GBufferConfig(network=network)))
 
 

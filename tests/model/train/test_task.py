@@ -11,8 +11,9 @@ from torch.nn import functional as F
 
 from gbuffer_sets import gbuffer_data
 from supersampler.errors import ArgumentError
+from supersampler.methods.spec import DISPLAY, MethodSpec
 from supersampler_model.data.dataset import Dataset
-from supersampler_model.methods.base import DISPLAY, Method
+from supersampler_model.methods.base import Method
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.frame_inputs import frame_inputs
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
@@ -27,9 +28,13 @@ PLAN = Plan(steps=24, batch=2, frames=2, size=24, rate=8e-2, average=4)
 class Mixture(Method):
     """A learned mean of base colour, this frame's nearest samples and the last picture."""
 
-    name, source = "mixture", "a test"
-    history: ClassVar = {"color": (1, 3, *DISPLAY)}
-    ratios: ClassVar = (2.0, 2.0)
+    spec: ClassVar = MethodSpec(
+        name="mixture",
+        source="a test",
+        inputs=("color", "exposure", "gbuffer_display_base_color"),
+        history={"color": (1, 3, *DISPLAY)},
+        ratios=(2.0, 2.0),
+    )
 
     def __init__(self) -> None:
         super().__init__()

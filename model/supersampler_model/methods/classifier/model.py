@@ -11,37 +11,31 @@ anew after it, until there is such light for a third frame in a row.
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor, nn
 
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig, NetworkConfig
+from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import (
-    DISPLAY,
-    HALF,
-    PREVIOUS,
     Fused,
-    MapOf,
     display_size_of,
     render_size_of,
 )
 from supersampler_model.methods.classifier.buffers import Finished, Gathered, History, Present, Remembered
 from supersampler_model.methods.classifier.network import (
-    CLASSES,
     ClassifierNetwork,
-    NetworkConfig,
     pack,
     shares,
     unpack,
 )
-from supersampler_model.methods.classifier.network_inputs import AROUND, SEEN, CountCode, around_of, inputs_of
+from supersampler_model.methods.classifier.network_inputs import around_of, inputs_of
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
     CONFIRMED,
     GLARE,
     TONES,
-    ToneSpace,
     bounded,
     exposure_for,
     from_ycocg,
@@ -65,7 +59,6 @@ from supersampler_model.ops.motion import (
 )
 from supersampler_model.ops.rectification import clip_to_center, variance_box
 from supersampler_model.ops.sampling import (
-    WINDOW,
     Grid,
     View,
     catmull_rom,
@@ -87,111 +80,28 @@ SHARPEST = 2.0  # most that is added of what the cubic has sharpened
 SIDE = 0.01  # weight of a neighbour in the cross on the past, at first
 
 
-@dataclass(frozen=True)
-class ClassifierConfig:
-    """Constants of the step around the network; docs/methods.md has what each gives.
-
-    Attributes:
-        network: its widths.
-        inputs: those of INPUTS that the network sees.
-        around: names of AROUND that it sees.
-        count_code: how it sees the count of samples; see COUNTS.
-        recurrent: whether it also sees the classes of the frame before.
-        rectified: whether the past cut to the box is one of what is weighed.
-        own_motion: whether the past by each pixel's own motion is; else that of what is in front alone.
-        corrected: whether the warped past is filtered by a learned cross of five pixels.
-        tone_space: what is weighed is toned by; see TONES.
-        sample_sigma: Gaussian of a sample's influence, display pixels.
-        moment_sigma: Gaussian window of the moments of the box, render pixels.
-        kernel_sigma: Gaussian that the learned kernel begins as, render pixels.
-        gamma: half size of the box in standard deviations.
-        history_sharpness: -a of the cubic that resamples the past; 0.5 is Catmull-Rom.
-        samples: most samples that the count counts.
-        contraction: share by which the range of the past contracts to a new sample.
-        depth_margin, depth_ramp: see `covered`.
-    """
-
-    network: NetworkConfig = field(default_factory=NetworkConfig)
-    inputs: tuple[str, ...] = SEEN
-    around: tuple[str, ...] = AROUND
-    count_code: CountCode = "saturating"
-    recurrent: bool = True
-    rectified: bool = True
-    own_motion: bool = True
-    corrected: bool = True
-    tone_space: ToneSpace = "largest"
-    sample_sigma: float = 0.47
-    moment_sigma: float = 0.45
-    kernel_sigma: float = 0.45
-    gamma: float = 1.0
-    history_sharpness: float = 0.7
-    samples: float = 64.0
-    contraction: float = 1.0 / 16.0
-    depth_margin: float = 0.005
-    depth_ramp: float = 0.05
-
-    @property
-    def planes(self) -> int:
-        """Channels of a pixel that the network sees."""
-        return len(self.inputs)
-
-    @property
-    def carried(self) -> int:
-        """Channels at half size that it sees."""
-        return CLASSES * self.recurrent + len(self.around)
-
-    @property
-    def candidates(self) -> int:
-        """Colours that are weighed."""
-        return 4 + self.rectified + self.own_motion
-
-    @property
-    def filters(self) -> tuple[int, int, int]:
-        """What the compositor says beside weights: sharpness, cross of the past, kernel of this frame."""
-        return 1, 4 * self.corrected, WINDOW
-
-    @property
-    def mixing(self) -> int:
-        """Numbers that the compositor says of a pixel."""
-        return self.candidates + sum(self.filters)
-
-
 class Classifier(LearnedMethod):
     """Classify, then compose."""
 
-    name, source = "classifier", "Guo, Chen, Dong and Tong 2022 (docs/methods.md)"
-    ratios: ClassVar = (1.0, 3.0)
-    settings: ClassVar[type[ClassifierConfig]] = ClassifierConfig
-    history: ClassVar = {
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "state": (1, 3, *DISPLAY),  # count, least and most luma, the latter and GLARE
-        "classes": (1, 6, *HALF),  # shares
-        "depth": (1, 2, *PREVIOUS),  # as it is, and without thin things
-        "jitter": (1, 2),
-        "exposure": (1,),  # see `exposure_for`
-    }
-    aux_outputs: ClassVar = ("weight",)
-    maps: ClassVar = {
-        "class_map": MapOf("next.classes", 0, CLASSES),
-        "weight": MapOf("weight", 0, 1),
-        "count": MapOf("next.state", 0, 1),
-    }
+    spec: ClassVar = CLASSIFIER
 
     def __init__(self, config: ClassifierConfig | None = None) -> None:
         super().__init__()
-        self.config = config or self.settings()
+        self.config: ClassifierConfig = config or self.spec.config()
         self.net = self.make_network()
 
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
         c = self.config
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.mixing)
+        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.blend_parameters)
 
     def fused(self) -> Fused | None:
         """Classifier and compositor, on packed pixels."""
         c = self.config
         inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
-        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
+        return Fused(
+            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+        )
 
     @classmethod
     def configured(cls, config: Mapping[str, Any]) -> Self:
@@ -200,7 +110,7 @@ class Classifier(LearnedMethod):
         network = dict(settings.pop("network"))
         network["levels"] = tuple(network["levels"])
         settings |= {name: tuple(settings[name]) for name in ("inputs", "around")}
-        return cls(cls.settings(network=NetworkConfig(**network), **settings))
+        return cls(cls.spec.config(network=NetworkConfig(**network), **settings))
 
     def forward(
         self,

@@ -5,31 +5,14 @@ paper's sees after its SpaceToDepth, and nothing in the network is larger than h
 """
 
 import itertools
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-CLASSES = 6  # ghosting: none, visibility, shading; aliasing: none, geometry, texture
+from supersampler.methods.classifier.spec import CLASSES, NetworkConfig
+
 ALIGNED = 8  # the deepest level is at 1/8 of the packed size
-
-
-@dataclass(frozen=True)
-class NetworkConfig:
-    """Widths of the network.
-
-    Attributes:
-        levels: channels of the encoder's levels, each a multiple of what its pixels unpack into.
-        decoder: channels of the decoder.
-        decoder_layers: of them.
-        hidden: channels of the compositor.
-    """
-
-    levels: tuple[int, ...] = (32, 48, 96, 192)
-    decoder: int = 32
-    decoder_layers: int = 1
-    hidden: int = 51
 
 
 class Pointwise(nn.Sequential):

@@ -7,49 +7,17 @@ differ as much as bright ones.
 
 import math
 from collections.abc import Callable, Mapping
-from typing import Literal
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.classifier.spec import CountCode
 from supersampler_model.methods.classifier.buffers import Present, Remembered
 from supersampler_model.methods.classifier.network import pack
 from supersampler_model.ops.color import largest, luminance
 from supersampler_model.ops.motion import Past, squared_length
 from supersampler_model.ops.sampling import blurred, extreme, sum_of
 
-INPUTS = (
-    "frame",  # luma of this frame, smoothly upsampled
-    "sample",  # luma of the nearest samples
-    "past",  # luma of the warped past
-    "past_to_sample",  # the channel that differs most
-    "past_to_frame",
-    "contrast",  # of the samples around
-    "past_contrast",  # of the warped past in 3x3 pixels
-    "beyond",  # how far the sample is outside of the past in 3x3 pixels
-    "least",  # luma that the samples of the past had
-    "most",
-    "detail",  # what the cubic has sharpened
-    "confidence",  # how near the samples are
-    "count",  # how many the past is made of
-    "difference",  # of depth, equation 10
-    "surface",  # whether the past shows what is there now
-    "speed",
-    "blur",  # of this resampling
-    "edge",  # in depth
-)
-"""Names of what the network may see of a pixel, (1, 1, H, W) each."""
-
-SEEN = tuple(name for name in INPUTS if name not in ("speed", "blur"))
-"""Those that it does see: sixteen, which are one vector of bytes for four pixels (docs/methods.md)."""
-
-AROUND = (
-    "drift",  # how far past and frame are apart on the mean: their light differs
-    "grain",  # the mean of how far they are apart: so they are in detail alone, too
-)
-"""Names of what it may see of a neighbourhood of about ten pixels, (1, 1, H / 2, W / 2) each."""
-
-CountCode = Literal["saturating", "logarithm"]
 MOST = 64.0  # samples that the logarithm reaches 1 at
 COUNTS: Mapping[CountCode, Callable[[Tensor], Tensor]] = {
     "saturating": lambda count: count / (count + 4.0),

@@ -1,31 +1,12 @@
 """`classifier-small`: the `classifier` at half the width, for processors."""
 
-from dataclasses import dataclass, field
 from typing import ClassVar
 
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
-from supersampler_model.methods.classifier.network import NetworkConfig
-
-NETWORK = NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
-
-
-@dataclass(frozen=True)
-class SmallConfig(ClassifierConfig):
-    """Constants.
-
-    Attributes:
-        network: its widths.
-        rectified, own_motion, corrected: parts that take time, and of which a trained network has little.
-    """
-
-    network: NetworkConfig = field(default_factory=lambda: NETWORK)
-    rectified: bool = False
-    own_motion: bool = False
-    corrected: bool = False
+from supersampler.methods.classifier.spec import CLASSIFIER_SMALL
+from supersampler_model.methods.classifier.model import Classifier
 
 
 class SmallClassifier(Classifier):
     """Classify, then compose, with less."""
 
-    name = "classifier-small"
-    settings: ClassVar[type[ClassifierConfig]] = SmallConfig
+    spec: ClassVar = CLASSIFIER_SMALL

@@ -4,19 +4,17 @@ What the supplement leaves open is said at the line.
 """
 
 import itertools
-from dataclasses import dataclass, field
 from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
 
-from supersampler_model.methods.base import DISPLAY, PREVIOUS, Fused
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER_PAPER, NetworkConfig
+from supersampler_model.methods.base import Fused
 from supersampler_model.methods.classifier.buffers import Finished, Gathered, History, Remembered
-from supersampler_model.methods.classifier.model import Classifier, ClassifierConfig
+from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import (
-    CLASSES,
     Encoder,
-    NetworkConfig,
     Pointwise,
     cut_to,
     pack,
@@ -29,19 +27,6 @@ from supersampler_model.ops.sampling import View, linear, positions, resample, t
 
 PLANES = 20  # section 3: colour 3, depth 1, motion 2, counter 1, range 6, difference 1, classes 6
 PIXEL = 14  # what the compositor sees: colour 3, past 3, classes 6, counter 1, difference 1
-
-NETWORK = NetworkConfig(levels=(32, 64, 128, 256), decoder_layers=3, hidden=64)
-
-
-@dataclass(frozen=True)
-class PaperConfig(ClassifierConfig):
-    """Constants.
-
-    Attributes:
-        network: widths; section 1.
-    """
-
-    network: NetworkConfig = field(default_factory=lambda: NETWORK)
 
 
 class PaperNetwork(nn.Module):
@@ -67,16 +52,7 @@ class PaperNetwork(nn.Module):
 class PaperClassifier(Classifier):
     """Classify at half size, upsample the logits, blend by one weight a pixel."""
 
-    name, source = "classifier-paper", "Guo, Chen, Dong and Tong 2022, supplement"
-    settings: ClassVar[type[ClassifierConfig]] = PaperConfig
-    history: ClassVar = {
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "state": (1, 7, *DISPLAY),  # counter, least and most colour
-        "classes": (1, 6, *DISPLAY),  # shares
-        "depth": (1, 2, *PREVIOUS),
-        "jitter": (1, 2),
-        "exposure": (1,),  # see `exposure_for`
-    }
+    spec: ClassVar = CLASSIFIER_PAPER
 
     def make_network(self) -> nn.Module:
         """The network of section 1."""

@@ -6,12 +6,11 @@ decoder that refines the flow and hands features on. One flow in place of two, a
 past, and depthwise convolutions between 1x1 ones.
 """
 
-from dataclasses import dataclass
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from supersampler.methods.extrapolation.spec import FlowNetworkConfig
 from supersampler_model.methods.classifier.network import Block, cut_to, padded
 from supersampler_model.methods.gbuffer.network import doubled
 from supersampler_model.ops.motion import read
@@ -19,18 +18,6 @@ from supersampler_model.ops.motion import read
 PICTURE = 4  # channels of a picture: toned light, roughness
 FLOW, GAIN, SHARE = 2, 1, 1  # what is said of a pixel
 AGO = 3.0  # frames since the earlier picture, for one since the later: where every second frame is shaded
-
-
-@dataclass(frozen=True)
-class FlowNetworkConfig:
-    """Widths.
-
-    Attributes:
-        levels: channels of the pyramid's levels; each is half as large as the one before, the first half as
-            large as the pictures.
-    """
-
-    levels: tuple[int, ...] = (32, 48, 64, 96)
 
 
 class Decoder(nn.Module):

@@ -7,13 +7,13 @@ as what hid it.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import reduce
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.extrapolation.spec import GuidedWarpConfig
 from supersampler_model.methods.base import Size, render_size_of
 from supersampler_model.ops.color import MAX_HALF, finite, sanitize, valid
 from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, read, usable_depth, usable_motion
@@ -25,27 +25,6 @@ FARTHEST = 1e-30  # depth of the sky, for its logarithm
 NOWHERE = 1e4  # where samples of no use are, standard deviations of depth away from all others
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 """Of a key: steps of -log weight, as many of them as a float counts beside a number, and these."""
-
-
-@dataclass(frozen=True)
-class GuidedWarpConfig:
-    """Constants; docs/methods.md has where they come from.
-
-    Attributes:
-        strides: of the rings of eight samples around the middle one, pixels (equation 1).
-        taps: samples that are kept.
-        surface_sigma: one standard deviation of base colour and normal (equation 2).
-        depth_sigma: one of depth, as a share of it.
-        distance_sigma: one of places on screen, pixels of the shaded frame (equation 2).
-        least: reflectance that is added to base colours, so that dividing by black ones changes nothing.
-    """
-
-    strides: tuple[int, ...] = (1, 3, 5, 9)
-    taps: int = 4
-    surface_sigma: float = 0.03
-    depth_sigma: float = 0.05
-    distance_sigma: float = 1.0
-    least: float = 0.02
 
 
 class Surface(NamedTuple):

@@ -8,19 +8,19 @@ Light of full size follows, as far as surfaces are alike and the network is sure
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from typing import Any, ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.extrapolation.spec import (
+    GUIDED_FLOW,
+    FlowNetworkConfig,
+    GuidedFlowConfig,
+    GuidedWarpConfig,
+)
+from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import (
-    BETWEEN,
-    EARLIER,
-    HALF,
-    PREVIOUS,
-    RENDER,
-    SHADED,
     Fused,
     Size,
     render_size_of,
@@ -31,12 +31,10 @@ from supersampler_model.methods.extrapolation.flow_network import (
     PICTURE,
     SHARE,
     FlowNetwork,
-    FlowNetworkConfig,
     moved,
 )
 from supersampler_model.methods.extrapolation.guided import (
     FARTHEST,
-    GuidedWarpConfig,
     Shaded,
     Surface,
     back_to_shaded,
@@ -52,27 +50,6 @@ from supersampler_model.ops.motion import read, usable_motion
 from supersampler_model.ops.sampling import sum_of
 
 TONED = 1.0 - 1e-4  # most of a toned colour
-
-
-@dataclass(frozen=True)
-class GuidedFlowConfig:
-    """Constants; docs/methods.md has where they come from.
-
-    Attributes:
-        network: its widths.
-        warp: see there.
-        farthest: that light is moved, pixels of the render size.
-        stops: that it is made brighter or darker at most; 0 leaves it to the flow alone.
-        turned: difference of two normals of one standard deviation: light is moved along a surface alone.
-        apart: of two depths, as a share of one.
-    """
-
-    network: FlowNetworkConfig = field(default_factory=FlowNetworkConfig)
-    warp: GuidedWarpConfig = field(default_factory=GuidedWarpConfig)
-    farthest: float = 64.0
-    stops: float = 2.0
-    turned: float = 0.5
-    apart: float = 0.1
 
 
 class Past(NamedTuple):
@@ -131,26 +108,7 @@ class GuidedFlow(LearnedMethod):
     first, which is its own earlier one, no light has moved.
     """
 
-    name, source = "guided-flow", "Wu et al. 2023 (ExtraSS), section 4.3 (docs/methods.md)"
-    history: ClassVar = {
-        "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
-        "base_color": (1, 3, *SHADED),
-        "normal": (1, 3, *SHADED),
-        "depth": (1, 1, *SHADED),
-        "jitter": (1, 2),
-        "motion": (1, 2, *PREVIOUS),  # from the frame before back to the shaded one, its own pixels
-        "motion_jitter": (1, 2),  # of the frame before
-        "shaded_motion": (1, 2, *SHADED),  # of the last shaded frame
-        "earlier_color": (1, 3, *EARLIER),  # of the one that was shaded before it, as the next four
-        "earlier_base_color": (1, 3, *EARLIER),
-        "earlier_normal": (1, 3, *EARLIER),
-        "earlier_depth": (1, 1, *EARLIER),
-        "earlier_jitter": (1, 2),
-        "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that
-        "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
-    }
-    image: ClassVar = (1, 3, *RENDER)
-    ratios: ClassVar = (1.0, 1.0)
+    spec: ClassVar = GUIDED_FLOW
 
     def __init__(self, config: GuidedFlowConfig | None = None) -> None:
         super().__init__()

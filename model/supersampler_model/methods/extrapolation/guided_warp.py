@@ -9,9 +9,9 @@ from typing import ClassVar, NamedTuple
 
 from torch import Tensor
 
-from supersampler_model.methods.base import PREVIOUS, RENDER, SHADED, Method, render_size_of
+from supersampler.methods.extrapolation.spec import GUIDED_WARP, GuidedWarpConfig
+from supersampler_model.methods.base import Method, render_size_of
 from supersampler_model.methods.extrapolation.guided import (
-    GuidedWarpConfig,
     back_to_shaded,
     guided_light,
     reflectance,
@@ -43,18 +43,7 @@ class GuidedWarp(Method):
     is not taken where there is another.
     """
 
-    name, source = "guided-warp", "Wu et al. 2023 (ExtraSS), section 4.2"
-    history: ClassVar = {
-        "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
-        "base_color": (1, 3, *SHADED),
-        "normal": (1, 3, *SHADED),
-        "depth": (1, 1, *SHADED),
-        "jitter": (1, 2),
-        "motion": (1, 2, *PREVIOUS),  # from the frame before back to the shaded one, its own pixels
-        "motion_jitter": (1, 2),  # of the frame before
-    }
-    image: ClassVar = (1, 3, *RENDER)
-    ratios: ClassVar = (1.0, 1.0)
+    spec: ClassVar = GUIDED_WARP
 
     def __init__(self, config: GuidedWarpConfig | None = None) -> None:
         super().__init__()

@@ -6,15 +6,18 @@ would, and are wrong in other ways: an encoder of their own learns how far to tr
 paper's second one sees the warped colour and the refined one apart; ours sees what equation 5 makes of both.
 """
 
-from typing import Self
+from typing import ClassVar, Self
 
 from torch import Tensor, nn
 
 from supersampler.errors import ArgumentError
-from supersampler_model.methods.base import HALF, Fused, display_size_of, render_size_of
+from supersampler.methods.classifier.spec import CLASSES
+from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
+from supersampler.methods.spec import HALF
+from supersampler_model.methods.base import Fused, display_size_of, render_size_of
 from supersampler_model.methods.classifier.buffers import History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network import CLASSES, pack
+from supersampler_model.methods.classifier.network import pack
 from supersampler_model.methods.classifier.small import SmallClassifier
 from supersampler_model.methods.extrapolation.network import ExtraSSNetwork
 from supersampler_model.methods.weights_file import Trained
@@ -28,21 +31,20 @@ SURFACE = 3
 class TwoEncoders(Classifier):
     """The weights that both kinds of frames are stepped on with."""
 
-    source = "Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)"
     net: ExtraSSNetwork
 
     def make_network(self) -> nn.Module:
         """Return the network, untrained."""
         c = self.config
         return ExtraSSNetwork(
-            c.network, packed=4 * c.planes, carried=c.carried, surface=4 * SURFACE, mixing=c.mixing
+            c.network, packed=4 * c.planes, carried=c.carried, surface=4 * SURFACE, mixing=c.blend_parameters
         )
 
 
 class Extrapolate(TwoEncoders):
     """Steps on shaded frames; `on_extrapolated` returns what steps on the others."""
 
-    name = "extrapolate"
+    spec: ClassVar = EXTRAPOLATE
 
     @classmethod
     def begun(cls, trained: Trained) -> Self:
@@ -74,7 +76,7 @@ class Extrapolate(TwoEncoders):
 class DrawnExtrapolate(TwoEncoders):
     """Steps on frames whose colour was drawn: `extrapolate` with its other encoder."""
 
-    name, only_extrapolated = "extrapolate-drawn", True
+    spec: ClassVar = EXTRAPOLATE_UNSHADED
 
     def fused(self) -> Fused:
         """See `Classifier`; the third input is base colour, packed."""
@@ -84,7 +86,9 @@ class DrawnExtrapolate(TwoEncoders):
             "carried": (1, c.carried, *HALF),
             "surface": (1, 4 * SURFACE, *HALF),
         }
-        return Fused(self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.mixing, *HALF)})
+        return Fused(
+            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+        )
 
     def forward(  # type: ignore[override]  # it asks for one input more
         self,

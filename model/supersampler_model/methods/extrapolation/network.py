@@ -7,7 +7,8 @@ colour beside it; decoder, classes and compositor are shared.
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.classifier.network import ClassifierNetwork, Encoder, NetworkConfig, encode
+from supersampler.methods.classifier.spec import NetworkConfig
+from supersampler_model.methods.classifier.network import ClassifierNetwork, Encoder, encode
 
 
 class ExtraSSNetwork(ClassifierNetwork):

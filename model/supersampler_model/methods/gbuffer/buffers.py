@@ -8,7 +8,6 @@ from supersampler_model.methods.gbuffer.network import Seen
 from supersampler_model.ops.sampling import View
 
 PAST_NORMAL = slice(13, 16)  # of what is seen beside a frame of the past
-FRAME = 11  # channels of a frame of the past: linear RGB, depth, base colour, normal, whether it is usable
 
 
 class Surfaces(NamedTuple):

@@ -1,15 +1,14 @@
 """`gbuffer-depth`: `gbuffer-small` where of all G-buffers depth alone is drawn, as in forward renderers."""
 
 from collections.abc import Mapping
-from functools import partial
 from typing import ClassVar
 
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import GBUFFER_DEPTH
 from supersampler_model.methods.base import display_size_of, render_size_of
 from supersampler_model.methods.gbuffer.buffers import History, Surfaces
-from supersampler_model.methods.gbuffer.model import GBuffer, GBufferConfig
-from supersampler_model.methods.gbuffer.small import NETWORK
+from supersampler_model.methods.gbuffer.model import GBuffer
 from supersampler_model.methods.gbuffer.surfaces import matte
 from supersampler_model.ops.sampling import View
 
@@ -17,8 +16,7 @@ from supersampler_model.ops.sampling import View
 class DepthGBuffer(GBuffer):
     """Of G-buffers, depth at display size alone, which a depth prepass of a forward renderer gives."""
 
-    name = "gbuffer-depth"
-    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK))
+    spec: ClassVar = GBUFFER_DEPTH
 
     def forward(  # type: ignore[override]  # the signature is the contract: it asks for less
         self,

@@ -7,25 +7,20 @@ which reads the G-buffers, this frame and two of the past, then says how that is
 neighbours and against the picture of the frame before, which smooths what one sample a pixel cannot tell.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from functools import partial
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.gbuffer.spec import FRAME, GBUFFER, GBUFFER_4X, GBufferConfig, GBufferNetworkConfig
+from supersampler.methods.spec import DISPLAY, RENDER, Shape
 from supersampler_model.methods.base import (
-    DISPLAY,
-    PREVIOUS,
-    RENDER,
     Fused,
-    Shape,
     display_size_of,
     render_size_of,
 )
 from supersampler_model.methods.gbuffer.buffers import (
-    FRAME,
     Finished,
     Gathered,
     History,
@@ -41,7 +36,6 @@ from supersampler_model.methods.gbuffer.network import (
     SAMPLES,
     SURFACES,
     GBufferNetwork,
-    GBufferNetworkConfig,
     Seen,
 )
 from supersampler_model.methods.gbuffer.network_inputs import seen_of
@@ -68,7 +62,6 @@ from supersampler_model.ops.motion import (
     usable_motion,
 )
 from supersampler_model.ops.sampling import (
-    WINDOW,
     View,
     channels_of,
     gaussian,
@@ -84,62 +77,14 @@ TONED = 1.0 - 1e-4  # most of a toned colour
 AROUND = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)  # weights of neighbours, at first
 
 
-@dataclass(frozen=True)
-class GBufferConfig:
-    """Constants; docs/methods.md has what each gives.
-
-    Attributes:
-        network: its widths.
-        ratio: display over render size.
-        history_sharpness: -a of the cubic that resamples the past; 0.5 is Catmull-Rom.
-        samples: most samples that the count counts.
-        sample_sigma: Gaussian of a sample's influence, display pixels.
-        smooth_sigma: Gaussian of the mean by distance alone, render pixels.
-        depth_margin, depth_ramp: see `covered`.
-        masked: whether what equations 1 and 2 find to be of no use is taken out of the frames of the past.
-        blended: whether the picture of the frame before is blended in, pixel by pixel, which the paper leaves
-            to its outlook (section V); else the past is features alone.
-    """
-
-    network: GBufferNetworkConfig = field(default_factory=GBufferNetworkConfig)
-    ratio: int = 2
-    history_sharpness: float = 0.6
-    samples: float = 64.0
-    sample_sigma: float = 0.47
-    smooth_sigma: float = 0.45
-    depth_margin: float = 0.01
-    depth_ramp: float = 0.05
-    masked: bool = True
-    blended: bool = True
-
-    @property
-    def parts(self) -> tuple[int, int, int]:
-        """What is said of a pixel: weights of colours, a kernel on neighbours, one on samples."""
-        return 7, WINDOW, WINDOW
-
-
 class GBuffer(LearnedMethod):
     """Bring samples to where their surfaces are, then weigh."""
 
-    name, source = "gbuffer", "Wang et al. 2025 (docs/methods.md)"
-    ratios: ClassVar = (2.0, 2.0)
-    settings: ClassVar[Callable[..., GBufferConfig]] = GBufferConfig
-    history: ClassVar = {
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "reflectance": (1, 3, *DISPLAY),
-        "count": (1, 1, *DISPLAY),
-        "frame": (1, FRAME, *PREVIOUS),
-        "frame_before": (1, FRAME, *PREVIOUS),
-        "motion": (1, 2, *PREVIOUS),
-        "jitter": (1, 2),
-        "jitter_before": (1, 2),
-        "exposure": (1,),  # see `exposure_for`
-    }
-    aux_outputs: ClassVar = ("weight",)
+    spec: ClassVar = GBUFFER
 
     def __init__(self, config: GBufferConfig | None = None) -> None:
         super().__init__()
-        self.config = config or self.settings()
+        self.config: GBufferConfig = config or self.spec.config()
         c = self.config
         self.net = GBufferNetwork(c.network, ratio=c.ratio, mixing=sum(c.parts))
 
@@ -162,7 +107,7 @@ class GBuffer(LearnedMethod):
         settings = dict(config)
         network = dict(settings.pop("network"))
         network |= {name: tuple(network[name]) for name in ("surfaces", "detailed", "levels")}
-        return cls(cls.settings(network=GBufferNetworkConfig(**network), **settings))
+        return cls(cls.spec.config(network=GBufferNetworkConfig(**network), **settings))
 
     def forward(
         self,
@@ -383,6 +328,4 @@ def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
 class GBuffer4(GBuffer):
     """At a ratio of 4."""
 
-    name = "gbuffer-4x"
-    ratios: ClassVar = (4.0, 4.0)
-    settings: ClassVar = staticmethod(partial(GBufferConfig, ratio=4))
+    spec: ClassVar = GBUFFER_4X

@@ -7,14 +7,14 @@ fraction of the work.
 
 import itertools
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import partial
-from typing import Literal, NamedTuple
+from typing import NamedTuple
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from supersampler.methods.gbuffer.spec import Attention, GBufferNetworkConfig
 from supersampler_model.methods.classifier.network import Block, Pointwise, cut_to, padded
 
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
@@ -23,33 +23,6 @@ CURRENT = 6  # of a frame: toned colour, relative depth, jitter
 BESIDE = 18  # what the refiner sees beside features of the past
 SAMPLES = 6  # of the frame's samples: motion, jitter, use, relative depth
 COLORS = 15  # toned colours at display size, and what is known of them
-
-Attention = Literal["both", "one", "none"]
-
-
-@dataclass(frozen=True)
-class GBufferNetworkConfig:
-    """Widths, and the parts that the paper takes away one by one (its table IX).
-
-    Attributes:
-        surfaces: channels of the G-buffers encoder, layer by layer.
-        detailed: of its gated branch, which ends as wide.
-        frame: of the frame encoder.
-        levels: of the fusion network, from render size down.
-        separable: whether 3x3 convolutions are depthwise, between 1x1 ones.
-        gated: whether base colour and depth have a branch of their own.
-        attention: between the frame and the gradients of the G-buffers: "both" ways, "one", or "none".
-        refined: whether features of the past are refined by the present.
-    """
-
-    surfaces: tuple[int, ...] = (128, 128, 64)
-    detailed: tuple[int, ...] = (64, 64, 64)
-    frame: int = 32
-    levels: tuple[int, ...] = (64, 128, 192, 256)
-    separable: bool = False
-    gated: bool = True
-    attention: Attention = "both"
-    refined: bool = True
 
 
 class Seen(NamedTuple):

@@ -1,26 +1,18 @@
 """`gbuffer-small`: `gbuffer` with narrow separable convolutions, trained in hours on two cores."""
 
-from functools import partial
 from typing import ClassVar
 
-from supersampler_model.methods.gbuffer.model import GBuffer, GBufferConfig
-from supersampler_model.methods.gbuffer.network import GBufferNetworkConfig
-
-NETWORK = GBufferNetworkConfig(
-    surfaces=(32, 32), detailed=(32, 32), frame=24, levels=(48, 64, 96, 128), separable=True
-)
+from supersampler.methods.gbuffer.spec import GBUFFER_SMALL, GBUFFER_SMALL_4X
+from supersampler_model.methods.gbuffer.model import GBuffer
 
 
 class SmallGBuffer(GBuffer):
     """At a ratio of 2."""
 
-    name = "gbuffer-small"
-    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK))
+    spec: ClassVar = GBUFFER_SMALL
 
 
 class SmallGBuffer4(GBuffer):
     """At a ratio of 4."""
 
-    name = "gbuffer-small-4x"
-    ratios: ClassVar = (4.0, 4.0)
-    settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK, ratio=4))
+    spec: ClassVar = GBUFFER_SMALL_4X

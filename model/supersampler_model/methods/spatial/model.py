@@ -4,6 +4,7 @@ from typing import ClassVar, NamedTuple
 
 from torch import Tensor
 
+from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
 from supersampler_model.methods.base import Method, display_size_of, render_size_of
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
@@ -41,7 +42,7 @@ class Spatial(Method):
 class Bilinear(Spatial):
     """Bilinear interpolation."""
 
-    name, source = "bilinear", "bilinear interpolation"
+    spec: ClassVar = BILINEAR
     reach = 1
 
     def kernel(self, distance: Tensor) -> Tensor:
@@ -52,7 +53,7 @@ class Bilinear(Spatial):
 class Bicubic(Spatial):
     """Catmull-Rom interpolation."""
 
-    name, source = "bicubic", "Catmull-Rom interpolation (a = -0.5)"
+    spec: ClassVar = BICUBIC
     reach = 2
 
     def kernel(self, distance: Tensor) -> Tensor:

@@ -10,12 +10,12 @@ boxes stay those of the render-size neighbourhood. Colours are compared in YCoCg
 curve.
 """
 
-from dataclasses import dataclass
-from typing import ClassVar, Literal, NamedTuple
+from typing import ClassVar, NamedTuple
 
 from torch import Tensor
 
-from supersampler_model.methods.base import DISPLAY, MapOf, Method, display_size_of, render_size_of
+from supersampler.methods.taa.spec import TAA, TaaConfig
+from supersampler_model.methods.base import Method, display_size_of, render_size_of
 from supersampler_model.ops.color import (
     bounded,
     exposure_for,
@@ -45,29 +45,6 @@ from supersampler_model.ops.rectification import (
 from supersampler_model.ops.sampling import blurred, grid_of, linear, pick, resample, taps
 
 
-@dataclass(frozen=True)
-class TaaConfig:
-    """Salvi's choices; the defaults are his.
-
-    Attributes:
-        alpha: weight of the new frame ("typically we blend 10 %").
-        gamma: half size of the variance box in standard deviations; None clips to minimum and maximum alone.
-        intersect_extent: clamp the variance box to the minimum and maximum ("to make sure our AABB is not
-            significantly larger than the old AABB").
-        clip: towards the new sample (Salvi), towards the box's centre, or a clamp per channel.
-        space: colours are compared in YCoCg or in RGB.
-        wide_window: blur the two moments, which widens their window to 5x5 ("we can apply it over large
-            windows by pre-filtering the first two colour moments").
-    """
-
-    alpha: float = 0.1
-    gamma: float | None = 1.0
-    intersect_extent: bool = True
-    clip: Literal["sample", "center", "clamp"] = "sample"
-    space: Literal["ycocg", "rgb"] = "ycocg"
-    wide_window: bool = False
-
-
 class Gathered(NamedTuple):
     """This frame and the warped past at display size, in the space of comparison."""
 
@@ -89,10 +66,7 @@ class Step(NamedTuple):
 class Taa(Method):
     """Variance-clipping temporal anti-aliasing."""
 
-    name, source = "taa", "Salvi, An Excursion in Temporal Supersampling, GDC 2016"
-    history: ClassVar = {"color": (1, 3, *DISPLAY), "exposure": (1,)}  # see `exposure_for`
-    aux_outputs: ClassVar = ("weight",)
-    maps: ClassVar = {"weight": MapOf("weight", 0, 1)}
+    spec: ClassVar = TAA
 
     def __init__(self, config: TaaConfig | None = None) -> None:
         super().__init__()

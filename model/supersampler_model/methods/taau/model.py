@@ -17,16 +17,13 @@ a row on: until then the history stays as it was there, warped. So what one fram
 nor does what was drawn from that frame where the next one is not shaded.
 """
 
-from dataclasses import dataclass
 from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
 
+from supersampler.methods.taau.spec import TAAU, TaauConfig
 from supersampler_model.methods.base import (
-    DISPLAY,
-    PREVIOUS,
-    MapOf,
     Method,
     Size,
     display_size_of,
@@ -81,56 +78,6 @@ UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
 SEEN = 0.5  # of the box's Gaussian, whose sum is 0.8 at least: with less than this, no sample near is usable
 
 
-@dataclass(frozen=True)
-class TaauConfig:
-    """Constants; `supersampler bench quality` and the analytic scenes of the tests measure what they give.
-
-    Attributes:
-        frame_sigma: Gaussian that upsamples this frame alone, render pixels.
-        frame_sharpness: share of Catmull-Rom in that upsampling.
-        sample_sigma: Gaussian of a sample's influence on the accumulated colour, display pixels.
-        history_sharpness: -a of the cubic that resamples the history; 0.5 is Catmull-Rom.
-        moment_sigma: Gaussian window of the moments of the variance box, render pixels.
-        gamma_still, gamma_moving: half size of the box in standard deviations, at rest and from `gamma_speed`
-            display pixels a frame on.
-        gamma_time: the same, of the standard deviation over time.
-        spread_samples: samples over which the spread over time is averaged.
-        spread_step: a sample counts as no farther off than the spread so far plus this, so that thin wires
-            build up a spread over some frames, and one firefly does not.
-        forget: share of the samples dropped per half extent that the past lies outside the box.
-        samples: most samples kept.
-        blur_cost, speed_cost: by how much less they are, per full resampling blur and per display pixel of
-            motion: samples / (1 + blur_cost * blur + speed_cost * speed).
-        settled: samples from which on only those near a pixel's centre are added, not the whole upsampling.
-        depth_margin, depth_ramp: relative depth by which the past must be closer before it counts as another
-            surface, and over which that becomes certain.
-        change_deviation, change_relative, change_ramp: a mean that moved by more than this many standard
-            deviations plus this share of itself is a change of light, certain over the ramp.
-    """
-
-    frame_sigma: float = 0.365
-    frame_sharpness: float = 0.25
-    sample_sigma: float = 0.47
-    history_sharpness: float = 0.7
-    moment_sigma: float = 0.4
-    gamma_still: float = 1.3
-    gamma_moving: float = 0.8
-    gamma_speed: float = 10.0
-    gamma_time: float = 1.6
-    spread_samples: float = 14.0
-    spread_step: float = 0.15
-    forget: float = 0.5
-    samples: float = 18.0
-    blur_cost: float = 32.0
-    speed_cost: float = 7.5
-    settled: float = 0.9
-    depth_margin: float = 0.005
-    depth_ramp: float = 0.05
-    change_deviation: float = 0.53
-    change_relative: float = 0.1
-    change_ramp: float = 0.65
-
-
 class Present(NamedTuple):
     """This frame at display size; colours are toned YCoCg."""
 
@@ -183,16 +130,7 @@ class Step(NamedTuple):
 class Taau(Method):
     """Temporal upsampling of accumulated samples."""
 
-    name, source = "taau", "temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)"
-    history: ClassVar = {
-        "color": (1, 3, *DISPLAY),  # linear RGB
-        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - past in toned luma, and GLARE
-        "surface": (1, 3, *PREVIOUS),  # depth without thin things, mean and deviation of toned luma
-        "jitter": (1, 2),  # of `surface`
-        "exposure": (1,),  # see `exposure_for`
-    }
-    aux_outputs: ClassVar = ("weight",)
-    maps: ClassVar = {"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)}
+    spec: ClassVar = TAAU
 
     def __init__(self, config: TaauConfig | None = None) -> None:
         super().__init__()

@@ -7,19 +7,15 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running
 from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.aovs.spec import AOVS
 from supersampler.methods.model_file import ModelInfo, TensorInfo
+from supersampler.methods.spec import TENSORS, dtype_of
 
-_RENDER, _DISPLAY = ("render_height", "render_width"), ("display_height", "display_width")
 _TAKES = [
-    TensorInfo("aovs", "float32", (1, "channels", *_RENDER)),
-    TensorInfo("depth", "float32", (1, 1, *_RENDER)),
-    TensorInfo("motion", "float32", (1, 2, *_RENDER)),
-    TensorInfo("jitter", "float32", (1, 2)),
-    TensorInfo("display_size", "int64", (2,)),
-    TensorInfo("weight", "float32", (1, 1, *_DISPLAY)),
-    TensorInfo("history.aovs", "float32", (1, "channels", *_DISPLAY)),
+    *(TensorInfo(name, dtype_of(name), TENSORS[name]) for name in AOVS.inputs),
+    *(TensorInfo(name, "float32", shape) for name, shape in AOVS.graph_history.items()),
 ]
-_GIVES = [TensorInfo("image", "float32", (1, "channels", *_DISPLAY))]
+_GIVES = [TensorInfo("image", "float32", AOVS.image)]
 
 
 def check_aovs(frame: Frame, history: Float32 | None) -> None:

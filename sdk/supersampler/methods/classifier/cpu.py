@@ -21,10 +21,12 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.spec import constants_array
 
-CLASSES, ALL = 6, 255.0
+ALL = 255.0
 GATHER = "methods.classifier.kernels.gather.make_gather_rows"
 FINISH = "methods.classifier.kernels.finish.make_finish_rows"
 SURFACES = "backends.cpu.kernels.frame.surfaces"
@@ -109,6 +111,7 @@ class ClassifierCpu(CpuExecutor):
         super().__init__(kernels, bands)
         self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
         self._config = c = info.config
+        self._constants = constants_array(CLASSIFIER, c)
         self._filters = [
             Filter(gaussian(c["sample_sigma"]), True),
             Filter(catmull_rom, False),
@@ -222,13 +225,12 @@ class ClassifierCpu(CpuExecutor):
         self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
     ) -> None:
         """All that is known of the display before the network speaks, and the depth for the next frame."""
-        s, c, v, read = space, self._config, view, view.samples
+        s, v, read = space, view, view.samples
         (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
         numbers = np.array(
             [
-                abs(left.exposure), w, h, big_w, big_h, old_w, old_h, *past.jitter,
-                c["history_sharpness"], c["gamma"], c["depth_margin"], c["depth_ramp"],
-                left.glares or past.glares,
+                *self._constants, abs(left.exposure), w, h, big_w, big_h, old_w, old_h,
+                *past.jitter, left.glares or past.glares,
             ],
             np.float32,
         )  # fmt: skip

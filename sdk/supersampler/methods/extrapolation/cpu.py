@@ -15,7 +15,9 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.cpu_checks import are_rings
+from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.spec import constants_array
 
 KERNELS = "methods.extrapolation.kernels"
 _AROUND = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
@@ -48,7 +50,7 @@ class GuidedWarpCpu:
             bands,
         )
         config = info.config
-        self._sigmas = [config[name] for name in ("surface_sigma", "depth_sigma", "distance_sigma", "least")]
+        self._constants = constants_array(GUIDED_WARP, config)
         self._strides = np.array(config["strides"], np.int32)
         places = [(0, 0), *((s * x, s * y) for s in config["strides"] for x, y in _AROUND)]
         self._across, self._down = np.array(places, np.float32).T.copy()
@@ -77,7 +79,7 @@ class GuidedWarpCpu:
         jitters = (frame.jitter, past["history.jitter"][0], past["history.motion_jitter"][0])
         sizes = (then_w, then_h, *before.shape[:1:-1])
         offsets = [offset for jitter in jitters for offset in jitter]
-        numbers = np.array([*sizes, *offsets, *self._sigmas, before.any()], np.float32)
+        numbers = np.array([*self._constants, *sizes, *offsets, before.any()], np.float32)
         names = ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
         given = [np.ascontiguousarray(image_of(frame, name), np.float32) for name in names]
         with self._spaces.borrow((then_w, then_h)) as space:

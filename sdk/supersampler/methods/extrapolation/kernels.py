@@ -34,12 +34,15 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
     to_int,
 )
+from supersampler.methods.extrapolation.spec import GUIDED_WARP
+from supersampler.methods.spec import constant_indices
 
-(
-    THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, THEN_JITTER, BEFORE_JITTER, SURFACE, DEPTH, DISTANCE, LEAST,
-    MOVED,
-) = 0, 1, 2, 3, 4, 6, 8, 10, 11, 12, 13, 14  # fmt: skip
-"""Of `numbers`; two for each jitter, across and down; four of GuidedWarpConfig; 0 where `before` is zeros."""
+C = constant_indices(GUIDED_WARP)
+THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, _, THEN_JITTER, _, BEFORE_JITTER, _, MOVED = range(
+    len(C), len(C) + 11
+)
+"""Of `numbers`, after the constants of `guided-warp`; two for each jitter, across and down; MOVED: 0 where
+`before` is zeros."""
 FARTHEST, NOWHERE = 1e-30, 1e4
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
@@ -81,10 +84,10 @@ def told_at(base, normal, depth, at, pixel, plane, good, numbers):
     good = good & (d >= 0.0) & (d <= 1e30)
     b = (color_of(b[0]), color_of(b[1]), color_of(b[2]))
     n = (side_of(n[0]), side_of(n[1]), side_of(n[2]))
-    far = select(good, logarithm(maximum(d, FARTHEST)) / numbers[DEPTH], NOWHERE)
-    s = numbers[SURFACE]
+    far = select(good, logarithm(maximum(d, FARTHEST)) / numbers[C.depth_sigma], NOWHERE)
+    s = numbers[C.surface_sigma]
     told = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, far)
-    return told, reflected(b, n, numbers[LEAST])
+    return told, reflected(b, n, numbers[C.least])
 
 
 @inner
@@ -302,8 +305,8 @@ def draw(
             every = at >= np.int32(0)
             own, share = told_at(base, normal, depth, at, 3, 1, every, n)
             least = four_least(
-                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings, n[DISTANCE],
-                room,
+                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings,
+                n[C.distance_sigma], room,
             )  # fmt: skip
             light = light_at(least, samples, size)
             for c, value in enumerate(

@@ -1,4 +1,4 @@
 """`taa`: Salvi 2016, variance clipping.
 
-The CPU backend (`cpu`) and its kernels; the torch definition is supersampler_model.methods.
+What it is (`spec`), its CPU backend (`cpu`) and kernels; the torch definition is supersampler_model.methods.
 """

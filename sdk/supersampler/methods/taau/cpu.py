@@ -21,13 +21,10 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.spec import constants_array
+from supersampler.methods.taau.spec import TAAU
 
 KERNELS = "methods.taau.kernels"
-CONSTANTS = (  # in the order of kernels.taau
-    "frame_sharpness", "history_sharpness", "gamma_still", "gamma_moving", "gamma_speed", "gamma_time",
-    "spread_samples", "spread_step", "forget", "samples", "blur_cost", "speed_cost", "settled",
-    "depth_margin", "depth_ramp", "change_deviation", "change_relative", "change_ramp",
-)  # fmt: skip
 
 
 @dataclass(eq=False)
@@ -87,7 +84,7 @@ class TaauCpu(CpuExecutor):
             f"{KERNELS}.step_rows", f"{KERNELS}.shade", *TILE_REUSE_KERNELS, *PREPROCESS_KERNELS
         )
         super().__init__(kernels, bands)
-        self._config = c = info.config
+        c, self._constants = info.config, constants_array(TAAU, info.config)
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
             Filter(catmull_rom, False),
@@ -201,14 +198,14 @@ class TaauCpu(CpuExecutor):
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        s, read, c = space, space.samples, self._config
+        s, read = space, space.samples
         (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
         exposure, before = abs(left.exposure), abs(past.exposure)
         change = exposure / before if before > 0.0 else 1.0
         numbers = np.array(
             [
-                exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter, change,
-                *(c[name] for name in CONSTANTS), left.glares or past.glares,
+                *self._constants, exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
+                change, left.glares or past.glares,
             ],
             np.float32,
         )  # fmt: skip

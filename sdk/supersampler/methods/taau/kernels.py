@@ -57,16 +57,15 @@ from supersampler.backends.cpu.simd.vector import (
     store,
     to_float,
 )
+from supersampler.methods.spec import constant_indices
+from supersampler.methods.taau.spec import TAAU
 
 NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
-(
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE,
-    FRAME_SHARPNESS, HISTORY_SHARPNESS, GAMMA_STILL, GAMMA_MOVING, GAMMA_SPEED, GAMMA_TIME, SPREAD_SAMPLES,
-    SPREAD_STEP, FORGET, SAMPLES, BLUR_COST, SPEED_COST, SETTLED, DEPTH_MARGIN, DEPTH_RAMP,
-    CHANGE_DEVIATION, CHANGE_RELATIVE, CHANGE_RAMP, GLARES,
-) = range(29)  # fmt: skip
-"""Of `numbers`: exposure; sizes of this frame, the display and the frame before, and its jitter; by how much
-the exposure has changed; TaauConfig; whether this frame or the history may have light over GLARING."""
+C = constant_indices(TAAU)
+EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES = range(len(C), len(C) + 11)
+"""Of `numbers`, after the constants of `taau`: exposure; sizes of this frame, the display and the previous
+frame, and its jitter; by how much the exposure has changed; whether this frame or the history may have light
+over GLARING."""
 
 
 @inner
@@ -146,10 +145,10 @@ def deviation(square, mean):
 @inner
 def light_changed(numbers, mean, spread, mean_before, spread_before):
     """`change_of_light`: 1 where the mean of a neighbourhood moved by more than jitter explains."""
-    noise = maximum(spread, spread_before) * numbers[CHANGE_DEVIATION]
-    noise = noise + maximum(mean, mean_before) * numbers[CHANGE_RELATIVE] + NOTICEABLE
+    noise = maximum(spread, spread_before) * numbers[C.change_deviation]
+    noise = noise + maximum(mean, mean_before) * numbers[C.change_relative] + NOTICEABLE
     moved = absolute(mean - mean_before)
-    return clamped((moved / noise - 1.0) / numbers[CHANGE_RAMP], 0.0, 1.0)
+    return clamped((moved / noise - 1.0) / numbers[C.change_ramp], 0.0, 1.0)
 
 
 @inner
@@ -174,27 +173,27 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     """
     n = numbers
     frame, sample, confidence, mean, spread = present
-    gamma = minimum(speed / n[GAMMA_SPEED], 1.0) * (n[GAMMA_MOVING] - n[GAMMA_STILL]) + n[GAMMA_STILL]
+    gamma = minimum(speed / n[C.gamma_speed], 1.0) * (n[C.gamma_moving] - n[C.gamma_still]) + n[C.gamma_still]
     glared = power * 0.0
     if n[GLARES] > 0.0:
         power, glared = without_glare(power)
         unchanged = select((glared > 0.0) & (glared < CONFIRMED), 1.0, unchanged)
     root = square_root(power)
-    rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[GAMMA_TIME])
-    inside = 1.0 - clamped((over - 1.0) * n[FORGET], 0.0, 1.0)
-    limit = n[SAMPLES] / (blur * n[BLUR_COST] + speed * n[SPEED_COST] + 1.0)
+    rectified, over = clipped(past, mean, spread, gamma, root * unchanged * n[C.gamma_time])
+    inside = 1.0 - clamped((over - 1.0) * n[C.forget], 0.0, 1.0)
+    limit = n[C.samples] / (blur * n[C.blur_cost] + speed * n[C.speed_cost] + 1.0)
     holds = surface * unchanged
     samples = minimum(count * holds * inside, limit)
     weight = confidence / maximum(samples + confidence, 1e-6)
-    known, settled = samples > UNKNOWN, minimum(samples / n[SETTLED], 1.0)
+    known, settled = samples > UNKNOWN, minimum(samples / n[C.settled], 1.0)
     y = select(known, mixed(rectified[0], mixed(frame[0], sample[0], settled), weight), frame[0])
     o = select(known, mixed(rectified[1], mixed(frame[1], sample[1], settled), weight), frame[1])
     g = select(known, mixed(rectified[2], mixed(frame[2], sample[2], settled), weight), frame[2])
     r, e, b = rgb(y, o, g)
     color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
-    off = minimum(absolute(sample[0] - past[0]), root + n[SPREAD_STEP])
-    rate = confidence / maximum(minimum(samples, n[SPREAD_SAMPLES]) + confidence, 1e-6)
+    off = minimum(absolute(sample[0] - past[0]), root + n[C.spread_step])
+    rate = confidence / maximum(minimum(samples, n[C.spread_samples]) + confidence, 1e-6)
     left = maximum(power + rate * (off * off - power) - DARKNESS, 0.0)
     left = select(known, holds * left, 0.0)
     lit, counted = color, samples + confidence
@@ -243,7 +242,7 @@ def step_rows(
             mx, my = mx * scale_x, my * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[HISTORY_SHARPNESS], slots, weights)
+            aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
             warp5(history, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
@@ -256,7 +255,7 @@ def step_rows(
             a, b = gather4(before, slots, 0, 4, 0), gather4(before, slots, 0, 4, 4)
             c, d = gather4(before, slots, 16, 4, 0), gather4(before, slots, 16, 4, 4)
             depths = a[0], b[0], c[0], d[0]
-            cover = hidden(depth, shares, depths, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
+            cover = hidden(depth, shares, depths, numbers[C.depth_margin], numbers[C.depth_ramp])
             same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
             mean = mean_of((a[1], b[1], c[1], d[1]), shares)
             spread = mean_of((a[2], b[2], c[2], d[2]), shares)
@@ -269,7 +268,7 @@ def step_rows(
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
             color, lit, count, power, kept = blend(
-                numbers, present_of(sums, sample, numbers[FRAME_SHARPNESS]), past, light, q[6], q[7],
+                numbers, present_of(sums, sample, numbers[C.frame_sharpness]), past, light, q[6], q[7],
                 same, 1.0 - changed, glare, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip

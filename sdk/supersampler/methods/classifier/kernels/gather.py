@@ -48,17 +48,17 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.methods.classifier.kernels import network_inputs as see
 from supersampler.methods.classifier.kernels.network_inputs import complete, put, recall
+from supersampler.methods.classifier.spec import CLASSIFIER
 from supersampler.methods.classifier.variant import Variant
+from supersampler.methods.spec import constant_indices
 
 TONED = 1.0 - 1e-4
 FRAME, SAMPLE, CONFIDENCE, DETAIL, SURFACE, COUNT, LEAST, MOST = 0, 3, 6, 7, 10, 11, 12, 13
 """Of `rest`; more in `Variant`."""
-(
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, SHARPNESS, GAMMA, MARGIN, RAMP,
-    GLARES
-) = range(14)  # fmt: skip
-"""Of `numbers`: sizes of this frame, the display, the frame before, whose jitter; constants; whether this
-frame or the history may have light over GLARING."""
+C = constant_indices(CLASSIFIER)
+EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, GLARES = range(len(C), len(C) + 10)
+"""Of `numbers`, after the constants of `classifier`: exposure; sizes of this frame, the display and the
+previous frame, and its jitter; whether this frame or the history may have light over GLARING."""
 
 
 @inner
@@ -90,7 +90,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     weights = around(x, y, old_w, old_h, wide, places)
     a, b, c, d = gather4(surfaces, places, 0, 2, 0)
     e, f, g, h = gather4(surfaces, places, 16, 2, 0)
-    cover = hidden(depth, weights, (b, d, f, h), numbers[MARGIN], numbers[RAMP])
+    cover = hidden(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     there = select(low, select(right, g, e), select(right, c, a))
@@ -191,7 +191,7 @@ def make_gather_rows(*parts: str):
                 own_x, own_y, edge, glare = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
                 store(places, x, px)
                 store(places, width + x, py)
-                aim(px, py, big_w, big_h, 8, numbers[SHARPNESS], slots, weights)
+                aim(px, py, big_w, big_h, 8, numbers[C.history_sharpness], slots, weights)
                 alone = True
                 if own_motion:
                     ox, oy = followed(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
@@ -217,7 +217,7 @@ def make_gather_rows(*parts: str):
                 put_all(past_planes, (y * width + x) * PAST, past)
                 surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
-                frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[GAMMA])
+                frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[C.gamma])
                 to = (y * width + x) * planes
                 known = (*frame, *sample, confidence, *detail, surface, count, least, most + glared)
                 put_all(rest, to, known)

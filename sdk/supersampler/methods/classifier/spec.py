@@ -1,0 +1,179 @@
+"""What `classifier` and its relatives are: a small network says how history and frame are blended."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, MapOf, MethodSpec, Number, Sigma
+
+CLASSES = 6
+"""Of a pixel. Ghosting: none, visibility, shading; aliasing: none, geometry, texture."""
+INPUTS = (
+    "frame",  # luma of this frame, upsampled
+    "sample",  # luma of the samples near the pixel
+    "past",  # luma of the warped history
+    "past_to_sample",  # largest difference of a channel
+    "past_to_frame",
+    "contrast",  # standard deviation of the samples around
+    "past_contrast",  # of the warped history in 3x3 pixels
+    "beyond",  # distance of the sample from that range
+    "least",  # minimum luma of the accumulated samples
+    "most",  # maximum
+    "detail",  # cubic minus bilinear resampling of the history
+    "confidence",  # sum of Gaussian weights of the samples near the pixel
+    "count",  # number of accumulated samples
+    "difference",  # relative difference of depth, equation 10
+    "surface",  # 0 where disoccluded
+    "speed",  # length of the motion
+    "blur",  # of the resampling of the history
+    "edge",  # relative range of depth in 3x3 samples
+)
+"""Available inputs per display pixel, (1, 1, H, W) each."""
+
+DEFAULT_INPUTS = tuple(name for name in INPUTS if name not in ("speed", "blur"))
+"""The default sixteen: four pixels fill one vector of bytes (docs/methods.md)."""
+
+NEIGHBOURHOOD_INPUTS = (
+    "drift",  # absolute mean difference of history and frame: the lighting changed
+    "grain",  # mean absolute difference: also of detail alone
+)
+"""Inputs per neighbourhood of about ten display pixels, (1, 1, H / 2, W / 2) each."""
+
+CountCode = Literal["saturating", "logarithm"]
+ToneSpace = Literal["largest", "channels", "logarithm"]
+
+
+@dataclass(frozen=True)
+class NetworkConfig:
+    """Widths of the network."""
+
+    levels: tuple[int, ...] = (32, 48, 96, 192)
+    """Channels of the encoder's levels, each a multiple of 4^level."""
+    decoder: int = 32
+    """Channels of the decoder."""
+    decoder_layers: int = 1
+    """Number of 1x1 convolutions in the decoder."""
+    hidden: int = 51
+    """Channels of the compositor's hidden layer."""
+
+
+@dataclass(frozen=True)
+class ClassifierConfig:
+    """Constants of the step; docs/methods.md gives the effect of each."""
+
+    network: NetworkConfig = field(default_factory=NetworkConfig)
+    """Widths of the network."""
+    inputs: tuple[str, ...] = DEFAULT_INPUTS
+    """Network inputs per pixel, names of INPUTS."""
+    around: tuple[str, ...] = NEIGHBOURHOOD_INPUTS
+    """Network inputs per neighbourhood, names of NEIGHBOURHOOD_INPUTS."""
+    count_code: CountCode = "saturating"
+    """Encoding of the sample count."""
+    recurrent: bool = True
+    """Whether the classes of the previous frame are network inputs."""
+    rectified: bool = True
+    """Whether the clipped history is one of the blended colours."""
+    own_motion: bool = True
+    """Whether the history warped by each pixel's own motion is one of them."""
+    corrected: bool = True
+    """Whether the warped history is filtered by a learned cross of five pixels."""
+    tone_space: ToneSpace = "largest"
+    """Tone curve of the blended colours."""
+    sample_sigma: Sigma = 0.47
+    """Gaussian of a sample's influence, display pixels."""
+    moment_sigma: Sigma = 0.45
+    """Gaussian window of the moments of the box, render pixels."""
+    kernel_sigma: Sigma = 0.45
+    """Gaussian that the learned kernel multiplies, render pixels."""
+    gamma: Number = 1.0
+    """Half size of the box in standard deviations."""
+    history_sharpness: Number = 0.7
+    """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
+    samples: Number = 64.0
+    """Maximum of the sample count."""
+    contraction: Number = 1.0 / 16.0
+    """Fraction by which the luma range contracts towards each new sample."""
+    depth_margin: Number = 0.005
+    """Relative depth by which the history must be closer before it counts as another surface."""
+    depth_ramp: Number = 0.05
+    """Relative depth over which that becomes certain."""
+
+    @property
+    def planes(self) -> int:
+        """Number of network inputs per display pixel."""
+        return len(self.inputs)
+
+    @property
+    def carried(self) -> int:
+        """Number of network inputs at half display size."""
+        return CLASSES * self.recurrent + len(self.around)
+
+    @property
+    def candidates(self) -> int:
+        """Number of blended colours."""
+        return 4 + self.rectified + self.own_motion
+
+    @property
+    def filters(self) -> tuple[int, int, int]:
+        """Numbers of other blend parameters: sharpness, cross on the history, 3x3 kernel on this frame."""
+        return 1, 4 * self.corrected, 9
+
+    @property
+    def blend_parameters(self) -> int:
+        """Number of blend parameters per display pixel."""
+        return self.candidates + sum(self.filters)
+
+
+@dataclass(frozen=True)
+class SmallConfig(ClassifierConfig):
+    """Half the width, and without the parts that take time and of which a trained network has little."""
+
+    network: NetworkConfig = field(
+        default_factory=lambda: NetworkConfig(levels=(16, 32, 64, 128), decoder=16, hidden=26)
+    )
+    rectified: bool = False
+    own_motion: bool = False
+    corrected: bool = False
+
+
+@dataclass(frozen=True)
+class PaperConfig(ClassifierConfig):
+    """Widths as in section 1 of the supplement."""
+
+    network: NetworkConfig = field(
+        default_factory=lambda: NetworkConfig(levels=(32, 64, 128, 256), decoder_layers=3, hidden=64)
+    )
+
+
+CLASSIFIER = MethodSpec(
+    name="classifier",
+    source="Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
+    inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
+    history={
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "state": (1, 3, *DISPLAY),  # count, minimum luma, maximum luma + GLARE * glaring frames
+        "classes": (1, CLASSES, *HALF),  # class probabilities
+        "depth": (1, 2, *PREVIOUS),  # depth, and depth after a morphological opening
+        "jitter": (1, 2),
+        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+    },
+    aux_outputs=("weight",),
+    maps={
+        "class_map": MapOf("next.classes", 0, CLASSES),
+        "weight": MapOf("weight", 0, 1),
+        "count": MapOf("next.state", 0, 1),
+    },
+    ratios=(1.0, 3.0),
+    config=ClassifierConfig,
+)
+CLASSIFIER_SMALL = replace(CLASSIFIER, name="classifier-small", config=SmallConfig)
+CLASSIFIER_PAPER = replace(
+    CLASSIFIER,
+    name="classifier-paper",
+    source="Guo, Chen, Dong and Tong 2022, supplement",
+    history={
+        **CLASSIFIER.history,
+        "state": (1, 7, *DISPLAY),  # counter, least and most colour
+        "classes": (1, CLASSES, *DISPLAY),
+    },
+    config=PaperConfig,
+)

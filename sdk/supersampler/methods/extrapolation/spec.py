@@ -1,0 +1,99 @@
+"""What the methods are that extrapolate unshaded frames, and the upscaler that steps on such frames."""
+
+from dataclasses import dataclass, field, replace
+
+from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.spec import BETWEEN, EARLIER, PREVIOUS, RENDER, SHADED, MethodSpec, Number, Sigma
+
+
+@dataclass(frozen=True)
+class GuidedWarpConfig:
+    """Constants; docs/methods.md gives their origin."""
+
+    strides: tuple[int, ...] = (1, 3, 5, 9)
+    """Of the rings of eight samples around the middle one, pixels (equation 1)."""
+    taps: int = 4
+    """Number of samples that are averaged."""
+    surface_sigma: Sigma = 0.03
+    """Standard deviation of base colour and normal (equation 2)."""
+    depth_sigma: Sigma = 0.05
+    """Standard deviation of relative depth."""
+    distance_sigma: Sigma = 1.0
+    """Standard deviation of screen distance, pixels of the shaded frame (equation 2)."""
+    least: Number = 0.02
+    """Reflectance added to base colours before division."""
+
+
+@dataclass(frozen=True)
+class FlowNetworkConfig:
+    """Widths."""
+
+    levels: tuple[int, ...] = (32, 48, 64, 96)
+    """Channels of the pyramid's levels; each is half as large as the one before, the first half as large as
+    the inputs."""
+
+
+@dataclass(frozen=True)
+class GuidedFlowConfig:
+    """Constants; docs/methods.md gives their origin."""
+
+    network: FlowNetworkConfig = field(default_factory=FlowNetworkConfig)
+    """Widths of the network."""
+    warp: GuidedWarpConfig = field(default_factory=GuidedWarpConfig)
+    """Constants of `guided-warp`."""
+    farthest: float = 64.0
+    """Maximum motion of light, render pixels."""
+    stops: float = 2.0
+    """Maximum gain in stops; 0 disables the gain."""
+    turned: float = 0.5
+    """Standard deviation of normals; light only moves along similar surfaces."""
+    apart: float = 0.1
+    """Standard deviation of relative depth."""
+
+
+GUIDED_WARP = MethodSpec(
+    name="guided-warp",
+    source="Wu et al. 2023 (ExtraSS), section 4.2",
+    inputs=("depth", "motion", "jitter", "gbuffer_base_color", "gbuffer_normal"),
+    history={
+        "color": (1, 3, *SHADED),  # of the last shaded frame, as the next four
+        "base_color": (1, 3, *SHADED),
+        "normal": (1, 3, *SHADED),
+        "depth": (1, 1, *SHADED),
+        "jitter": (1, 2),
+        "motion": (1, 2, *PREVIOUS),  # from the previous frame back to the shaded one, its own pixels
+        "motion_jitter": (1, 2),  # of the previous frame
+    },
+    image=(1, 3, *RENDER),
+    ratios=(1.0, 1.0),
+    config=GuidedWarpConfig,
+)
+GUIDED_FLOW = replace(
+    GUIDED_WARP,
+    name="guided-flow",
+    source="Wu et al. 2023 (ExtraSS), section 4.3 (docs/methods.md)",
+    inputs=(*GUIDED_WARP.inputs, "gbuffer_roughness"),
+    history={
+        **GUIDED_WARP.history,
+        "shaded_motion": (1, 2, *SHADED),  # of the last shaded frame
+        "earlier_color": (1, 3, *EARLIER),  # of the shaded frame before it, as the next four
+        "earlier_base_color": (1, 3, *EARLIER),
+        "earlier_normal": (1, 3, *EARLIER),
+        "earlier_depth": (1, 1, *EARLIER),
+        "earlier_jitter": (1, 2),
+        "earlier_motion": (1, 2, *BETWEEN),  # from the frame before the last shaded one back to that
+        "earlier_motion_jitter": (1, 2),  # of the frame before the last shaded one
+    },
+    config=GuidedFlowConfig,
+)
+EXTRAPOLATE = replace(
+    CLASSIFIER,
+    name="extrapolate",
+    source="Wu et al. 2023, section 4.4, on Guo, Chen, Dong and Tong 2022 (docs/methods.md)",
+)
+EXTRAPOLATE_UNSHADED = replace(
+    EXTRAPOLATE,
+    name="extrapolate-drawn",
+    inputs=(*EXTRAPOLATE.inputs, "gbuffer_base_color"),
+    only_extrapolated=True,
+)

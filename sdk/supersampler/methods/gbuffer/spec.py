@@ -1,0 +1,122 @@
+"""What `gbuffer` and its relatives are: supersampling with G-buffers of display size."""
+
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.spec import DISPLAY, PREVIOUS, MethodSpec
+
+FRAME = 11
+"""Channels of a stored frame: linear RGB, depth, base colour, normal, 1 where usable."""
+Attention = Literal["both", "one", "none"]
+
+
+@dataclass(frozen=True)
+class GBufferNetworkConfig:
+    """Widths, and the parts of the paper's ablation (table IX)."""
+
+    surfaces: tuple[int, ...] = (128, 128, 64)
+    """Channels of each layer of the G-buffer encoder."""
+    detailed: tuple[int, ...] = (64, 64, 64)
+    """Channels of its gated branch; the last width must be the same."""
+    frame: int = 32
+    """Channels of the frame encoder."""
+    levels: tuple[int, ...] = (64, 128, 192, 256)
+    """Channels of the fusion network, finest first."""
+    separable: bool = False
+    """Whether 3x3 convolutions are depthwise, between 1x1 ones."""
+    gated: bool = True
+    """Whether base colour and depth have a gated branch."""
+    attention: Attention = "both"
+    """Between the frame and the gradients of the G-buffers: both ways, one way, or none."""
+    refined: bool = True
+    """Whether features of previous frames pass through a refiner network."""
+
+
+SMALL_NETWORK = GBufferNetworkConfig(
+    surfaces=(32, 32), detailed=(32, 32), frame=24, levels=(48, 64, 96, 128), separable=True
+)
+
+
+@dataclass(frozen=True)
+class GBufferConfig:
+    """Constants; docs/methods.md gives the effect of each."""
+
+    network: GBufferNetworkConfig = field(default_factory=GBufferNetworkConfig)
+    """Widths of the network."""
+    ratio: int = 2
+    """Display over render size."""
+    history_sharpness: float = 0.6
+    """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
+    samples: float = 64.0
+    """Maximum of the sample count."""
+    sample_sigma: float = 0.47
+    """Gaussian of a sample's influence, display pixels."""
+    smooth_sigma: float = 0.45
+    """Gaussian of the mean by distance alone, render pixels."""
+    depth_margin: float = 0.01
+    """Relative depth by which the history must be closer before it counts as another surface."""
+    depth_ramp: float = 0.05
+    """Relative depth over which that becomes certain."""
+    masked: bool = True
+    """Whether the previous frames are masked by equations 1 and 2."""
+    blended: bool = True
+    """Whether the previous image is blended in per pixel, which the paper leaves to its outlook (section V);
+    otherwise the history only enters as network features."""
+
+    @property
+    def parts(self) -> tuple[int, int, int]:
+        """Numbers of blend parameters: weights of colours, kernel on neighbours, kernel on samples."""
+        return 7, 9, 9
+
+
+@dataclass(frozen=True)
+class GBuffer4Config(GBufferConfig):
+    """At a ratio of 4."""
+
+    ratio: int = 4
+
+
+@dataclass(frozen=True)
+class SmallGBufferConfig(GBufferConfig):
+    """Narrow, of separable convolutions."""
+
+    network: GBufferNetworkConfig = field(default_factory=lambda: SMALL_NETWORK)
+
+
+@dataclass(frozen=True)
+class SmallGBuffer4Config(SmallGBufferConfig):
+    """The same at a ratio of 4."""
+
+    ratio: int = 4
+
+
+_FRAME_INPUTS = ("color", "depth", "motion", "jitter", "exposure", "display_size")
+GBUFFER = MethodSpec(
+    name="gbuffer",
+    source="Wang et al. 2025 (docs/methods.md)",
+    inputs=(*_FRAME_INPUTS, *GBUFFERS),
+    history={
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "reflectance": (1, 3, *DISPLAY),
+        "count": (1, 1, *DISPLAY),
+        "frame": (1, FRAME, *PREVIOUS),
+        "frame_before": (1, FRAME, *PREVIOUS),
+        "motion": (1, 2, *PREVIOUS),
+        "jitter": (1, 2),
+        "jitter_before": (1, 2),
+        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+    },
+    aux_outputs=("weight",),
+    ratios=(2.0, 2.0),
+    config=GBufferConfig,
+)
+GBUFFER_4X = replace(GBUFFER, name="gbuffer-4x", ratios=(4.0, 4.0), config=GBuffer4Config)
+GBUFFER_SMALL = replace(GBUFFER, name="gbuffer-small", config=SmallGBufferConfig)
+GBUFFER_SMALL_4X = replace(GBUFFER, name="gbuffer-small-4x", ratios=(4.0, 4.0), config=SmallGBuffer4Config)
+GBUFFER_DEPTH = replace(
+    GBUFFER,
+    name="gbuffer-depth",
+    inputs=(*_FRAME_INPUTS, "gbuffer_display_depth"),
+    config=SmallGBufferConfig,
+)

@@ -1,0 +1,139 @@
+"""What a method is: its names, shapes, ratios, outputs and constants, which all other code reads from here.
+
+Each method has a `spec.py` in its folder with a `MethodSpec` and, where it has constants, a frozen dataclass
+of them. A constant that kernels compute with is annotated by its range: `gamma: Number = 1.0`.
+"""
+
+from collections import namedtuple
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Annotated, Any, NamedTuple, get_args, get_type_hints
+
+import numpy as np
+
+from supersampler.frame import Float32
+from supersampler.methods.gbuffers import GBUFFERS
+
+Shape = tuple[int | str, ...]
+
+RENDER = ("render_height", "render_width")
+PREVIOUS = ("previous_height", "previous_width")
+"""Render size of the previous frame, which may differ."""
+SHADED = ("shaded_height", "shaded_width")
+"""Render size of the last shaded frame."""
+EARLIER = ("earlier_height", "earlier_width")
+"""Render size of the shaded frame before the last one."""
+BETWEEN = ("between_height", "between_width")
+"""Render size of the frame right before the last shaded one, shaded or not."""
+DISPLAY = ("display_height", "display_width")
+HALF = ("half_height", "half_width")
+"""Half the display size, rounded up."""
+CHANNELS = "channels"
+"""Channels of a frame's AOVs."""
+
+INPUTS: Mapping[str, Shape] = {
+    "color": (1, 3, *RENDER),
+    "depth": (1, 1, *RENDER),
+    "motion": (1, 2, *RENDER),
+    "jitter": (1, 2),
+    "exposure": (1,),  # 0 asks the graph to measure it
+    "display_size": (2,),  # (width, height)
+    **{
+        name: (1, place.channels, *(DISPLAY if place.of_display else RENDER))
+        for name, place in GBUFFERS.items()
+    },
+}
+"""Inputs that a step may ask for, by the names that graphs have for them."""
+WEIGHT: Shape = (1, 1, *DISPLAY)
+"""Of the auxiliary output "weight": weight of the history in the image."""
+TENSORS: Mapping[str, Shape] = {**INPUTS, "aovs": (1, CHANNELS, *RENDER), "weight": WEIGHT}
+"""Inputs of all graphs, that of AOVs among them, and auxiliary outputs."""
+
+
+def dtype_of(tensor: str) -> str:
+    """Return numpy's name of a tensor's element type."""
+    return "int64" if tensor == "display_size" else "float32"
+
+
+class Range(NamedTuple):
+    """Least and largest value of a constant."""
+
+    least: float
+    most: float
+
+
+Sigma = Annotated[float, Range(1e-3, 1e3)]
+"""Standard deviation of a Gaussian."""
+Number = Annotated[float, Range(0.0, 1e6)]
+"""A constant that is not negative."""
+Share = Annotated[float, Range(0.0, 1.0)]
+"""A share or weight."""
+
+
+class MapOf(NamedTuple):
+    """A map for people to look at: `channels` of the graph's output `output`, from `first` on."""
+
+    output: str
+    first: int
+    channels: int
+
+
+@dataclass(frozen=True)
+class NoConstants:
+    """Of methods that have none."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class MethodSpec:
+    """What a method is.
+
+    Attributes:
+        name: as in `Upscaler(name)`, and of its model folder.
+        source: the paper or definition that it follows.
+        inputs: of INPUTS, what its step asks for, in the order of the graph.
+        history: shape of each history tensor, in the order of the graph: the input `history.NAME` takes what
+            the previous step returned as `next.NAME`. All of them start as zeros, which mean no history.
+        aux_outputs: of TENSORS, outputs that the next step does not need.
+        maps: maps for people to look at, by name.
+        image: shape of the image.
+        ratios: least and largest ratio of display to render size, per axis. Where both are equal, display
+            sizes are exactly that many times the render size.
+        only_extrapolated: whether it steps on extrapolated frames alone, beside a method that steps on shaded
+            ones.
+        config: its constants, a frozen dataclass of which the defaults are the method's.
+    """
+
+    name: str
+    source: str
+    inputs: tuple[str, ...]
+    history: Mapping[str, Shape] = field(default_factory=dict)
+    aux_outputs: tuple[str, ...] = ()
+    maps: Mapping[str, MapOf] = field(default_factory=dict)
+    image: Shape = (1, 3, *DISPLAY)
+    ratios: tuple[float, float] = (1.0, 4.0)
+    only_extrapolated: bool = False
+    config: type[Any] = NoConstants
+
+    @property
+    def graph_history(self) -> dict[str, Shape]:
+        """Shape of each history tensor by its name as an input of the graph."""
+        return {f"history.{name}": shape for name, shape in self.history.items()}
+
+
+def constants_of(spec: MethodSpec) -> dict[str, Range]:
+    """Return the range of each constant that kernels compute with, in the order of `constants_array`."""
+    hints = get_type_hints(spec.config, include_extras=True)
+    return {
+        name: part for name, hint in hints.items() for part in get_args(hint)[1:] if isinstance(part, Range)
+    }
+
+
+def constants_array(spec: MethodSpec, config: Mapping[str, Any]) -> Float32:
+    """Return constants of a model.json's `config` as kernels take them: (n,), in the order of the spec."""
+    return np.array([config[name] for name in constants_of(spec)], np.float32)
+
+
+def constant_indices(spec: MethodSpec) -> Any:
+    """Return a named tuple of where each constant is in `constants_array`; a global that kernels may read."""
+    names = list(constants_of(spec))
+    return namedtuple("Indices", names)(*range(len(names)))

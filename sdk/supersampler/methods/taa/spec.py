@@ -1,0 +1,40 @@
+"""What `taa` is: variance clipping as Salvi presented it."""
+
+from dataclasses import dataclass
+from typing import Annotated, Literal
+
+from supersampler.methods.spec import DISPLAY, MapOf, MethodSpec, Range, Share
+
+
+@dataclass(frozen=True)
+class TaaConfig:
+    """Salvi's choices; the defaults are his."""
+
+    alpha: Share = 0.1
+    """Weight of the new frame ("typically we blend 10 %")."""
+    gamma: Annotated[float | None, Range(0.0, 1e6)] = 1.0
+    """Half size of the variance box in standard deviations; None clips to minimum and maximum alone."""
+    intersect_extent: bool = True
+    """Clamp the variance box to the minimum and maximum ("to make sure our AABB is not significantly larger
+    than the old AABB")."""
+    clip: Literal["sample", "center", "clamp"] = "sample"
+    """Towards the new sample (Salvi), towards the box's centre, or a clamp per channel."""
+    space: Literal["ycocg", "rgb"] = "ycocg"
+    """Colours are compared in YCoCg or in RGB."""
+    wide_window: bool = False
+    """Blur the two moments, which widens their window to 5x5 ("we can apply it over large windows by
+    pre-filtering the first two colour moments")."""
+
+
+TAA = MethodSpec(
+    name="taa",
+    source="Salvi, An Excursion in Temporal Supersampling, GDC 2016",
+    inputs=("color", "motion", "jitter", "exposure", "display_size"),
+    history={
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+    },
+    aux_outputs=("weight",),
+    maps={"weight": MapOf("weight", 0, 1)},
+    config=TaaConfig,
+)

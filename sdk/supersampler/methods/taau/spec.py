@@ -1,0 +1,71 @@
+"""What `taau` is: the strongest temporal upscaler without a network."""
+
+from dataclasses import dataclass
+
+from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, MethodSpec, Number, Sigma
+
+
+@dataclass(frozen=True)
+class TaauConfig:
+    """Constants; `supersampler bench quality` and the analytic scenes of the tests measure what they give."""
+
+    frame_sigma: Sigma = 0.365
+    """Gaussian that upsamples this frame alone, render pixels."""
+    frame_sharpness: Number = 0.25
+    """Fraction of Catmull-Rom in that upsampling."""
+    sample_sigma: Sigma = 0.47
+    """Gaussian of a sample's influence on the accumulated colour, display pixels."""
+    history_sharpness: Number = 0.7
+    """-a of the cubic that resamples the history; 0.5 is Catmull-Rom."""
+    moment_sigma: Sigma = 0.4
+    """Gaussian window of the moments of the variance box, render pixels."""
+    gamma_still: Number = 1.3
+    """Half size of the box in standard deviations, at rest."""
+    gamma_moving: Number = 0.8
+    """The same, from `gamma_speed` on."""
+    gamma_speed: Number = 10.0
+    """Display pixels a frame."""
+    gamma_time: Number = 1.6
+    """Half size of the box in standard deviations over time."""
+    spread_samples: Number = 14.0
+    """Samples over which the spread over time is averaged."""
+    spread_step: Number = 0.15
+    """The deviation of a sample is limited to the spread so far plus this: thin wires build up a spread over
+    some frames, one firefly does not."""
+    forget: Number = 0.5
+    """Fraction of the samples dropped per half extent of distance to the box."""
+    samples: Number = 18.0
+    """Maximum of the sample count: samples / (1 + blur_cost * blur + speed_cost * speed)."""
+    blur_cost: Number = 32.0
+    """Reduction of that maximum per full resampling blur."""
+    speed_cost: Number = 7.5
+    """Reduction of that maximum per display pixel of motion."""
+    settled: Number = 0.9
+    """Count from which on only samples near the pixel's centre are added, not the whole upsampling."""
+    depth_margin: Number = 0.005
+    """Relative depth by which the history must be closer before it counts as another surface."""
+    depth_ramp: Number = 0.05
+    """Relative depth over which that becomes certain."""
+    change_deviation: Number = 0.53
+    """The lighting changed where the mean differs by more than this many standard deviations ..."""
+    change_relative: Number = 0.1
+    """... plus this fraction of itself ..."""
+    change_ramp: Number = 0.65
+    """... and the ramp softens the test."""
+
+
+TAAU = MethodSpec(
+    name="taau",
+    source="temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)",
+    inputs=("color", "depth", "motion", "jitter", "exposure", "display_size"),
+    history={
+        "color": (1, 3, *DISPLAY),  # linear RGB
+        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
+        "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
+        "jitter": (1, 2),  # of `surface`
+        "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+    },
+    aux_outputs=("weight",),
+    maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)},
+    config=TaauConfig,
+)
