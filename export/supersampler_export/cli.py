@@ -29,7 +29,7 @@ def export(
 ) -> None:
     """Write METHOD as a model folder: step.onnx (the whole recurrent step), model.json and a model card.
 
-    The files appear only after ONNX Runtime has drawn the pictures that torch draws, at sizes not traced.
+    The files appear only after ONNX Runtime has drawn the images that torch draws, at sizes not traced.
 
     Examples:
       supersampler export taau -o my_taau

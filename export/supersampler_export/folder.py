@@ -30,7 +30,7 @@ from supersampler_export.parity import (
     check_fused,
     check_parity,
 )
-from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import RENDER, TENSORS, Fused, Method, Shape
 
 _FILES = {
@@ -113,8 +113,8 @@ def aovs_graph() -> bytes:
     Raises:
         ExportError: see `write_model_folder`.
     """
-    graph = _serialized(export_graph(Carry()))
-    check_parity(Carry(), graph)
+    graph = _serialized(export_graph(BlendAovs()))
+    check_parity(BlendAovs(), graph)
     return graph
 
 

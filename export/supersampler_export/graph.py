@@ -56,7 +56,7 @@ PORTABLE_OPERATORS = frozenset(
 
 
 class ExportError(SupersamplerError, RuntimeError):
-    """The graph cannot be exported, or does not draw the pictures that torch draws."""
+    """The graph cannot be exported, or does not draw the images that torch draws."""
 
 
 def history_name(name: str) -> str:

@@ -1,4 +1,4 @@
-"""What the host executor needs of a method beside its constants: `network.npz` of a model folder."""
+"""What the CPU backend needs of a method beside its constants: `network.npz` of a model folder."""
 
 import io
 from dataclasses import replace

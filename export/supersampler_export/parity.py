@@ -1,4 +1,4 @@
-"""The parity gate: ONNX Runtime must draw the pictures that torch draws, frame after frame."""
+"""The parity gate: ONNX Runtime must draw the images that torch draws, frame after frame."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -44,7 +44,7 @@ SHADED = (True, False, True, False, False)
 CARRIED = 3  # channels carried along
 TOLERANCE = 1e-4
 SHARE = 0.999
-"""At this share of the pixels the toned pictures differ by no more than TOLERANCE.
+"""At this share of the pixels the toned images differ by no more than TOLERANCE.
 
 The rest are pixels where a rounding error decides a comparison (closest of two equal depths, floor of a
 position on a sample), which noise, the content of the gate, has many of.
@@ -56,7 +56,7 @@ TOLERANCE_HALF = 1e-3
 
 @dataclass(frozen=True)
 class Parity:
-    """Difference between torch and ONNX Runtime on one pair of sizes, of pictures toned to [0, 1)."""
+    """Difference between torch and ONNX Runtime on one pair of sizes, of images toned to [0, 1)."""
 
     render: Size
     display: Size

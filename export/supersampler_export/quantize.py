@@ -1,4 +1,4 @@
-"""The network of the classifier in bytes, for the host executor: `network.npz` of a model folder.
+"""The network of the classifier in bytes, for the CPU backend: `network.npz` of a model folder.
 
 Values are (byte - zero) * scale. Products of bytes are summed as they are, and a scale and a bias for each
 output lead from the sum to the next layer's bytes:
@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from supersampler_model.methods.classifier.network import CLASSES, ClassifierNetwork
-from supersampler_model.methods.classifier.network_inputs import SEEN
+from supersampler_model.methods.classifier.network_inputs import DEFAULT_INPUTS
 
 Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
@@ -124,10 +124,10 @@ def folded(layer: nn.Module) -> tuple[Floats, Floats]:
 
 def packed_bytes() -> Bytes:
     """How packed pixels are values: all in [0, 1] but the difference of depth, in [-1, 1]."""
-    scale, zero = np.full(len(SEEN), 1.0 / BYTE), np.zeros(len(SEEN))
-    at = SEEN.index("difference")
+    scale, zero = np.full(len(DEFAULT_INPUTS), 1.0 / BYTE), np.zeros(len(DEFAULT_INPUTS))
+    at = DEFAULT_INPUTS.index("difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
-    return Bytes(np.arange(4 * len(SEEN)), scale.repeat(4), zero.repeat(4))
+    return Bytes(np.arange(4 * len(DEFAULT_INPUTS)), scale.repeat(4), zero.repeat(4))
 
 
 def unpacked(channels: int, level: int) -> list[int]:

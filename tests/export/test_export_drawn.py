@@ -20,7 +20,7 @@ from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.classifier.model import ClassifierConfig
 from supersampler_model.methods.classifier.network import NetworkConfig
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate
+from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate, Extrapolate
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SIZE, DISPLAY = (21, 13), (41, 27)
@@ -57,7 +57,7 @@ def frame(index: int, kind: str) -> Frame:
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
     history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
     for index, kind in enumerate(pattern):
-        names = [*DrawnExtrapolate.inputs(), "gbuffer_normal"]
+        names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
         given = {name: torch.from_numpy(array) for name, array in arrays.items()}
         stepping: Method = method

@@ -24,7 +24,7 @@ from supersampler_export.quantize import (
 )
 from supersampler_export.quantize import folded as folded_pointwise
 from supersampler_model.methods.classifier.network import Pointwise
-from supersampler_model.methods.classifier.network_inputs import SEEN
+from supersampler_model.methods.classifier.network_inputs import DEFAULT_INPUTS
 
 RANDOM = np.random.default_rng(0)
 GIVEN = Bytes.of(6, 0.01).beside(Bytes.of(3, 0.02, 128.0)).followed_by(1).beside(Bytes.of(2, 0.005))
@@ -115,11 +115,11 @@ def test_batch_normalisation_is_within_the_weights() -> None:
 
 
 def test_packed_pixels_are_from_0_to_1_but_for_the_difference_of_depth() -> None:
-    packed, at = packed_bytes(), SEEN.index("difference")
+    packed, at = packed_bytes(), DEFAULT_INPUTS.index("difference")
     values = np.stack([(b - packed.zero) * packed.scale for b in (0.0, BYTE)])
-    assert len(packed.channel) == 4 * len(SEEN)
+    assert len(packed.channel) == 4 * len(DEFAULT_INPUTS)
     np.testing.assert_allclose(values[1], 1.0)
-    low = np.zeros(4 * len(SEEN))
+    low = np.zeros(4 * len(DEFAULT_INPUTS))
     low[4 * at : 4 * at + 4] = -1.0
     np.testing.assert_allclose(values[0], low)
 

@@ -1,4 +1,4 @@
-"""Class maps as pictures: false colours that colour-blind people tell apart, over a picture, with a legend.
+"""Class maps as images: false colours that colour-blind people tell apart, over a image, with a legend.
 
 The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; where that is visibility ghosting
 of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
@@ -52,14 +52,14 @@ def class_picture(labels: Labels) -> Picture:
 
 
 def overlay(labels: Labels, picture: NDArray[Any]) -> Picture:
-    """(H, W, 3) sRGB: the classes' colours over the picture in grey, so that colour always means a class.
+    """(H, W, 3) sRGB: the classes' colours over the image in grey, so that colour always means a class.
 
     Args:
         labels: of the frame.
-        picture: (H, W, 3) of that frame as it is displayed, tone-mapped sRGB, uint8 or float in [0, 1].
+        image: (H, W, 3) of that frame as it is displayed, tone-mapped sRGB, uint8 or float in [0, 1].
 
     Raises:
-        ArgumentError: the picture is not of the labels' size, or of another type.
+        ArgumentError: the image is not of the labels' size, or of another type.
     """
     want = (*labels.ghost.shape, 3)
     if picture.shape != want or not (picture.dtype == np.uint8 or np.issubdtype(picture.dtype, np.floating)):
@@ -74,10 +74,10 @@ def overlay(labels: Labels, picture: NDArray[Any]) -> Picture:
 
 
 def with_legend(picture: Picture, labels: Labels) -> Picture:
-    """Put a legend under a picture: each colour, its class, and which part of the pixels has it.
+    """Put a legend under a image: each colour, its class, and which part of the pixels has it.
 
     Returns:
-        (H + legend, max(W, legend), 3) sRGB; the picture is in the upper left corner.
+        (H + legend, max(W, legend), 3) sRGB; the image is in the upper left corner.
     """
     scale = 1 + picture.shape[1] // 480
     lines = [_line(name, float(np.mean(mask)), scale) for name, mask in masks_of(labels).items()]

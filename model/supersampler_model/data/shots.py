@@ -32,7 +32,7 @@ class ShotForm:
         gbuffers: keep G-buffers, of render and of display size.
         small: round what packs badly: depth to 14 bits, motion to 1 / 256 pixel.
         first_reference: the first frame whose reference is kept.
-        license: of the pictures.
+        license: of the images.
         compression, reference_compression: see `ShotWriter`.
     """
 

@@ -50,7 +50,7 @@ class Sequence(ABC):
 
     @abstractmethod
     def scene(self, index: int) -> Scene:
-        """Return a frame; what it says of the moment before is what the frame before shows.
+        """Return a frame; what it says of the moment before is what the previous frame shows.
 
         On a cut the camera before is the camera itself.
 

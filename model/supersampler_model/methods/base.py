@@ -1,9 +1,9 @@
-"""What a method is: a pure function step(frame inputs, history) -> (image, history), as one torch module.
+"""The method interface: a pure function step(frame inputs, history) -> (image, history) as one torch module.
 
-The signature of `forward` is the contract: its parameters name the inputs that the method asks for, those
-that begin with `history_` the tensors it wants back from the frame before. Each has the shape in `TENSORS`
-or in the method's own `history`. An all-zero history means no past. What it returns is the image, the
-history in the order of `history`, then what else it tells, in the order of `aux_outputs`.
+The signature of `forward` is the contract. Its parameters name the frame inputs; parameters that begin with
+`history_` are the history tensors. Shapes are in `TENSORS` and in the method's `history`. An all-zero history
+means no history. `forward` returns the image, the next history in the order of `history`, then the outputs
+named in `aux_outputs`.
 """
 
 import inspect
@@ -19,12 +19,15 @@ from supersampler.methods.gbuffers import GBUFFERS
 Shape = tuple[int | str, ...]
 
 RENDER = ("render_height", "render_width")
-PREVIOUS = ("previous_height", "previous_width")  # render size of the frame before, which may differ
+PREVIOUS = (
+    "previous_height",
+    "previous_width",
+)  # render size of the previous frame, which may differ from this one's
 SHADED = ("shaded_height", "shaded_width")  # render size of the last frame that was shaded, likewise
 EARLIER = ("earlier_height", "earlier_width")  # of the one that was shaded before that
 BETWEEN = ("between_height", "between_width")  # of the frame right before the last shaded one, of either kind
 DISPLAY = ("display_height", "display_width")
-CHANNELS = "channels"  # of what a frame carries along
+CHANNELS = "channels"  # of the AOVs
 HALF = ("half_height", "half_width")  # half the display size, rounded up
 
 TENSORS: Mapping[str, Shape] = {
@@ -32,7 +35,7 @@ TENSORS: Mapping[str, Shape] = {
     "depth": (1, 1, *RENDER),
     "motion": (1, 2, *RENDER),
     "jitter": (1, 2),
-    "exposure": (1,),  # 0 asks the graph to measure it
+    "exposure": (1,),  # 0: measured by the graph
     "display_size": (2,),  # int64 (width, height)
     "aovs": (1, CHANNELS, *RENDER),
     **{
@@ -52,7 +55,7 @@ class Size(NamedTuple):
 
 
 class MapOf(NamedTuple):
-    """Where a map for people to look at is: channels of one output of the graph."""
+    """Source of a debug map: channels of one output of the graph."""
 
     output: str
     first: int
@@ -60,7 +63,7 @@ class MapOf(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What one step returns, told apart."""
+    """The results of one step."""
 
     image: Tensor
     history: list[Tensor]
@@ -68,7 +71,7 @@ class Outputs(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """The learned part of a step, for executors that do the rest by themselves."""
+    """The network of a step, for backends that compute the rest themselves."""
 
     module: nn.Module
     inputs: Mapping[str, Shape]
@@ -77,20 +80,20 @@ class Fused(NamedTuple):
 
 
 class Method(nn.Module):
-    """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
+    """Base of all methods. Stages: `gather` resamples, `network` infers, `finish` blends and sanitizes.
 
     Attributes:
         name: as in `Upscaler(name)` and in the model folder.
         source: the paper or definition it follows.
         history: shape of each tensor handed from one frame to the next, without the `history_` prefix.
-        told: names, of `TENSORS`, of outputs that no step needs.
-        maps: by name, what says why a picture is as it is.
+        aux_outputs: names, in `TENSORS`, of outputs that the next step does not need.
+        maps: debug maps by name.
         image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis. Where both are the same, display
             sizes are exactly that many times the render size, and a graph is traced so.
-        only_drawn: whether it steps on frames whose colour was drawn alone, beside a method that has it
+        only_extrapolated: whether it steps on extrapolated frames only; another method returns it from
             `on_extrapolated`.
-        learned: what weights were learned from, plain data; empty where nothing was.
+        learned: training facts of the weights, plain data; empty without weights.
     """
 
     name: ClassVar[str]
@@ -105,7 +108,7 @@ class Method(nn.Module):
 
     @classmethod
     def inputs(cls) -> list[str]:
-        """Names of the frame inputs that the step asks for, in order."""
+        """Names of the frame inputs of the step, in order."""
         return [name for name in cls._parameters_of_step() if not name.startswith("history_")]
 
     @classmethod
@@ -114,48 +117,50 @@ class Method(nn.Module):
 
     @classmethod
     def extrapolates(cls) -> bool:
-        """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
+        """Whether the method computes unshaded frames at render size, and upscales nothing."""
         return cls.image[2:] == RENDER
 
     @classmethod
-    def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:
-        """Return the history that a shaded frame leaves to a method that extrapolates (docs/contract.md).
+    def after_shaded(
+        cls, frame: Mapping[str, Tensor], history: Sequence[Tensor] | None = None
+    ) -> list[Tensor]:
+        """Return the history of an extrapolating method after a shaded frame (docs/contract.md).
 
-        It is that frame, by copying: such methods take no step on it.
+        Such methods take no step on shaded frames: the history is a copy of the frame.
 
         Args:
             frame: the inputs of the step and `color`, by name.
-            past: the history that the frame before left; None after a start or a cut.
+            history: the history after the previous frame; None after a start or a cut.
         """
-        before = None if past is None else dict(zip(cls.history, past, strict=True))
-        left: dict[str, Tensor] = {}
+        previous = None if history is None else dict(zip(cls.history, history, strict=True))
+        next_history: dict[str, Tensor] = {}
         for name in cls.history:
             own = name.removeprefix("earlier_")
             if own != name:
-                left[name] = left[own] if before is None else before[own]
-            elif name == "motion" or (name == "shaded_motion" and before is None):
-                left[name] = torch.zeros_like(frame["motion"])
+                next_history[name] = next_history[own] if previous is None else previous[own]
+            elif name == "motion" or (name == "shaded_motion" and previous is None):
+                next_history[name] = torch.zeros_like(frame["motion"])
             else:
                 source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
-                left[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
-        return list(left.values())
+                next_history[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
+        return list(next_history.values())
 
     def step(self, *arguments: Tensor) -> Outputs:
-        """Return what `forward` does, told apart."""
+        """Run `forward` and split its results."""
         image, *rest = self(*arguments)
         count = len(self.history)
         return Outputs(image, rest[:count], rest[count:])
 
     def fused(self) -> Fused | None:
-        """Return the learned part; None where nothing is learned, or not all of it is in one place."""
+        """Return the network; None without one, or where it cannot run as one graph."""
         return None
 
     def on_extrapolated(self) -> "Method | None":
-        """Return what steps on frames whose colour was drawn, on the same history; None: this does."""
+        """Return the method for extrapolated frames on the same history; None: this method."""
         return None
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
-        """All zeros: no past."""
+        """Return zeros: no history."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
         names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
         extents = (*display[::-1], *half[::-1], *4 * render[::-1], channels)
@@ -171,7 +176,7 @@ def render_size_of(image: Tensor) -> Size:
 
 
 def display_size_of(display_size: Tensor) -> Size:
-    """Read (width, height) from the graph's int64 input, as sizes that an exporter can trace."""
+    """Read (width, height) from the int64 input as sizes that the exporter can trace."""
     width, height = int(display_size[0].item()), int(display_size[1].item())
     torch._check(width >= 1)  # type: ignore[no-untyped-call]
     torch._check(height >= 1)  # type: ignore[no-untyped-call]

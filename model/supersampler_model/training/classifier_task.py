@@ -19,7 +19,7 @@ from supersampler_model.training.task import State, Stepped, Task
 
 
 class ClassifierTask(Task[Sample]):
-    """Pictures and classes; states are in the order of `Classifier.history`."""
+    """Images and classes; states are in the order of `Classifier.history`."""
 
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
         self.method: Classifier = method
@@ -45,18 +45,18 @@ class ClassifierTask(Task[Sample]):
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         packed, carried = (
-            torch.cat(parts) for parts in zip(*(method.seen(g) for g in gathered), strict=True)
+            torch.cat(parts) for parts in zip(*(method.network_inputs(g) for g in gathered), strict=True)
         )
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
-            logits, mixing = method.net(packed, carried)
-        return self.stepped(samples, gathered, logits.float(), mixing.float(), self.losses.ghost)
+            logits, blend = method.net(packed, carried)
+        return self.stepped(samples, gathered, logits.float(), blend.float(), self.losses.ghost)
 
     def stepped(
         self,
         samples: list[Sample],
         gathered: list[Gathered],
         logits: Tensor,
-        mixing: Tensor,
+        blend: Tensor,
         ghost_weight: Tensor | float,
     ) -> Stepped:
         """Finish every crop by what the network has said.
@@ -66,11 +66,11 @@ class ClassifierTask(Task[Sample]):
             gathered: what is known of each.
             logits: (n, 6, H / 2, W / 2).
             mixing: (n, 4 m, H / 2, W / 2).
-            ghost_weight: (n, 1, 1, 1) of the error where the past is of no use, or one for all.
+            ghost_weight: (n, 1, 1, 1) of the error where the history is of no use, or one for all.
         """
         method, images, after = self.method, [], []
         for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
-            done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
+            done = method.finish(g, logits[i : i + 1], blend[i : i + 1])
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
@@ -84,7 +84,7 @@ class ClassifierTask(Task[Sample]):
         )
 
     def gather(self, sample: Sample, state: State) -> Gathered:
-        """What one crop's frame and its past tell before the network speaks."""
+        """What one crop's frame and history give before the network runs."""
         color, counted, classes, depth, jitter, exposure = state
         history = History(color, counted, classes, depth, exposure)
         before = sample.view._replace(jitter=jitter)  # a crop stays where it is until its stream's next one
@@ -96,5 +96,5 @@ class ClassifierTask(Task[Sample]):
 def _ghost(samples: list[Sample], gathered: list[Gathered]) -> Tensor:
     """(n, H, W) classes, where what comes from outside of a crop has been hidden."""
     ghost = torch.cat([s.ghost for s in samples])
-    off_screen = torch.cat([1.0 - g.there.on_screen for g in gathered])[:, 0] > 0.0
+    off_screen = torch.cat([1.0 - g.reprojection.on_screen for g in gathered])[:, 0] > 0.0
     return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)

@@ -2,7 +2,7 @@
 
 A crop of the display looks at a crop of the render-size input through a `View` whose jitter holds all of
 where the two lie, so that any crop of any ratio, flipped or turned, is as exact as the whole frame. The crop
-is the screen: what comes from outside it has no past, and is labelled so by the method's own reprojection.
+is the screen: what comes from outside it has no history, and is labelled so by the method's own reprojection.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -55,7 +55,7 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cut:
+class CropRegion:
     """Where a crop is and how it is turned; the same for all frames of a window.
 
     Attributes:
@@ -140,23 +140,23 @@ class Cut:
         )
 
 
-Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], Cut]
+Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], CropRegion]
 """Draws a crop of a sequence: random numbers, the sequence, its display size, the crop's size."""
 
 
-def draw_cut(
+def draw_region(
     random: np.random.Generator,
     entry: SequenceEntry,
     display_size: tuple[int, int],
     size: int,
     *,
     step: int = 1,
-) -> Cut:
+) -> CropRegion:
     """Draw a crop of a sequence, turned and coloured at random, its corner at a multiple of `step`."""
     width, height = display_size
     render = entry.render_size(display_size)
     r, g, b = (int(i) for i in random.permutation(3))
-    return Cut(
+    return CropRegion(
         left=step * int(random.integers((width - size) // step + 1)),
         top=step * int(random.integers((height - size) // step + 1)),
         size=size,
@@ -212,7 +212,7 @@ class Stream:
         ratios: tuple[float, float],
         size: int,
         seed: Sequence[int],
-        draw: Draw = draw_cut,
+        draw: Draw = draw_region,
     ) -> None:
         self._sequences = sequences_of(datasets, ratios, least=2)
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)

@@ -16,15 +16,15 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import Extrapolate, surface_of
+from supersampler_model.methods.extrapolation.joint import Extrapolate, packed_base_color
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 from supersampler_model.ops.sampling import sum_of
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.unshaded_crops import HiddenStream, draw_render_cut, hidden_set
-from supersampler_model.training.walk import AlternatingWalk, Walk
+from supersampler_model.training.unshaded_crops import UnshadedStream, draw_render_region, unshaded_set
+from supersampler_model.training.walk import AlternatingRunner, SequenceRunner
 
 EXTRAPOLATED = 3
 """Crops of which frames are hidden, to one of a set's own frames, which may be of other ratios."""
@@ -39,7 +39,7 @@ class ExtrapolateWeights(ClassifierWeights):
         features: of how far apart what both encoders find in one frame is (equation 13).
     """
 
-    ghost_drawn: float = 1.0
+    ghost_extrapolated: float = 1.0
     features: float = 0.1
 
 
@@ -53,7 +53,7 @@ class Crop(NamedTuple):
 
 
 class ExtrapolateTask(ClassifierTask):
-    """Pictures and classes of frames of both kinds, and that both encoders find the same in one frame.
+    """Images and classes of frames of both kinds, and that both encoders find the same in one frame.
 
     States are in the order of `Classifier.history`, then what frames are drawn from, if anything.
 
@@ -73,18 +73,18 @@ class ExtrapolateTask(ClassifierTask):
         self._drawing = _shipped(drawing)
 
     def data(self, dataset: Dataset) -> Dataset:
-        """See `hidden_set`."""
-        return hidden_set(dataset, self.method.ratios)
+        """See `unshaded_set`."""
+        return unshaded_set(dataset, self.method.ratios)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Crops anywhere. Those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
         every, ratios = [*(EXTRAPOLATED * list(datasets)), *own], self.method.ratios
-        return HiddenStream(every, ratios=ratios, size=size, seed=seed, draw=draw_render_cut)
+        return UnshadedStream(every, ratios=ratios, size=size, seed=seed, draw=draw_render_region)
 
-    def walk(self, method: Method, display: Size) -> Walk:
+    def walk(self, method: Method, display: Size) -> SequenceRunner:
         """Every second frame is hidden, and drawn."""
-        return AlternatingWalk(method, display, self._drawing.to("cpu"))
+        return AlternatingRunner(method, display, self._drawing.to("cpu"))
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
         """Step every crop, as `ClassifierTask` does; what is drawn takes no gradients."""
@@ -94,17 +94,17 @@ class ExtrapolateTask(ClassifierTask):
         gathered = [self.gather(sample, past) for sample, past in zip(shown, pasts, strict=True)]
         twins = [(i, crop.twin) for i, crop in enumerate(crops) if crop.twin is not None]
         with torch.no_grad():
-            beside = [self.method.seen(self.gather(twin, pasts[i])) for i, twin in twins]
-        seen = [*map(self.method.seen, gathered), *beside]
+            beside = [self.method.network_inputs(self.gather(twin, pasts[i])) for i, twin in twins]
+        seen = [*map(self.method.network_inputs, gathered), *beside]
         surfaces = [_surface(c.sample) if c.hidden else None for c in crops] + [_surface(t) for _, t in twins]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=self.method.training):
             features = self._features(seen, surfaces)
-            logits, mixing = net.decode(
+            logits, blend = net.decode(
                 torch.cat([packed for packed, _ in seen[: len(crops)]]), torch.cat(features[: len(crops)])
             )
-        ghosts = [self.losses.ghost_drawn if crop.hidden else self.losses.ghost for crop in crops]
+        ghosts = [self.losses.ghost_extrapolated if crop.hidden else self.losses.ghost for crop in crops]
         weight = torch.tensor(ghosts, device=logits.device)[:, None, None, None]
-        stepped = self.stepped(shown, gathered, logits.float(), mixing.float(), weight)
+        stepped = self.stepped(shown, gathered, logits.float(), blend.float(), weight)
         pairs = [(features[i], features[len(crops) + j]) for j, (i, _) in enumerate(twins)]
         terms = {**stepped.terms, "features": self.losses.features * _apart(pairs, logits)}
         after = [[*state, *crop.left] for state, crop in zip(stepped.states, crops, strict=True)]
@@ -143,7 +143,7 @@ class ExtrapolateTask(ClassifierTask):
 
 
 def _surface(sample: Sample) -> Tensor:
-    return surface_of(sample.gbuffer["gbuffer_base_color"], sample.view)
+    return packed_base_color(sample.gbuffer["gbuffer_base_color"], sample.view)
 
 
 def _apart(pairs: Sequence[tuple[Tensor, Tensor]], like: Tensor) -> Tensor:

@@ -15,9 +15,9 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.extrapolation.flow_network import PICTURE
+from supersampler_model.methods.extrapolation.flow_network import LIGHT
 from supersampler_model.methods.extrapolation.guided import reflectance, surface_of
-from supersampler_model.methods.extrapolation.guided_flow import Gathered, GuidedFlow, past_of
+from supersampler_model.methods.extrapolation.guided_flow import Gathered, GuidedFlow, flow_history
 from supersampler_model.ops.color import MAX_HALF, bounded
 from supersampler_model.training.crops import Place, sequences_of
 from supersampler_model.training.frame_inputs import frame_inputs
@@ -25,7 +25,7 @@ from supersampler_model.training.frame_inputs import frame_inputs
 WAYS = ((0, 1), (1, 1), (0, 2))
 """Ways through a sequence: the first frame, and how many are hidden after each shaded one."""
 LEAST = 4  # frames of a sequence of which one has light of two shaded frames before it
-HALVED = [PICTURE, 3]  # channels of half the size: picture of the later light, earlier light
+HALVED = [LIGHT, 3]  # channels of half the size: image of the later light, earlier light
 WHOLE = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, the frame's own colour, where light has changed
 STILL = 1e-3  # chance of a frame in which no light changes, beside the share of the pixels in which it does
 BRIGHTER = 1.0  # stops by which a crop is made more or less bright, at most
@@ -40,7 +40,7 @@ class LightSample(NamedTuple):
     guides: Tensor  # see `GuidedFlow.guides`
     reflectance: Tensor
     reference: Tensor  # as the frame would have been shaded, linear RGB times its exposure
-    changed: Tensor  # 1 where light has changed since the frame before
+    changed: Tensor  # 1 where light has changed since the previous frame
     exposure: Tensor  # (1,) beside that
     reset: bool = True  # crops do not follow from one another
 
@@ -95,16 +95,16 @@ class Lights:
             if count % (hidden + 1) == 0:
                 state = method.after_shaded(given, state if count else None)
             else:
-                past, jitter = past_of(*state), given["jitter"]
+                history, jitter = flow_history(*state), given["jitter"]
                 now = surface_of(given["gbuffer_base_color"], given["gbuffer_normal"], given["depth"])
-                seen = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, past)
+                seen = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, history)
                 if count > hidden + 1:
                     yield self._found(frame, given["color"], seen)
-                state = method.left(seen.motion, jitter, past)
+                state = method.next_history(seen.motion, jitter, history)
             count += 1
 
     def _found(self, frame: TrainingFrame, color: Tensor, seen: Gathered) -> Found:
-        method, (later, earlier) = self._method, seen.pictures
+        method, (later, earlier) = self._method, seen.lights
         whole = [
             bounded(seen.light * frame.exposure),
             method.guides(seen.surface).clamp(-MAX_HALF, MAX_HALF),
@@ -181,7 +181,7 @@ def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSam
 
 
 def changing_light(frame: TrainingFrame) -> Tensor:
-    """(1, 1, h, w) 1 at samples in pixels in which light has changed since the frame before."""
+    """(1, 1, h, w) 1 at samples in pixels in which light has changed since the previous frame."""
     axes = zip(frame.depth.shape[::-1], frame.ghost.shape[::-1], frame.jitter, strict=True)
     places = [((np.arange(few) + 0.5 + moved) * many / few, many) for few, many, moved in axes]
     columns, rows = (at.astype(np.int64).clip(0, many - 1) for at, many in places)

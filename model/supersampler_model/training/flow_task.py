@@ -17,19 +17,19 @@ from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.training.flow_crops import Lights, LightSample, LightStream
 from supersampler_model.training.gbuffer_crops import gbuffer_set
-from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
-from supersampler_model.training.walk import HidingWalk, Walk
+from supersampler_model.training.walk import ExtrapolationRunner, SequenceRunner
 
 RATIO = 2  # at which sets are drawn again, with G-buffers of render size
 
 
 @dataclass(frozen=True)
-class FlowWeights(PictureWeights):
-    """Weights of the terms; see `PictureWeights`.
+class FlowWeights(ImageWeights):
+    """Weights of the terms; see `ImageWeights`.
 
     Attributes:
-        rms: more than of pictures: light that is guessed calls for the mean of what may be there.
+        rms: more than of images: light that is guessed calls for the mean of what may be there.
         change: none, as crops do not follow from one another.
         changed: of errors where light has changed, beside that everywhere.
     """
@@ -78,9 +78,9 @@ class FlowTask(Task[LightSample]):
             raise ArgumentError("size", got=size, want=f"more than {least}")
         return LightStream(datasets, self._lights, ratio=RATIO, size=size, seed=seed)
 
-    def walk(self, method: Method, display: Size) -> Walk:
-        """Every second frame is hidden; pictures are of those alone."""
-        return HidingWalk(method, display)
+    def walk(self, method: Method, display: Size) -> SequenceRunner:
+        """Every second frame is hidden; images are of those alone."""
+        return ExtrapolationRunner(method, display)
 
     def first_state(self, sample: LightSample) -> State:  # noqa: ARG002  # as all have none
         """Nothing."""

@@ -17,13 +17,13 @@ from supersampler.frame import Float32
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
-from supersampler_model.training.crops import Cut, Sample, Stream, draw_cut
+from supersampler_model.training.crops import CropRegion, Sample, Stream, draw_region
 from supersampler_model.training.frame_inputs import gbuffers, planes
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceCut(Cut):
-    """A cut of frames with G-buffers.
+class GBufferRegion(CropRegion):
+    """A region of frames with G-buffers.
 
     Attributes:
         world: (3, 3) orthogonal: turns, and may mirror, the world that normals are in. What they tell is how
@@ -48,7 +48,7 @@ class SurfaceCut(Cut):
         return image
 
 
-class GBufferCut(SurfaceCut):
+class AlignedGBufferRegion(GBufferRegion):
     """Of which corner and size are multiples of its ratio, a whole number and the same for both axes."""
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
@@ -59,15 +59,15 @@ class GBufferCut(SurfaceCut):
         return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
 
 
-def draw_gbuffer_cut(
+def draw_aligned_region(
     random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
-) -> GBufferCut:
+) -> AlignedGBufferRegion:
     """Draw a crop of a sequence at a whole ratio: turned and coloured at random, and its world turned."""
-    cut = draw_cut(random, entry, display_size, size, step=round(entry.ratio))
-    return GBufferCut(**vars(cut), world=draw_world(random))
+    cut = draw_region(random, entry, display_size, size, step=round(entry.ratio))
+    return AlignedGBufferRegion(**vars(cut), world=draw_rotation(random))
 
 
-def draw_world(random: np.random.Generator) -> Float32:
+def draw_rotation(random: np.random.Generator) -> Float32:
     """Draw a (3, 3) orthogonal matrix; all are as likely (Mezzadri 2007)."""
     q, r = np.linalg.qr(random.normal(size=(3, 3)))
     return (q * np.sign(np.diag(r))).astype(np.float32)
@@ -81,7 +81,7 @@ def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: 
     """
     if size % ratio:
         raise ArgumentError("size", got=size, want=f"a multiple of {ratio}, the ratio of the method")
-    return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw_gbuffer_cut)
+    return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw_aligned_region)
 
 
 def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:

@@ -1,4 +1,4 @@
-"""How `gbuffer` is trained: on pictures, more where surfaces shine (Wang et al. 2025, section III.E)."""
+"""How `gbuffer` is trained: on images, more where surfaces shine (Wang et al. 2025, section III.E)."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +14,7 @@ from supersampler_model.methods.gbuffer.buffers import Gathered, History
 from supersampler_model.methods.gbuffer.model import GBuffer
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
-from supersampler_model.training.losses import PictureWeights, shown
+from supersampler_model.training.losses import ImageWeights, shown
 from supersampler_model.training.structure import dissimilarity
 from supersampler_model.training.task import State, Stepped, Task
 
@@ -23,13 +23,13 @@ METAL, SMOOTH = 0.95, 0.02
 
 
 @dataclass(frozen=True)
-class GBufferWeights(PictureWeights):
-    """Weights of the terms; see `PictureWeights`.
+class GBufferWeights(ImageWeights):
+    """Weights of the terms; see `ImageWeights`.
 
     Attributes:
         rms: more than elsewhere: what G-buffers leave to be guessed is edges, where the mean of what may be
             there is wanted, to which squares lead, not the median.
-        reflective: of the picture's error where light is reflected like by a mirror, beside that everywhere.
+        reflective: of the image's error where light is reflected like by a mirror, beside that everywhere.
         structure: of the structural dissimilarity, 1 - SSIM.
         reflective_structure: as `reflective`, of the dissimilarity.
     """
@@ -41,7 +41,7 @@ class GBufferWeights(PictureWeights):
 
 
 class GBufferTask(Task[Sample]):
-    """Pictures alone; states are in the order of `GBuffer.history`."""
+    """Images alone; states are in the order of `GBuffer.history`."""
 
     def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
         self.method: GBuffer = method
@@ -66,23 +66,23 @@ class GBufferTask(Task[Sample]):
         return [tensor.to(sample.color.device) for tensor in empty]
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
-        """Step every crop; from frame to frame gradients flow through the picture, not through its count."""
+        """Step every crop; from frame to frame gradients flow through the image, not through its count."""
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
-            (said,) = method.net(*map(torch.cat, zip(*(g.seen for g in gathered), strict=True)))
-        said = said.float()
+            (blend,) = method.net(*map(torch.cat, zip(*(g.inputs for g in gathered), strict=True)))
+        blend = blend.float()
         images, after = [], []
         for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
-            done = method.finish(g, said[i : i + 1], History(*state))
+            done = method.finish(g, blend[i : i + 1], History(*state))
             images.append(done.image)
             after.append(list(done.history._replace(counted=done.history.counted.detach())))
         pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
         weights = self.losses
         exposure = torch.cat([s.exposure for s in samples])
         truth = shown(torch.cat([s.reference for s in samples]), exposure)
-        apart = dissimilarity(shown(pictures, exposure), truth)
-        structure = _mean(apart, 1.0 + weights.reflective_structure * reflective)
+        unlike = dissimilarity(shown(pictures, exposure), truth)
+        structure = _mean(unlike, 1.0 + weights.reflective_structure * reflective)
         return Stepped(
             images=pictures,
             states=after,
@@ -91,7 +91,7 @@ class GBufferTask(Task[Sample]):
         )
 
     def gather(self, sample: Sample, state: State) -> Gathered:
-        """What one crop's frame and its past tell before the network speaks."""
+        """What one crop's frame and history give before the network runs."""
         render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
         return self.method.gather(
             sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view
@@ -100,9 +100,9 @@ class GBufferTask(Task[Sample]):
 
 def reflective_of(gathered: Gathered) -> Tensor:
     """(1, 1, H, W) M_L: 1 where the normal has turned by more than 45 degrees, or on metal or a mirror."""
-    surfaces = gathered.present.display
+    surfaces = gathered.current.display
     ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
-    before = F.interpolate(gathered.past_normal, scale_factor=float(ratio), mode="nearest")
+    before = F.interpolate(gathered.previous_normal, scale_factor=float(ratio), mode="nearest")
     known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()
     turned = ((surfaces.normal * before).sum(dim=1, keepdim=True) < COS_APART).float() * known
     there = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()

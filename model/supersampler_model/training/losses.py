@@ -1,4 +1,4 @@
-"""What pictures are trained for (notes in docs/training.md)."""
+"""What images are trained for (notes in docs/training.md)."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from supersampler_model.ops.color import tone
 
 
 @dataclass(frozen=True)
-class PictureWeights:
+class ImageWeights:
     """Weights of the terms.
 
     Attributes:
@@ -28,14 +28,12 @@ def shown(image: Tensor, exposure: Tensor) -> Tensor:
     return torch.where(toned <= 0.0031308, 12.92 * toned, bright)
 
 
-def picture_loss(
-    off: Tensor, before: Tensor | None, weight: Tensor | float, weights: PictureWeights
-) -> Tensor:
-    """Error of shown pictures, over what is known.
+def image_loss(off: Tensor, before: Tensor | None, weight: Tensor | float, weights: ImageWeights) -> Tensor:
+    """Error of shown images, over what is known.
 
     Args:
-        off: (n, 3, H, W) picture minus truth, NaN where there is no truth.
-        before: that of the frame before; None where there is none.
+        off: (n, 3, H, W) image minus truth, NaN where there is no truth.
+        before: that of the previous frame; None where there is none.
         weight: (n, 1, H, W) of the error, not of its change.
         weights: of the terms.
     """

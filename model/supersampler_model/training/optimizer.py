@@ -1,7 +1,7 @@
 """Muon (Jordan et al. 2024) for the 1x1 convolutions, which are matrices, and AdamW for all else.
 
 A step along the nearest orthogonal matrix moves all directions of a weight alike, where gradients of a
-recurrent picture loss have a few that are large. Scaled as Liu et al. 2025, section 2.2, so that one learning
+recurrent image loss have a few that are large. Scaled as Liu et al. 2025, section 2.2, so that one learning
 rate serves both.
 """
 

@@ -1,4 +1,4 @@
-"""What a run says of itself: a CSV file, its curves, pictures, and the same for TensorBoard."""
+"""What a run says of itself: a CSV file, its curves, images, and the same for TensorBoard."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -21,7 +21,7 @@ _SCORES = ("psnr", "tpsnr")  # begin the names of columns in dB
 
 
 class RunLog:
-    """Appends a row at a time to `log.csv`, and draws `curves.png` and a picture anew.
+    """Appends a row at a time to `log.csv`, and draws `curves.png` and a image anew.
 
     Args:
         folder: of the run; a log that is there is gone on with.
@@ -48,7 +48,7 @@ class RunLog:
         Args:
             step: updates done; rows of later steps, by a run that was killed, are dropped.
             values: by column.
-            picture: (H, W, 3) as a screen shows it.
+            image: (H, W, 3) as a screen shows it.
         """
         self._rows = [row for row in self._rows if row["step"] < step]
         self._rows.append({"step": float(step), **values})

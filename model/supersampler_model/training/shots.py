@@ -1,4 +1,4 @@
-"""A user's own shots as a training set: pictures to reach, no classes."""
+"""A user's own shots as a training set: images to reach, no classes."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

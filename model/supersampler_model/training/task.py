@@ -12,8 +12,8 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.taau.model import Taau
 from supersampler_model.training.crops import Place
-from supersampler_model.training.losses import PictureWeights
-from supersampler_model.training.walk import Walk
+from supersampler_model.training.losses import ImageWeights
+from supersampler_model.training.walk import SequenceRunner
 
 State = list[Tensor]
 """What one crop's frame leaves to the next, in an order of the task's own."""
@@ -24,7 +24,7 @@ class Crop(Protocol):
 
     @property
     def exposure(self) -> Tensor:
-        """(1,) that pictures are shown with."""
+        """(1,) that images are shown with."""
 
     @property
     def reference(self) -> Tensor:
@@ -32,7 +32,7 @@ class Crop(Protocol):
 
     @property
     def reset(self) -> bool:
-        """Whether it does not follow from the frame before."""
+        """Whether it does not follow from the previous frame."""
 
     def on(self, device: torch.device) -> Self:
         """Return it with its tensors on `device`."""
@@ -57,8 +57,8 @@ class Stepped(NamedTuple):
 
     images: Tensor  # (n, 3, H, W) linear RGB
     states: list[State]  # of each crop
-    weight: Tensor | float = 1.0  # (n, 1, H, W) of the picture's error
-    terms: Mapping[str, Tensor] = MappingProxyType({})  # of the loss beside the picture's, weighted scalars
+    weight: Tensor | float = 1.0  # (n, 1, H, W) of the image's error
+    terms: Mapping[str, Tensor] = MappingProxyType({})  # of the loss beside the image's, weighted scalars
 
 
 class Task(ABC, Generic[CropT]):
@@ -69,11 +69,11 @@ class Task(ABC, Generic[CropT]):
 
     Attributes:
         method: its parameters are trained, in training mode but for the last updates.
-        losses: weights of the picture's terms, with those of the task's own.
+        losses: weights of the image's terms, with those of the task's own.
     """
 
     method: Method
-    losses: PictureWeights
+    losses: ImageWeights
 
     @property
     @abstractmethod
@@ -98,9 +98,9 @@ class Task(ABC, Generic[CropT]):
         """
         return dataset
 
-    def walk(self, method: Method, display: Size) -> Walk:
+    def walk(self, method: Method, display: Size) -> SequenceRunner:
         """Return how `method`, of this task, goes through whole sequences to be validated."""
-        return Walk(method, display)
+        return SequenceRunner(method, display)
 
     @abstractmethod
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Crops[CropT]:
@@ -108,7 +108,7 @@ class Task(ABC, Generic[CropT]):
 
     @abstractmethod
     def first_state(self, sample: CropT) -> State:
-        """No past, for the first frame of a crop."""
+        """No history, for the first frame of a crop."""
 
     @abstractmethod
     def step(self, samples: list[CropT], states: list[State]) -> Stepped:

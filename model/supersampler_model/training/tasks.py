@@ -31,7 +31,7 @@ def _extrapolate(weights: Trained | None) -> Task[Any]:
     if weights is None:
         return ExtrapolateTask(Extrapolate())
     own = weights.method == Extrapolate.name
-    return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.begun(weights))
+    return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.from_classifier(weights))
 
 
 def _flow(weights: Trained | None) -> Task[Any]:

@@ -30,7 +30,7 @@ from supersampler_model.training.checkpoint import (
     source_commit,
 )
 from supersampler_model.training.crops import Place
-from supersampler_model.training.losses import picture_loss, shown
+from supersampler_model.training.losses import image_loss, shown
 from supersampler_model.training.optimizer import Muon
 from supersampler_model.training.task import Crop, State, Task
 
@@ -65,7 +65,7 @@ class Plan:
 class Update(NamedTuple):
     """What one update was like."""
 
-    losses: dict[str, float]  # terms by name, the picture's first
+    losses: dict[str, float]  # terms by name, the image's first
     seconds: float
 
 
@@ -205,7 +205,7 @@ class Trainer:
             None if self._off is None else torch.where(fresh[:, None, None, None], off.detach(), self._off)
         )
         self._off = off
-        picture = picture_loss(off, before, stepped.weight, self.task.losses)
+        picture = image_loss(off, before, stepped.weight, self.task.losses)
         return {"picture": picture, **stepped.terms}
 
     def _rate(self) -> float:

@@ -9,14 +9,14 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
-from supersampler_model.training.crops import Sample, Stream, draw_cut
-from supersampler_model.training.gbuffer_crops import SurfaceCut, draw_world
+from supersampler_model.training.crops import Sample, Stream, draw_region
+from supersampler_model.training.gbuffer_crops import GBufferRegion, draw_rotation
 
 TWO = 0.25
 """Share of the crops of which two frames are hidden after each shaded one; of the others one is."""
 
 
-class RenderCut(SurfaceCut):
+class RenderGBufferRegion(GBufferRegion):
     """A cut with G-buffers of render size, of the samples that its colour has."""
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
@@ -27,7 +27,7 @@ class RenderCut(SurfaceCut):
         return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
 
 
-class HiddenStream(Stream):
+class UnshadedStream(Stream):
     """Crops of which every second frame is hidden, of some two of three, of those without G-buffers none."""
 
     def __iter__(self) -> Iterator[Sample]:
@@ -39,14 +39,16 @@ class HiddenStream(Stream):
             yield sample._replace(hidden=hides)
 
 
-def draw_render_cut(
+def draw_render_region(
     random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
-) -> RenderCut:
+) -> RenderGBufferRegion:
     """Draw a crop of a sequence: turned and coloured at random, and its world turned."""
-    return RenderCut(**vars(draw_cut(random, entry, display_size, size)), world=draw_world(random))
+    return RenderGBufferRegion(
+        **vars(draw_region(random, entry, display_size, size)), world=draw_rotation(random)
+    )
 
 
-def hidden_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
+def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
     """Return a set with all sequences at each ratio within `ratios` that they are drawn again at.
 
     Raises:

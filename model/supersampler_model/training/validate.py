@@ -11,7 +11,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.methods.base import Method, Size
-from supersampler_model.training.walk import Walk
+from supersampler_model.training.walk import SequenceRunner
 
 WARM_UP = 8
 BORDER = 8
@@ -23,11 +23,11 @@ class Validated:
     """Scores of one method, means over sequences.
 
     Attributes:
-        psnr: of shown pictures after the warm-up, dB.
+        psnr: of shown images after the warm-up, dB.
         tpsnr: of their changes from frame to frame, dB; NaN where none that follow each other were drawn.
         overlap: intersection over union per class; empty for methods without classes.
         kinds: PSNR of shaded and of hidden frames, apart; empty where all are of one kind.
-        picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
+        image: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
     """
 
     psnr: float
@@ -58,7 +58,7 @@ def validation_entries(
 def validate(
     method: Method,
     entries: Sequence[tuple[Dataset, SequenceEntry]],
-    walk: Callable[[Method, Size], Walk] = Walk,
+    walk: Callable[[Method, Size], SequenceRunner] = SequenceRunner,
 ) -> Validated:
     """Step `method` through all `entries`, as `walk` goes."""
     rows, pictures = [], []
@@ -77,7 +77,7 @@ def validate(
 
 
 def _sequence(
-    method: Method, frames: Iterable[TrainingFrame], walk: Walk, counts: "np.ndarray"
+    method: Method, frames: Iterable[TrainingFrame], walk: SequenceRunner, counts: "np.ndarray"
 ) -> tuple[tuple[float, ...], Float32]:
     squared: tuple[list[float], list[float]] = [], []  # of shaded frames, of hidden ones
     changed, before, off_before = [], -1, None

@@ -11,16 +11,16 @@ from supersampler_model.methods.base import Method, Size
 from supersampler_model.training.frame_inputs import frame_inputs, gbuffers
 
 
-class Walk:
+class SequenceRunner:
     """Steps a method through frames, in order.
 
     Args:
         method: to be stepped.
-        display: size of its pictures.
+        display: size of its images.
 
     Attributes:
-        history: that the frame before left, in the order of the method's.
-        hidden: whether the frame before was not shaded.
+        history: that the previous frame left, in the order of the method's.
+        hidden: whether the previous frame was not shaded.
     """
 
     def __init__(self, method: Method, display: Size) -> None:
@@ -30,13 +30,13 @@ class Walk:
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """Return the picture of the next frame, (1, 3, H, W) linear RGB; None where nothing is drawn."""
+        """Return the image of the next frame, (1, 3, H, W) linear RGB; None where nothing is drawn."""
         if frame.reset or not self.history:
             self.history = self._method.first_history(self._display, Size(*frame.depth.shape[::-1]))
         return self._image(frame)
 
     def truth(self, frame: TrainingFrame) -> NDArray[Any]:
-        """(H, W, 3) what the picture should have been, linear RGB."""
+        """(H, W, 3) what the image should have been, linear RGB."""
         return frame.reference
 
     def _image(self, frame: TrainingFrame) -> Tensor | None:
@@ -45,12 +45,12 @@ class Walk:
         return image
 
 
-class AlternatingWalk(Walk):
-    """Hides the colour of every second frame after a cut, and has it drawn from the frame before.
+class AlternatingRunner(SequenceRunner):
+    """Hides the colour of every second frame after a cut, and has it drawn from the previous frame.
 
     Args:
         method: steps on shaded frames, and on drawn ones or has what does.
-        display: size of its pictures.
+        display: size of its images.
         drawing: draws colours.
     """
 
@@ -74,12 +74,12 @@ class AlternatingWalk(Walk):
         return image
 
 
-class HidingWalk(Walk):
+class ExtrapolationRunner(SequenceRunner):
     """Has a method that extrapolates draw the colour of every second frame after a cut, and nothing else."""
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """See `Walk`; nothing is drawn of shaded frames."""
+        """See `SequenceRunner`; nothing is drawn of shaded frames."""
         past = self.history if self.history and not frame.reset else None
         self.hidden = past is not None and not self.hidden
         method = self._method
@@ -91,5 +91,5 @@ class HidingWalk(Walk):
         return None
 
     def truth(self, frame: TrainingFrame) -> NDArray[Any]:
-        """See `Walk`; of render size, as it would have been shaded."""
+        """See `SequenceRunner`; of render size, as it would have been shaded."""
         return frame.color

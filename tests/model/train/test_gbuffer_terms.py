@@ -144,6 +144,6 @@ def test_what_was_not_seen_before_has_not_turned_and_the_sky_never_shines() -> N
 def test_metal_and_mirrors_are_reflective(metallic: float, roughness: float, found: int) -> None:
     here = gathered(at(0), at(0))
     one = torch.ones(1, 1, 4, 4)
-    display = here.present.display._replace(metallic=metallic * one, roughness=roughness * one)
-    here.present.display = display  # type: ignore[misc]
+    display = here.current.display._replace(metallic=metallic * one, roughness=roughness * one)
+    here.current.display = display  # type: ignore[misc]
     assert (reflective_of(here) == found).all()

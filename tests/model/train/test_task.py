@@ -16,7 +16,7 @@ from supersampler_model.methods.base import DISPLAY, Method
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.frame_inputs import frame_inputs
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
-from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
@@ -53,7 +53,7 @@ class MixtureTask(Task[Sample]):
 
     def __init__(self) -> None:
         self.method: Mixture = Mixture()
-        self.losses = PictureWeights(change=0.25)
+        self.losses = ImageWeights(change=0.25)
 
     @property
     def config(self) -> dict[str, Any]:

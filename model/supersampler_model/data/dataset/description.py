@@ -44,7 +44,7 @@ class SequenceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What a set is to hold; two runs with the same description draw the same pictures on one driver.
+    """What a set is to hold; two runs with the same description draw the same images on one driver.
 
     Attributes:
         display_size: (width, height) of references and labels.

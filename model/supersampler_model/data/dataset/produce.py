@@ -19,7 +19,7 @@ from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
 
 SAME = 0.01
-"""Mean difference, of the mean, of two drivers' pictures of one frame: rasterisers round differently."""
+"""Mean difference, of the mean, of two drivers' images of one frame: rasterisers round differently."""
 
 
 def render_sequence(

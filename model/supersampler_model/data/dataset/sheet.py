@@ -1,4 +1,4 @@
-"""What a training set looks like: a contact sheet, and its class maps as pictures."""
+"""What a training set looks like: a contact sheet, and its class maps as images."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.labels import Labels
 
 Picture = NDArray[np.uint8]
-_ACROSS, _WIDTH = 6, 240  # pictures a row, pixels each at most
+_ACROSS, _WIDTH = 6, 240  # images a row, pixels each at most
 
 
 def write_sheet(dataset: Dataset, folder: Path) -> None:

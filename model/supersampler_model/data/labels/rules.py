@@ -28,7 +28,7 @@ Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 class Ghost(IntEnum):
-    """Why the past is of no use in a pixel."""
+    """Why the history is of no use in a pixel."""
 
     NONE = 0
     VISIBILITY = 1  # it was hidden, off screen, or before a cut

@@ -41,7 +41,7 @@ class PixelStatistics:
         depth_max: (H, W) float32, largest reversed depth: the closest sample.
         color_min: (H, W, 3) float32, smallest toned value of each channel, [0, 1).
         color_max: (H, W, 3) float32, largest.
-        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference picture. No label reads it.
+        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference image. No label reads it.
         normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
             without normal maps.
         normal_mapped_spread: (H, W) float32, the same with normal maps.
@@ -91,7 +91,7 @@ class Evidence:
             pixel's centre sees. On a cut: as if the camera of now had stood still.
         depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
             pixel's centre sees had one frame ago, whether or not it was in sight then.
-        cut: True on the first frame after a cut: there is no past.
+        cut: True on the first frame after a cut: there is no history.
 
     Raises:
         ArgumentError: an array has the wrong shape or type.

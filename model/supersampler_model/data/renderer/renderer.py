@@ -1,7 +1,7 @@
 """Draws scenes: jittered frames, G-buffers, and references of many samples a pixel with their statistics.
 
 Forward shading in one pass into several targets. All samples of a pixel of the reference are drawn at once,
-as one large picture, part by part so that it fits into memory, and averaged on the GPU.
+as one large image, part by part so that it fits into memory, and averaged on the GPU.
 """
 
 from collections.abc import Iterator

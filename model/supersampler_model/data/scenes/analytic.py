@@ -2,7 +2,7 @@
 
 A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
 at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
-over that area. The size of a picture in pixels is chosen when it is drawn, so 1 unit is 1 pixel at 64 x 36
+over that area. The size of a image in pixels is chosen when it is drawn, so 1 unit is 1 pixel at 64 x 36
 and 2 pixels at 128 x 72.
 
 >>> scene = Plane(zone_plate)

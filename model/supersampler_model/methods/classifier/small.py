@@ -1,4 +1,4 @@
-"""`classifier-small`: the `classifier` at half the width, for processors."""
+"""`classifier-small`: `classifier` at half the width, for CPUs."""
 
 from dataclasses import dataclass, field
 from typing import ClassVar
@@ -15,7 +15,7 @@ class SmallConfig(ClassifierConfig):
 
     Attributes:
         network: its widths.
-        rectified, own_motion, corrected: parts that take time, and of which a trained network has little.
+        rectified, own_motion, corrected: off; they cost time and gain little with this network.
     """
 
     network: NetworkConfig = field(default_factory=lambda: NETWORK)
@@ -25,7 +25,7 @@ class SmallConfig(ClassifierConfig):
 
 
 class SmallClassifier(Classifier):
-    """Classify, then compose, with less."""
+    """`Classifier` with a smaller network and fewer blended colours."""
 
     name = "classifier-small"
     settings: ClassVar[type[ClassifierConfig]] = SmallConfig

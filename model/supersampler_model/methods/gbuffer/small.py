@@ -1,4 +1,4 @@
-"""`gbuffer-small`: `gbuffer` with narrow separable convolutions, trained in hours on two cores."""
+"""`gbuffer-small`: `gbuffer` with narrow separable convolutions."""
 
 from functools import partial
 from typing import ClassVar
@@ -12,14 +12,14 @@ NETWORK = GBufferNetworkConfig(
 
 
 class SmallGBuffer(GBuffer):
-    """At a ratio of 2."""
+    """`gbuffer-small` at a ratio of 2."""
 
     name = "gbuffer-small"
     settings: ClassVar = staticmethod(partial(GBufferConfig, network=NETWORK))
 
 
 class SmallGBuffer4(GBuffer):
-    """At a ratio of 4."""
+    """`gbuffer-small` at a ratio of 4."""
 
     name = "gbuffer-small-4x"
     ratios: ClassVar = (4.0, 4.0)

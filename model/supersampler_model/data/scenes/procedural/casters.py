@@ -1,4 +1,4 @@
-"""What passes between the sun and a scene: never seen itself, its shadow runs over the picture."""
+"""What passes between the sun and a scene: never seen itself, its shadow runs over the image."""
 
 from collections.abc import Callable
 

@@ -200,7 +200,7 @@ def glow(color: Color, strength: float) -> Material:
 
 
 def poster(rng: Rng, shine: float = 0.0) -> Material:
-    """Return a printed picture; `shine` makes it a lit screen."""
+    """Return a printed image; `shine` makes it a lit screen."""
     image = textures.picture(rng)
     if shine:
         return Material(base_color=(0.02, 0.02, 0.02), emissive=(shine,) * 3, emissive_texture=image)

@@ -134,7 +134,7 @@ def _bunting(rng: Rng, stage: Stage) -> None:
 
 
 def _cart(rng: Rng, stage: Stage) -> None:
-    """A vendor's cart that rolls through the picture: what it hid comes into sight."""
+    """A vendor's cart that rolls through the image: what it hid comes into sight."""
     rolling: Pose = upright(lambda t: np.array([-2.5 + 3.4 * t, 0.0, -1.3]))
     body = [
         (shapes.box(1.0, 0.5, 0.6, 1.0), placed(0, 0.42, 0)),
