@@ -10,8 +10,8 @@ from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import CLASSES
 from supersampler_model.methods.classifier.network_inputs import (
-    NEIGHBOURHOOD_INPUTS,
     DEFAULT_INPUTS,
+    NEIGHBOURHOOD_INPUTS,
     neighbourhood_inputs,
     pixel_inputs,
 )

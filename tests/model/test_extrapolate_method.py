@@ -16,7 +16,7 @@ from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate, Extrapolate, packed_base_color
+from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.ops.sampling import View
 

@@ -22,12 +22,12 @@ from supersampler_model.methods.gbuffer.network import (
 )
 from supersampler_model.methods.gbuffer.small import NETWORK, SmallGBuffer
 from supersampler_model.methods.gbuffer.surfaces import (
-    read_bilinear,
     closest_around,
     matte,
     motion_of_surface,
-    read_nearest,
     occluded,
+    read_bilinear,
+    read_nearest,
     relative_depth,
     samples_of,
     usable_surfaces,

@@ -22,9 +22,9 @@ from supersampler_model.methods.extrapolation.guided_flow import (
     Gathered,
     GuidedFlow,
     GuidedFlowConfig,
+    flow_history,
     halved,
     motions_of,
-    flow_history,
 )
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 

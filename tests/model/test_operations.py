@@ -19,13 +19,13 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.motion import (
-    disocclusion,
     dilate_motion_2x2,
+    disocclusion,
     longest,
     morphological_opening,
-    reproject,
     read,
     read_cubic,
+    reproject,
 )
 from supersampler_model.ops.rectification import (
     Rect,

@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, CurrentFrame, WarpedHistory, Taau
+from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()

@@ -1,4 +1,4 @@
-"""`TASKS` finds how a method is trained by the method's name."""
+"""`TASKS` maps names of methods to training tasks."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -47,4 +47,4 @@ TASKS: Mapping[str, Callable[[Trained | None], Task[Any]]] = {
     Extrapolate.name: _extrapolate,
     GuidedFlow.name: _flow,
 }
-"""`TASKS[name](weights)` begins with these weights, untrained if None."""
+"""`TASKS[name](weights)` starts from these weights; None: untrained."""

@@ -24,12 +24,12 @@ from supersampler_model.methods.extrapolation.joint import Extrapolate
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.training.crops import Place, Sample
 from supersampler_model.training.extrapolate_task import ExtrapolateTask
+from supersampler_model.training.sequence_runner import SequenceRunner
 from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.tasks import TASKS
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.unshaded_crops import RenderGBufferRegion, unshaded_set
 from supersampler_model.training.validate import validate, validation_entries
-from supersampler_model.training.walk import SequenceRunner
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
@@ -54,7 +54,7 @@ def samples(data: Dataset, hidden: int) -> list[Sample]:
     """A crop of which so many frames are hidden after each shaded one."""
     cut = RenderGBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
     every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
-    return [sample._replace(hidden=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
+    return [sample._replace(unshaded=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
 
 
 def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
@@ -88,15 +88,15 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
     task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
-    walk, hidden = task.walk(method, Size(*DISPLAY)), list[bool]()
+    runner, hidden = task.runner(method, Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
-        image = walk.step(frame)
-        hidden.append(walk.hidden)
+        image = runner.step(frame)
+        hidden.append(runner.unshaded)
     assert hidden == [False, True, False, True]
     cut = RenderGBufferRegion(0, 0, 36, (2.0, 2.0))
     crop = [
-        cut.sample(f, reset=i == 0)._replace(hidden=hides)
+        cut.sample(f, reset=i == 0)._replace(unshaded=hides)
         for i, (f, hides) in enumerate(zip(sequence, hidden, strict=True))
     ]
     with torch.no_grad():
@@ -143,12 +143,12 @@ def test_crops_hide_no_one_or_two_frames_after_each_shaded_one(data: Dataset, ta
     crops, first = list[str](), task.stream([task.data(data)], size=SIZE, seed=[3])
     for sample in islice(first, 300):
         crops += [""] if sample.reset else []
-        crops[-1] += "u" if sample.hidden else "s" if sample.gbuffer else "-"
+        crops[-1] += "u" if sample.unshaded else "s" if sample.gbuffer else "-"
     from_classifier = {crop[:5] for crop in crops[:-1]}
     assert from_classifier == {"susus", "suusu", "-----"}
     again = task.stream([task.data(data)], size=SIZE, seed=[3])
     again.place = Place(1, 2)  # as a run that was stopped there goes on
-    assert [sample.hidden for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
+    assert [sample.unshaded for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
 
 
 def test_a_set_without_g_buffers_of_render_size_is_refused(data: Dataset) -> None:
@@ -169,8 +169,8 @@ def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_pa
 
 def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:
     entries = validation_entries([task.data(data)], task.method.ratios)
-    alternating = validate(task.method, entries, task.walk)
-    assert alternating.kinds.keys() == {"psnr_shaded", "psnr_hidden"}
+    alternating = validate(task.method, entries, task.runner)
+    assert alternating.kinds.keys() == {"psnr_shaded", "psnr_unshaded"}
     assert np.mean(list(alternating.kinds.values())) == pytest.approx(alternating.psnr)
     assert validate(task.method, entries).kinds == {}
     plain = validate(Classifier(SMALL).eval(), entries, SequenceRunner)
@@ -188,8 +188,8 @@ def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> Non
 
 @pytest.mark.parametrize("name", ["taau", "nothing"])
 def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
-    with pytest.raises(ArgumentError, match=r"drawing is '?(taau|nothing)'?; want one of guided-warp"):
-        ExtrapolateTask(Extrapolate(SMALL), drawing=name)
+    with pytest.raises(ArgumentError, match=r"extrapolator is '?(taau|nothing)'?; want one of guided-warp"):
+        ExtrapolateTask(Extrapolate(SMALL), extrapolator=name)
 
 
 def test_the_command_begins_with_the_weights_of_a_classifier_and_tells_both_kinds_apart(
@@ -203,4 +203,4 @@ def test_the_command_begins_with_the_weights_of_a_classifier_and_tells_both_kind
     assert done.exit_code == 0, done.output
     facts = load_trained(tmp_path / "weights.safetensors").facts
     assert facts["init"]["data"] == load_trained(shipped_weights("classifier")).facts["data"]
-    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_hidden"}
+    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_unshaded"}

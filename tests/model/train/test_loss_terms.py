@@ -7,7 +7,7 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import tone
-from supersampler_model.training.class_loss import ClassifierWeights, class_loss, class_fractions
+from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
 from supersampler_model.training.losses import ImageWeights, image_loss, shown
 from supersampler_model.training.structure import dissimilarity
 

@@ -3,7 +3,7 @@
 import pytest
 import torch
 
-from supersampler_model.training.class_loss import ClassifierWeights, class_loss, class_fractions
+from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
 from supersampler_model.training.losses import image_loss
 
 WEIGHTS = ClassifierWeights()

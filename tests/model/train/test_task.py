@@ -101,7 +101,7 @@ def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset,
     after = validate(run.average.eval(), entries)
     assert after.psnr > before.psnr + 1.0
     assert after.overlap == {}
-    assert terms == [["picture", "rough"]] * PLAN.steps
+    assert terms == [["image", "rough"]] * PLAN.steps
 
 
 def test_it_stops_and_goes_on_exactly(dataset: Dataset, tmp_path: Path) -> None:

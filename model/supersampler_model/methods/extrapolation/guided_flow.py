@@ -305,7 +305,7 @@ def halved(image: Tensor) -> Tensor:
 
 
 def between(image: Tensor, size: Size) -> Tensor:
-    """Interpolate values of the upper left of each 2x2 pixels, (n, c, h / 2, w / 2), to all pixels: linear."""
+    """Interpolate linearly between the upper left of each 2x2 pixels: (n, c, h / 2, w / 2) to all pixels."""
     every = torch.zeros((image.shape[0], 1, size.height, size.width), device=image.device)
     x = every + 0.5 * torch.arange(size.width, device=image.device)
     y = every + 0.5 * torch.arange(size.height, device=image.device)[:, None]

@@ -24,7 +24,9 @@ class ExtraSSNetwork(ClassifierNetwork):
         self, config: NetworkConfig, *, packed: int, carried: int, surface: int, blend_parameters: int
     ) -> None:
         super().__init__(config, packed=packed, carried=carried, blend_parameters=blend_parameters)
-        self.drawn_encoder = Encoder(packed + carried + surface, config.levels)
+        self.drawn_encoder = Encoder(
+            packed + carried + surface, config.levels
+        )  # its name in released weights
 
     def forward(
         self, packed: Tensor, carried: Tensor, surface: Tensor | None = None
@@ -45,7 +47,7 @@ class ExtraSSNetwork(ClassifierNetwork):
         return encode(self.drawn_encoder, packed, carried, surface)
 
     def copy_shaded_encoder(self) -> None:
-        """Copy the encoder of shaded frames to that of extrapolated frames, with zero weights for surfaces."""
+        """Copy the encoder of shaded frames to that of extrapolated ones, with zero weights for surfaces."""
         begun = self.encoder.state_dict()
         first = next(iter(begun))  # the first 1x1 convolution; its last inputs are the surfaces
         own = self.drawn_encoder.state_dict()[first]

@@ -1,4 +1,4 @@
-"""Whole sequences, stepped as an engine steps them: every frame shaded, or some of them drawn."""
+"""Stepping of whole sequences as in an engine: all frames shaded, or some extrapolated."""
 
 from typing import Any
 
@@ -15,28 +15,28 @@ class SequenceRunner:
     """Steps a method through frames, in order.
 
     Args:
-        method: to be stepped.
+        method: the method.
         display: size of its images.
 
     Attributes:
-        history: that the previous frame left, in the order of the method's.
-        hidden: whether the previous frame was not shaded.
+        history: after the previous frame, in the order of the method.
+        unshaded: whether the previous frame was unshaded.
     """
 
     def __init__(self, method: Method, display: Size) -> None:
         self._method, self._display = method, display
         self.history: list[Tensor] = []
-        self.hidden = False
+        self.unshaded = False
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """Return the image of the next frame, (1, 3, H, W) linear RGB; None where nothing is drawn."""
+        """Return the image of the next frame, (1, 3, H, W) linear RGB; None: the method has none."""
         if frame.reset or not self.history:
             self.history = self._method.first_history(self._display, Size(*frame.depth.shape[::-1]))
         return self._image(frame)
 
     def truth(self, frame: TrainingFrame) -> NDArray[Any]:
-        """(H, W, 3) what the image should have been, linear RGB."""
+        """(H, W, 3) reference of the image, linear RGB."""
         return frame.reference
 
     def _image(self, frame: TrainingFrame) -> Tensor | None:
@@ -46,50 +46,56 @@ class SequenceRunner:
 
 
 class AlternatingRunner(SequenceRunner):
-    """Hides the colour of every second frame after a cut, and has it drawn from the previous frame.
+    """Treats every second frame after a cut as unshaded, and extrapolates its colour.
 
     Args:
-        method: steps on shaded frames, and on drawn ones or has what does.
+        method: steps on shaded frames, and on extrapolated ones by itself or its `on_extrapolated`.
         display: size of its images.
-        drawing: draws colours.
+        extrapolator: computes the colour of unshaded frames.
     """
 
-    def __init__(self, method: Method, display: Size, drawing: Method) -> None:
+    def __init__(self, method: Method, display: Size, extrapolator: Method) -> None:
         super().__init__(method, display)
-        self._on_extrapolated, self._drawing = method.on_extrapolated() or method, drawing
-        self._past: list[Tensor] | None = None  # what the next frame is drawn from
+        self._on_unshaded, self._extrapolator = method.on_extrapolated() or method, extrapolator
+        self._extrapolator_history: list[Tensor] | None = None
 
     def _image(self, frame: TrainingFrame) -> Tensor | None:
-        past = None if frame.reset else self._past
-        self.hidden = past is not None and not self.hidden
+        history = None if frame.reset else self._extrapolator_history
+        self.unshaded = history is not None and not self.unshaded
         names = ["color", "depth", "motion", "jitter", "exposure", "display_size", *gbuffers(frame)]
         given = dict(zip(names, frame_inputs(frame, names), strict=True))
         method = self._method
-        if past is not None and self.hidden:
-            drawn = self._drawing.step(*(given[name] for name in self._drawing.inputs()), *past)
-            given["color"], self._past, method = drawn.image, drawn.history, self._on_extrapolated
+        if history is not None and self.unshaded:
+            extrapolated = self._extrapolator.step(
+                *(given[name] for name in self._extrapolator.inputs()), *history
+            )
+            given["color"], self._extrapolator_history, method = (
+                extrapolated.image,
+                extrapolated.history,
+                self._on_unshaded,
+            )
         else:
-            self._past = self._drawing.after_shaded(given, past)
+            self._extrapolator_history = self._extrapolator.after_shaded(given, history)
         image, self.history, _ = method.step(*(given[name] for name in method.inputs()), *self.history)
         return image
 
 
 class ExtrapolationRunner(SequenceRunner):
-    """Has a method that extrapolates draw the colour of every second frame after a cut, and nothing else."""
+    """Steps an extrapolating method on every second frame after a cut."""
 
     @torch.no_grad()
     def step(self, frame: TrainingFrame) -> Tensor | None:
-        """See `SequenceRunner`; nothing is drawn of shaded frames."""
-        past = self.history if self.history and not frame.reset else None
-        self.hidden = past is not None and not self.hidden
+        """See `SequenceRunner`; None for shaded frames."""
+        history = self.history if self.history and not frame.reset else None
+        self.unshaded = history is not None and not self.unshaded
         method = self._method
-        if self.hidden:
+        if self.unshaded:
             return self._image(frame)
         names = ["color", *method.inputs()]
         given = dict(zip(names, frame_inputs(frame, names), strict=True))
-        self.history = method.after_shaded(given, past)
+        self.history = method.after_shaded(given, history)
         return None
 
     def truth(self, frame: TrainingFrame) -> NDArray[Any]:
-        """See `SequenceRunner`; of render size, as it would have been shaded."""
+        """See `SequenceRunner`; the shaded colour, at render size."""
         return frame.color
