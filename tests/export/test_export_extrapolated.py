@@ -12,15 +12,15 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
+from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
-from supersampler_export.half import in_half
-from supersampler_export.host import host_network
+from supersampler_export.half import to_half
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.classifier.model import ClassifierConfig
 from supersampler_model.methods.classifier.network import NetworkConfig
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate, Extrapolate
+from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SIZE, DISPLAY = (21, 13), (41, 27)
@@ -93,7 +93,9 @@ def test_both_folders_say_what_they_are_and_have_one_history() -> None:
     assert outer.history == inner.history
     assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]
     assert "network.npz" not in outer.files
-    assert "colour was drawn" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "extrapolated frames, on the history" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(
+        encoding="utf-8"
+    )
     assert "`extrapolated/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
 
 
@@ -125,7 +127,7 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
     packed, carried = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.carried, 8, 8)
     surface = torch.rand(1, 12, 8, 8)
     for one, given in ((method, (packed, carried)), (method.on_extrapolated(), (packed, carried, surface))):
-        half = in_half(one)
+        half = to_half(one)
         assert half is not None
         with torch.no_grad():
             for a, b in zip(half.get_submodule("net")(*given), one.get_submodule("net")(*given), strict=True):
@@ -133,6 +135,6 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
 
 
 def test_there_are_no_kernels_for_two_encoders(method: Extrapolate) -> None:
-    assert host_network(method) is None
+    assert cpu_network(method) is None
     assert "only_extrapolated" not in describe(method)
     assert describe(method.on_extrapolated())["only_extrapolated"] is True

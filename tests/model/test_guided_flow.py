@@ -12,7 +12,7 @@ from flow_method import Shadow, random_flow
 from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
-from supersampler_export.half import InHalf
+from supersampler_export.half import HalfNetwork
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.base import Size as Extent
@@ -249,7 +249,7 @@ def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() 
 def test_the_network_says_nearly_the_same_in_half_precision() -> None:
     net, lights = random_flow().net, torch.rand(2, 1, 4, 21, 45)
     with torch.no_grad():
-        (said,), (half,) = net(*lights), InHalf(net)(*lights)
+        (said,), (half,) = net(*lights), HalfNetwork(net)(*lights)
     assert (said - half).abs().max() < 0.02 * said.abs().max()
 
 

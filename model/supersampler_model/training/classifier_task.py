@@ -66,7 +66,7 @@ class ClassifierTask(Task[Sample]):
             gathered: results of the gather stage.
             logits: (n, 6, H / 2, W / 2).
             blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
-            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error where the history is invalid.
+            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
         for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):

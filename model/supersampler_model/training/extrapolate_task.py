@@ -135,7 +135,7 @@ class ExtrapolateTask(ClassifierTask):
     def _features(
         self, inputs: Sequence[tuple[Tensor, Tensor]], surfaces: Sequence[Tensor | None]
     ) -> list[Tensor]:
-        """Return the encoder features of each crop, one batch per encoder; extrapolated ones have a surface."""
+        """Encoder features of each crop, one batch per encoder; extrapolated crops have a surface."""
         found = dict[int, Tensor]()
         for extrapolated in (False, True):
             of = [i for i, surface in enumerate(surfaces) if (surface is not None) is extrapolated]

@@ -11,7 +11,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
@@ -89,7 +89,7 @@ class Trainer:
         self.device = _device()
         mean = partial(_running_mean, plan.average)
         self._averaged = AveragedModel(task.method, torch.device("cpu"), mean, use_buffers=True)
-        self.average: Method = self._averaged.module  # validated on the CPU
+        self.average = cast(Method, self._averaged.module)  # validated on the CPU
         self.method = task.method.to(self.device)
         self.datasets = [task.data(dataset) for dataset in datasets]
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
@@ -155,10 +155,7 @@ class Trainer:
                 "commit": source_commit(),
                 **facts,
             },
-            {
-                name: value.detach().cpu().contiguous()
-                for name, value in self.average.module.state_dict().items()
-            },
+            {name: value.detach().cpu().contiguous() for name, value in self.average.state_dict().items()},
         )
 
     def _load(self, path: Path) -> None:

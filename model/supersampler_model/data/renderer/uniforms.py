@@ -18,7 +18,7 @@ SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as ma
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """Which samples of the image are drawn: a grid of them over a part of it.
+    """A grid of samples over a part of the image.
 
     Attributes:
         size: samples (x, y).
@@ -41,7 +41,7 @@ class Raster:
         return cls(size, (jitter[0] / size[0], jitter[1] / size[1]), (1.0, 1.0), size, filter_width)
 
     def window(self) -> list[float]:
-        """Scale x, y and offset x, y that bring this part's clip space to [-1, 1]."""
+        """Scale x, y and offset x, y that map this part of clip space to [-1, 1]."""
         scale = [1.0 / extent for extent in self.extent]
         middles = [
             2.0 * corner + extent - 1.0 for corner, extent in zip(self.corner, self.extent, strict=True)
@@ -60,7 +60,7 @@ def rows(*vectors: Any) -> bytes:
 
 
 def view_block(scene: Scene, aspect: float, raster: Raster) -> bytes:
-    """Return block View: the camera now and before, and what part of its image is drawn."""
+    """Return block View: the camera now and before, and the rendered part of the image."""
     camera, view = scene.camera, scene.camera.view()
     projection = camera.projection(aspect)
     before = scene.camera_before.projection(aspect) @ scene.camera_before.view()

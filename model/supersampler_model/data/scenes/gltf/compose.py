@@ -44,7 +44,7 @@ _TRIES = 16
 _BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
 
 
-class Drawn(NamedTuple):
+class Rerendered(NamedTuple):
     """What the files of a sequence hold."""
 
     stage: GltfScene | None
@@ -186,7 +186,7 @@ def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float =
     return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
 
 
-def _read(spec: SequenceSpec) -> Drawn:
+def _read(spec: SequenceSpec) -> Rerendered:
     stage, props, surroundings = None, [], None
     for name, digest in spec.files:
         path = Path(spec.folder or "", name)
@@ -200,7 +200,7 @@ def _read(spec: SequenceSpec) -> Drawn:
             stage = model
         else:
             props.append(model)
-    return Drawn(stage, props, surroundings)
+    return Rerendered(stage, props, surroundings)
 
 
 def _expect(path: Path, wanted: str, found: str) -> None:
