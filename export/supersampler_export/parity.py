@@ -119,7 +119,9 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
     differences = []
     for index, frame in enumerate(noise(render, display, len(shaded))):
         if shaded[index]:
-            ours, theirs = (method.after_shaded(frame, past if index else None) for past in (ours, theirs))
+            ours, theirs = (
+                method.after_shaded(frame, history if index else None) for history in (ours, theirs)
+            )
             continue
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():

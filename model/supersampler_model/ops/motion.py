@@ -55,12 +55,12 @@ def disocclusion(
     """
     left, top = x.floor(), y.floor()
     columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]
-    hidden = []
+    occluded = []
     for (across, wx), (down, wy) in itertools.product(columns, rows):
         before = read(history_depth, left + across, top + down, mode="nearest")
         closer = (before - depth) / torch.maximum(before, depth).clamp(min=1e-12)
-        hidden.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
-    return sum_of(hidden) * (depth >= 0.0)
+        occluded.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
+    return sum_of(occluded) * (depth >= 0.0)
 
 
 def longest(motion: Tensor) -> Tensor:

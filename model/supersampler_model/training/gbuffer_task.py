@@ -77,14 +77,14 @@ class GBufferTask(Task[Sample]):
             done = method.finish(g, blend[i : i + 1], History(*state))
             images.append(done.image)
             after.append(list(done.history._replace(counted=done.history.counted.detach())))
-        pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
+        stepped_images, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
         weights = self.losses
         exposure = torch.cat([s.exposure for s in samples])
         truth = shown(torch.cat([s.reference for s in samples]), exposure)
-        unlike = dissimilarity(shown(pictures, exposure), truth)
+        unlike = dissimilarity(shown(stepped_images, exposure), truth)
         structure = _mean(unlike, 1.0 + weights.reflective_structure * reflective)
         return Stepped(
-            images=pictures,
+            images=stepped_images,
             states=after,
             weight=1.0 + weights.reflective * reflective,
             terms={"structure": weights.structure * structure},

@@ -188,7 +188,7 @@ def _check_same(path: Path, there: Description, wanted: Description) -> None:
 
 
 def _digests(description: Description) -> dict[str, str]:
-    """Return the SHA-256 of all files that a set is drawn from, by path."""
+    """Return the SHA-256 of all asset files of a data set, by path."""
     specs = [entry.spec for entry in description.sequences]
     return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}
 

@@ -104,7 +104,7 @@ def _check_same_images(
     now, _ = renderer.frame(sequence.scene(0), size, jitter=halton_jitter(0, own.ratio))
     if float(np.abs(now - there).mean()) > SAME * float(there.mean()):
         hint = "Render a new set: scenes, or what draws them, have changed since this one was rendered."
-        raise DatasetError(dataset.path(own, 0), "shows something else than is drawn now", hint)
+        raise DatasetError(dataset.path(own, 0), "shows something else than is rendered now", hint)
 
 
 def _rendered(

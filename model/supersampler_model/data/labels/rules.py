@@ -113,7 +113,7 @@ def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = 
             raise ArgumentError("before", got=before.pixels.shape, want=want)
         occluded = visibility_ghosting(now, before, thresholds)
         relit = shading_ghosting(now, before, thresholds) & ~aliased
-    # The paper's "shading ghosting label correction": what is hidden or aliased is not relit.
+    # The paper's "shading ghosting label correction": occluded and aliased pixels are not relit.
     ghost = np.where(occluded, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
     alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
     return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))

@@ -23,7 +23,7 @@ class CurrentFrame(NamedTuple):
 
 
 class WarpedHistory(NamedTuple):
-    """The warped past at display size."""
+    """The warped history at display size."""
 
     color: Tensor  # (1, 3, H, W) toned RGB
     detail: Tensor  # (1, 3, H, W) cubic minus bilinear resampling

@@ -112,7 +112,7 @@ class ClassifierConfig:
         recurrent: whether the classes of the previous frame are network inputs.
         rectified: whether the clipped history is one of the blended colours.
         own_motion: whether the history warped by each pixel's own motion is one of them.
-        corrected: whether the warped past is filtered by a learned cross of five pixels.
+        corrected: whether the warped history is filtered by a learned cross of five pixels.
         tone_space: tone curve of the blended colours; see TONES.
         sample_sigma: Gaussian of a sample's influence, display pixels.
         moment_sigma: Gaussian window of the moments of the box, render pixels.
@@ -318,7 +318,7 @@ class Classifier(LearnedMethod):
         """Warp the history."""
         c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
         x, y = before.to_render(front.x, front.y)
-        hidden = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
+        occluded = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
         depth_before = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
         difference = (depth_before - depth) / torch.maximum(depth_before, depth).clamp(
             min=1e-12
@@ -336,7 +336,7 @@ class Classifier(LearnedMethod):
             range=torch.cat([state[:, 1:2], most], dim=1),
             glare=glare,
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
-            surface=on * (1.0 - 2.0 * hidden).clamp(min=0.0),
+            surface=on * (1.0 - 2.0 * occluded).clamp(min=0.0),
             classes=on[:, :, ::2, ::2]
             * read(history.classes, 0.5 * front.x[:, :, ::2, ::2], 0.5 * front.y[:, :, ::2, ::2]),
         )

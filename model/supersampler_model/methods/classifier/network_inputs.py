@@ -21,11 +21,11 @@ from supersampler_model.ops.sampling import blurred, extreme, sum_of
 INPUTS = (
     "frame",  # luma of this frame, upsampled
     "sample",  # luma of the samples near the pixel
-    "past",  # luma of the warped past
+    "past",  # luma of the warped history
     "past_to_sample",  # largest difference of a channel
     "past_to_frame",
     "contrast",  # standard deviation of the samples around
-    "past_contrast",  # of the warped past in 3x3 pixels
+    "past_contrast",  # of the warped history in 3x3 pixels
     "beyond",  # distance of the sample from that range
     "least",  # minimum luma of the accumulated samples
     "most",  # maximum

@@ -153,8 +153,8 @@ class PaperClassifier(Classifier):
         color = current.frame + weight * (warped.color - current.frame)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
-        hidden = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
-        kept = known * (1.0 - hidden)
+        occluded = (classes[:, 1:2] > torch.maximum(classes[:, :1], classes[:, 2:3])).float()
+        kept = known * (1.0 - occluded)
         counter = warped.samples * kept + 1.0  # 0: no history
         now = current.frame
         low, high = warped.range[:, :3], warped.range[:, 3:]

@@ -50,7 +50,7 @@ class CurrentFrame(NamedTuple):
 
 
 class WarpedHistory(NamedTuple):
-    """The warped past at display size, toned RGB."""
+    """The warped history at display size, toned RGB."""
 
     color: Tensor  # (1, 3, H, W) by the dilated motion
     own: Tensor  # (1, 3, H, W) by the pixel's own motion

@@ -317,7 +317,7 @@ class GBuffer(LearnedMethod):
         front = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         front_place = reproject(front[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
-        hidden = disocclusion(
+        occluded = disocclusion(
             current.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
         )
         reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
@@ -330,7 +330,7 @@ class GBuffer(LearnedMethod):
             counted=read(history.counted, front_place.x, front_place.y)
             * front_place.on_screen
             * (1.0 - changed),
-            surface=own.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
+            surface=own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
         )
         return warped if c.blended else WarpedHistory(*map(torch.zeros_like, warped))
 

@@ -144,7 +144,7 @@ class CurrentFrame(NamedTuple):
 
 
 class WarpedHistory(NamedTuple):
-    """The warped past at display size."""
+    """The warped history at display size."""
 
     light: Tensor  # (1, 3, H, W) linear RGB
     color: Tensor  # (1, 3, H, W) the same, toned YCoCg
@@ -186,7 +186,7 @@ class Taau(Method):
     name, source = "taau", "temporal upsampling after Karis 2014, Salvi 2016 and FSR2 (docs/methods.md)"
     history: ClassVar = {
         "color": (1, 3, *DISPLAY),  # linear RGB
-        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - past in toned luma, and GLARE
+        "samples": (1, 2, *DISPLAY),  # count; mean square of sample - history in toned luma, and GLARE
         "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # see `exposure_for`
@@ -280,8 +280,8 @@ class Taau(Method):
         before = View(display, render_size_of(history_surface), history_jitter)
         x, y = before.to_render(reprojection.x, reprojection.y)
         c = self.config
-        hidden = disocclusion(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
-        same = reprojection.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0)
+        occluded = disocclusion(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
+        same = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
 
         shade = read(history_surface[:, 1:3], x, y)
         mean, deviation = shade[:, :1], shade[:, 1:2]

@@ -1,4 +1,4 @@
-"""Surfaces: textures put together, with colours, wear and grain drawn from a generator."""
+"""Materials: combinations of textures, with random colours, wear and grain."""
 
 from dataclasses import replace
 
