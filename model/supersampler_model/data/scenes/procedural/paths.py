@@ -41,7 +41,7 @@ def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) 
 
 
 def pendulum(rng: Rng, pivot: Sequence[float], length: float, extent: float) -> Place:
-    """Return the path of a pendulum `length` metres below `pivot` that swings up to about `extent` radians."""
+    """Return the path of a pendulum `length` metres below `pivot` swinging up to about `extent` radians."""
     rates = np.sqrt(9.8 / length) * rng.uniform(0.95, 1.05, 2)  # x and z
     phases = rng.uniform(-1.0, 1.0, 2) + rng.choice([0.0, np.pi])
     extents = extent * np.array([1.0, 0.4])[:: int(rng.choice([-1, 1]))]
