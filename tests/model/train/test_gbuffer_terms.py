@@ -114,7 +114,7 @@ def gathered(now: Tensor, before: Tensor) -> Gathered:
     display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
     render = SimpleNamespace(shape=(1, 11, 2, 2))
     made = SimpleNamespace(
-        present=SimpleNamespace(display=display), past_normal=past.expand(1, 3, 2, 2), frame=render
+        current=SimpleNamespace(display=display), previous_normal=past.expand(1, 3, 2, 2), frame=render
     )
     return cast(Gathered, cast(Any, made))
 
