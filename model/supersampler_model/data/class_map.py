@@ -74,7 +74,7 @@ def overlay(labels: Labels, image: NDArray[Any]) -> Image:
 
 
 def with_legend(image: Image, labels: Labels) -> Image:
-    """Put a legend under a image: each colour, its class, and the fraction of pixels.
+    """Put a legend under an image: each colour, its class, and the fraction of pixels.
 
     Returns:
         (H + legend, max(W, legend), 3) sRGB; the image is in the upper left corner.

@@ -308,7 +308,7 @@ class GBuffer(LearnedMethod):
         return pick(changed, current.view.grid(render_size_of(color)))
 
     def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
-        """Warp the image of the frame reflectance_before; where light has `changed` front_place is none."""
+        """Warp the previous image; its count is 0 where the light has `changed`."""
         c, view, depth, motion = self.config, current.view, current.render.depth, current.motion
         render = render_size_of(depth)
         grid = view.grid(render)
