@@ -112,7 +112,7 @@ def test_another_ratio_is_not_drawn_of_scenes_that_have_changed(
     dataset, _ = rendered(tmp_path, small_renderer)
     at = dataset.at(4.0)
     monkeypatch.setattr(YardSequence, "scene", lambda _, index: Yard(2).scene(index + 20))
-    with pytest.raises(DatasetError, match="shows something else than is drawn now"):
+    with pytest.raises(DatasetError, match="shows something else than is rendered now"):
         render_sequence(at, at.entries()[0], small_renderer)
     assert at.complete(at.entries()[0]) == 0
 
