@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from supersampler import halton_jitter
 from supersampler_model.data.dataset import Dataset, TrainingFrame, create_dataset
 from supersampler_model.data.dataset.description import Description, SequenceEntry
-from supersampler_model.data.dataset.frame_file import Drawn, write_drawn, write_training_frame
+from supersampler_model.data.dataset.frame_file import Rerendered, write_rerendered, write_training_frame
 from supersampler_model.data.scenes.analytic import EXTENT, Values, places
 from supersampler_model.data.specs import SequenceSpec
 
@@ -32,9 +32,9 @@ def gbuffer_data(folder: Path, ratio: int = 2, *, gbuffers: bool = True) -> Data
     for entry, other in zip(entries, again.entries(), strict=True):
         for index in range(FRAMES):
             write_training_frame(made.path(entry, index), frame(index, gbuffers=gbuffers))
-            path = again.drawn_path(other, index)
+            path = again.rerendered_path(other, index)
             assert path is not None
-            write_drawn(path, drawn(index, ratio))
+            write_rerendered(path, drawn(index, ratio))
     return made
 
 
@@ -49,11 +49,11 @@ def frame(index: int, *, gbuffers: bool = True) -> TrainingFrame:
     )  # fmt: skip
 
 
-def drawn(index: int, ratio: int) -> Drawn:
+def drawn(index: int, ratio: int) -> Rerendered:
     size, jitter = (DISPLAY[0] // ratio, DISPLAY[1] // ratio), halton_jitter(index, float(ratio))
     seen = surface(index, size, jitter)
     motion = np.broadcast_to(-VELOCITY / ratio, (*size[::-1], 2))
-    return Drawn(
+    return Rerendered(
         color=seen["base_color"].astype(np.float16),  # everything shines by itself
         depth=seen.pop("depth"),
         motion=motion.astype(np.float16),

@@ -19,17 +19,17 @@ from supersampler.methods.spec import MethodSpec, constant_indices, constants_ar
 from supersampler.methods.taa.spec import TAA, TaaConfig
 from supersampler.methods.taau.spec import TAAU, TaauConfig
 from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method
-from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate
+from supersampler_model.methods.extrapolation.joint import UnshadedExtrapolate
 
 ROOT = Path(__file__).parents[1]
 MODELS = ROOT / "sdk/supersampler/models"
 ALL: dict[str, type[Method]] = {
     **METHODS,
     **LEARNED,
-    EXTRAPOLATE_UNSHADED.name: DrawnExtrapolate,
-    AOVS.name: Carry,
+    EXTRAPOLATE_UNSHADED.name: UnshadedExtrapolate,
+    AOVS.name: BlendAovs,
 }
 PACKAGES = ("sdk/supersampler", "model/supersampler_model", "export/supersampler_export")
 METHOD_FOLDERS = ("model/supersampler_model/methods",)

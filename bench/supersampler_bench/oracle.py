@@ -43,8 +43,8 @@ class Oracle:
         history, view = self._before
         with torch.no_grad():
             gathered = self._method.gather(color, depth, motion, given, history, now, view)
-            present, past = gathered.present.frame, gathered.past.color
-            known = gathered.there.on_screen * (history.exposure.abs() > 0.0)
+            present, past = gathered.current.frame, gathered.warped.color
+            known = gathered.reprojection.on_screen * (history.exposure.abs() > 0.0)
             toned = past
             if item.reference is not None:
                 toned = tone(torch.from_numpy(planes_of(item.reference)) * gathered.exposure)

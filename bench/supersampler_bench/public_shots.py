@@ -162,7 +162,7 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
         raise ShotError(path, f"no test shot has the ratio {ratio:g}", f"They are made at {made}.")
     if not path.exists():
         raise ShotError(path, f"the test shot {family} at ratio {ratio:g} is not there", _HOW)
-    drawn, shot = read_drawn(folder), Shot.open(path)
+    drawn, shot = read_rerendered(folder), Shot.open(path)
     if {name: drawn.get(name) for name in shots.facts(family)} != shots.facts(family):
         raise ShotError(path, "is of another version of the test shots", f"Delete {folder}: {_HOW}")
     if len(shot) < shots.frames:
@@ -178,7 +178,7 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
     )
 
 
-def read_drawn(folder: Path) -> dict[str, Any]:
+def read_rerendered(folder: Path) -> dict[str, Any]:
     """Return what a shot's folder says of what drew it; nothing where it says nothing."""
     return _json(folder / DRAWN)
 

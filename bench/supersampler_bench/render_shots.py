@@ -8,7 +8,7 @@ from pathlib import Path
 
 from supersampler.errors import ShotError
 from supersampler.io.atomic import replacing
-from supersampler_bench.public_shots import DRAWN, TestShots, read_drawn, shot_folder
+from supersampler_bench.public_shots import DRAWN, TestShots, read_rerendered, shot_folder
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.renderer.context import Graphics, open_graphics
 from supersampler_model.data.renderer.renderer import Renderer
@@ -54,7 +54,7 @@ def render_test_shot(
     """
     graphics = graphics or open_graphics()
     folder, facts = shot_folder(cache, family), {**shots.facts(family), "driver": driver_name(graphics)}
-    there = read_drawn(folder) or facts
+    there = read_rerendered(folder) or facts
     for name, value in facts.items():
         if there.get(name) != value:
             problem = f"the shot that is there has the {name} {there.get(name)}; this run's is {value}"

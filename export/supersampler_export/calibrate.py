@@ -1,4 +1,4 @@
-"""Ranges of what the layers of a network give on real frames, for `quantize`."""
+"""Calibration: output ranges of the network's layers on real frames, for `quantize`."""
 
 import itertools
 from collections.abc import Callable
@@ -14,19 +14,19 @@ from supersampler_model.methods.classifier.model import Classifier
 
 SCALES, FRAMES = (1.5, 2.5), 10
 SHARE = 0.9999
-"""At this share of the values a range ends; the few beyond it would cost all others their steps."""
+"""Quantile at which a range ends; including the outliers would coarsen the steps of all others."""
 MARGIN = 1.5
-"""Room for scenes whose values are larger than those of the shot at hand."""
+"""Factor for scenes with larger values than the calibration shot."""
 
 
 def calibrated(method: Classifier) -> dict[str, float]:
-    """Step the shipped shot at several ratios; return the largest value that counts of each layer, by name.
+    """Step the shipped shot at several ratios; return the range of each layer's output, by name.
 
-    Two digits each, upwards: arithmetic that differs in its last bits gives the same bytes.
+    Rounded to two digits, so that rounding errors of the arithmetic do not change the int8 network.
     """
     ranges: dict[str, float] = {}
-    layers = {name: layer for name, layer in method.net.named_modules() if _counts(name)}
-    hooks = [layer.register_forward_hook(_watch(name, ranges)) for name, layer in layers.items()]
+    layers = {name: layer for name, layer in method.net.named_modules() if _is_quantized(name)}
+    hooks = [layer.register_forward_hook(_record_range(name, ranges)) for name, layer in layers.items()]
     try:
         for scale in SCALES:
             _step_shot(method, scale)
@@ -36,13 +36,13 @@ def calibrated(method: Classifier) -> dict[str, float]:
     return {name: float(f"{MARGIN * value:.1e}") for name, value in ranges.items()}
 
 
-def _counts(name: str) -> bool:
-    """Whether bytes come after this: the parts of blocks, decoder, compositor, classes."""
+def _is_quantized(name: str) -> bool:
+    """Whether the output of a layer is quantized: parts of blocks, decoder, compositor, classes."""
     path = name.split(".")
     return name in ("hidden", "classes") or (path[0], len(path)) in (("encoder", 4), ("decoder", 2))
 
 
-def _watch(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, object, Tensor], None]:
+def _record_range(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, object, Tensor], None]:
     def note(_: nn.Module, __: object, given: Tensor) -> None:
         values = given.abs().flatten()
         rank = max(round((1.0 - SHARE) * len(values)), 1)

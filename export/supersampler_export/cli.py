@@ -19,17 +19,19 @@ app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 def export(
     method: Annotated[
         str,
-        typer.Argument(help=f"One of {', '.join([*METHODS, *LEARNED])}; `all`: those that ship."),
+        typer.Argument(help=f"One of {', '.join([*METHODS, *LEARNED])}; `all`: those that are released."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; with `all`, its parent.")],
     weights: Annotated[
         Path | None,
-        typer.Option(help="Of a method that is learned: weights.safetensors of a run, not those that ship."),
+        typer.Option(
+            help="Weights of a learned method: weights.safetensors of a run, in place of the released ones."
+        ),
     ] = None,
 ) -> None:
     """Write METHOD as a model folder: step.onnx (the whole recurrent step), model.json and a model card.
 
-    The files appear only after ONNX Runtime has drawn the pictures that torch draws, at sizes not traced.
+    The files are written only after ONNX Runtime reproduces the images of torch, at sizes not traced.
 
     Examples:
       supersampler export taau -o my_taau
@@ -46,15 +48,15 @@ def export(
 
 
 def shipped_methods() -> list[str]:
-    """Names of the methods that ship: those without weights, and those whose weights ship."""
+    """Names of the released methods: those without weights, and those with released weights."""
     return [*METHODS, *(name for name in LEARNED if shipped_weights(name).exists())]
 
 
 def made_method(name: str, weights: Path | None = None) -> Method:
-    """Return a method, with the weights of a file, or with those that ship.
+    """Return a method with the weights of a file, or with its released ones.
 
     Raises:
-        ArgumentError: there is no such method, it has no weights or none are there.
+        ArgumentError: there is no such method, or it has no weights.
     """
     if name in LEARNED and (weights is not None or shipped_weights(name).exists()):
         return LEARNED[name].of(load_trained(weights or shipped_weights(name)))

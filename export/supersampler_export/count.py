@@ -1,4 +1,4 @@
-"""Multiply-adds of a network, counted from its shapes: no clock, so the same on every machine."""
+"""Multiply-adds of a network, counted from tensor shapes, without measuring time."""
 
 import copy
 import math
@@ -17,16 +17,16 @@ from supersampler_model.methods.base import Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
 COUNTED_AT: Size = (960, 544)
-"""Display size that whole numbers of the network's deepest pixels fill."""
+"""Display size that is a multiple of the network's coarsest pixels."""
 
 
 def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, ratio: int = 2) -> float:
-    """Count those of a fused network's convolutions and matrix products, per pixel of the display.
+    """Count the multiply-adds of a network's convolutions and matrix products, per display pixel.
 
     Args:
-        network: as `export_fused` makes it.
+        network: from `export_fused`.
         display_size: (width, height).
-        ratio: of it to the render size.
+        ratio: of display to render size.
     """
     model = onnx.ModelProto()
     model.CopyFrom(network)
@@ -41,8 +41,8 @@ def multiply_adds(network: onnx.ModelProto, display_size: Size = COUNTED_AT, rat
     return total / (display_size[0] * display_size[1])
 
 
-def multiply_adds_in_torch(fused: Fused, display_size: Size = COUNTED_AT) -> float:
-    """Count what `multiply_adds` counts of the graph, before there is one; nothing is computed.
+def multiply_adds_of(fused: Fused, display_size: Size = COUNTED_AT) -> float:
+    """Count the same from the torch module, on meta tensors.
 
     Args:
         fused: the learned part of a method.
@@ -62,14 +62,14 @@ def multiply_adds_in_torch(fused: Fused, display_size: Size = COUNTED_AT) -> flo
     network = copy.deepcopy(fused.module).eval().to("meta")
     with torch.no_grad(), FlopCounterMode(display=False) as counter:
         network(*inputs)
-    operations: int = counter.get_total_flops()  # two for each: a product and a sum
+    operations: int = counter.get_total_flops()  # a product and a sum per multiply-add
     return operations / 2 / (display_size[0] * display_size[1])
 
 
 def _shapes(
     model: onnx.ModelProto, names: Sequence[str], display_size: Size, ratio: int
 ) -> dict[str, tuple[int, ...]]:
-    """Run a graph on zeros, and return the shapes of some of its tensors."""
+    """Run a graph on zeros and return the shapes of some of its tensors."""
     render = (display_size[0] // ratio, display_size[1] // ratio)
     sizes = extents(render=render, display=display_size, previous=render)
     zeros = {

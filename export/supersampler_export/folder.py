@@ -1,4 +1,4 @@
-"""Write a model folder: step.onnx, model.json and a model card; only if the parity gate is passed."""
+"""Write a model folder: step.onnx, model.json and a model card; only after the parity gate."""
 
 import dataclasses
 import hashlib
@@ -18,10 +18,10 @@ from supersampler.io.atomic import check_ours
 from supersampler.io.shot.json_keys import read_json
 from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
-from supersampler_export.count import multiply_adds_in_torch
+from supersampler_export.count import multiply_adds_of
+from supersampler_export.cpu_network import cpu_network
 from supersampler_export.graph import OPSET, export_fused, export_graph, history_name
-from supersampler_export.half import in_half
-from supersampler_export.host import host_network
+from supersampler_export.half import to_half
 from supersampler_export.parity import (
     FRAMES,
     SHARE,
@@ -31,31 +31,33 @@ from supersampler_export.parity import (
     check_fused,
     check_parity,
 )
-from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Fused, Method
 
 _FILES = {
-    "aovs.onnx": "blends what a frame carries along (alpha, say) by the weight that the step tells.",
-    "network.onnx": "is the learned part alone.",
-    "step.fp16.onnx": "is the step with the learned part in half precision.",
-    "network.npz": "is it in bytes, for the host executor.",
+    "aovs.onnx": "blends AOVs (alpha, any channels) by the step's `weight` output.",
+    "network.onnx": "is the network alone.",
+    "step.fp16.onnx": "is the step with the network in half precision.",
+    "network.npz": "is the int8 network, for the CPU backend.",
     f"{EXTRAPOLATED}/model.json": "describes the step for extrapolated frames, on the same history.",
 }
-"""What a model card says of files that not all folders have."""
+"""Text of a model card about optional files."""
 
 
 def write_model_folder(method: Method, folder: Path) -> None:
     """Export `method`, check it against torch, then write the folder, model.json last.
 
-    What steps on drawn frames, where that is another graph, is a folder in the folder.
+    The method for extrapolated frames, if it is another one, goes to a folder in the folder.
 
     Raises:
-        ExportError: opset, operators or parity are not as they must be; nothing is written.
-        ShotError: files that no export wrote are in the way; likewise.
+        ExportError: opset, operators or parity fail; nothing is written.
+        ShotError: files in the way were not written by an export; nothing is written.
     """
-    drawn = method.on_extrapolated()
+    extrapolated = method.on_extrapolated()
     inner = (
-        {} if drawn is None else {f"{EXTRAPOLATED}/{name}": made for name, made in _made(drawn, {}).items()}
+        {}
+        if extrapolated is None
+        else {f"{EXTRAPOLATED}/{name}": made for name, made in _made(extrapolated, {}).items()}
     )
     content = {**inner, **_made(method, inner)}
     _check_free(folder, content)
@@ -65,7 +67,7 @@ def write_model_folder(method: Method, folder: Path) -> None:
 
 
 def _check_free(folder: Path, names: Iterable[str]) -> None:
-    """Raise where a file is in the way that the model.json beside it does not list."""
+    """Raise where an existing file is not listed by the model.json beside it."""
     for name in names:
         check_ours(folder / name, _is_listed, "listed by a model.json beside it")
 
@@ -81,24 +83,24 @@ def _is_listed(path: Path) -> bool:
 
 
 def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
-    """Return all files of a folder by name, model.json last; it knows the folder in it by its model.json."""
+    """Return all files of a folder by name, model.json last; of the inner folder it lists the model.json."""
     described = describe(method)
     graph = _labelled(export_graph(method), described)
     files = {"step.onnx": _serialized(graph)}
     parity = check_parity(method, files["step.onnx"])
-    if not method.extrapolates():  # what is carried along comes with every frame
+    if not method.extrapolates():  # upscalers blend AOVs
         files["aovs.onnx"] = aovs_graph()
     fused = method.fused()
     if fused is not None:
         files["network.onnx"] = _serialized(export_fused(fused))
         check_fused(fused, files["network.onnx"])
-    half = in_half(method)
+    half = to_half(method)
     if half is not None:
         files["step.fp16.onnx"] = _serialized(_labelled(export_graph(half), described))
         check_parity(method, files["step.fp16.onnx"], TOLERANCE_HALF)
-    host = host_network(method)
-    if host is not None:
-        files["network.npz"] = host
+    network = cpu_network(method)
+    if network is not None:
+        files["network.npz"] = network
     known = files | {name: content for name, content in inner.items() if name == f"{EXTRAPOLATED}/model.json"}
     described["files"] = {name: hashlib.sha256(content).hexdigest() for name, content in known.items()}
     described["parity"] = _parity_record(parity)
@@ -109,18 +111,18 @@ def _made(method: Method, inner: Mapping[str, bytes]) -> dict[str, bytes]:
 
 @cache
 def aovs_graph() -> bytes:
-    """Export what blends the channels that frames carry along, once: it is the same in every folder.
+    """Export the blending of AOVs once; it is the same in every folder.
 
     Raises:
         ExportError: see `write_model_folder`.
     """
-    graph = _serialized(export_graph(Carry()))
-    check_parity(Carry(), graph)
+    graph = _serialized(export_graph(BlendAovs()))
+    check_parity(BlendAovs(), graph)
     return graph
 
 
 def _labelled(graph: onnx.ModelProto, described: Mapping[str, Any]) -> onnx.ModelProto:
-    """Have the graph say what it is."""
+    """Add contract and method to the metadata of the graph."""
     for key in ("contract", "method"):
         entry = graph.metadata_props.add()
         entry.key, entry.value = f"supersampler.{key}", str(described[key])
@@ -132,7 +134,7 @@ def _serialized(graph: onnx.ModelProto) -> bytes:
 
 
 def describe(method: Method) -> dict[str, Any]:
-    """What model.json says, but for the files and the parity."""
+    """Return the content of model.json except for files and parity."""
     spec, fused = method.spec, method.fused()
     config = getattr(method, "config", spec.config())
     return {
@@ -164,7 +166,7 @@ def describe(method: Method) -> dict[str, Any]:
 
 
 def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Sequence[Parity]) -> str:
-    """MODEL_CARD.md: what a person wants to know before shipping the file."""
+    """Return MODEL_CARD.md."""
     tensors = [*described["inputs"], *described["history"], described["image"], *described["aux_outputs"]]
     operators = Counter(node.op_type for node in graph.graph.node)
     lines = [
@@ -174,15 +176,15 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
         _origin(described.get("learned")),
         "",
         f"`step.onnx` is one whole recurrent step at opset {OPSET}, contract {described['contract']} "
-        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no past."
-        + "".join(f" `{name}` {said}" for name, said in _FILES.items() if name in described["files"]),
-        _draws(described),
+        "(docs/contract.md). Each frame's `next.*` goes back in as `history.*`; all zeros mean no history."
+        + "".join(f" `{name}` {text}" for name, text in _FILES.items() if name in described["files"]),
+        _purpose(described),
         "",
         "| tensor | type | shape |",
         "|---|---|---|",
         *(f"| {t['name']} | {t['type']} | {', '.join(map(str, t['shape']))} |" for t in tensors),
         "",
-        f"Against torch over {FRAMES} recurrent frames of noise, on toned pictures in [0, 1): difference at "
+        f"Against torch over {FRAMES} recurrent frames of noise, on toned images in [0, 1): difference at "
         f"{100 * SHARE:g} % of the values (tolerance {TOLERANCE:g}), and the median.",
         "",
         "| render | display | difference | median |",
@@ -199,25 +201,23 @@ def model_card(described: Mapping[str, Any], graph: onnx.ModelProto, parity: Seq
     return "\n".join(lines) + "\n"
 
 
-def _draws(described: Mapping[str, Any]) -> str:
-    """Return what is drawn from what, by sizes."""
+def _purpose(described: Mapping[str, Any]) -> str:
+    """Return the model card's text about sizes."""
     low, high = described["ratios"]
     if described["image"]["shape"][2:] == list(RENDER):
         return (
-            "Draws the colour of a frame that was not shaded, at render size, for an upscaler to step on. "
+            "Computes the colour of unshaded frames at render size, for an upscaler to step on. "
             "After a shaded frame the history is that frame."
         )
     if described.get("only_extrapolated"):
-        return (
-            "Steps only on frames whose colour was drawn, on the history of the model whose folder it is in."
-        )
+        return "Steps only on extrapolated frames, on the history of the model in the parent folder."
     if low == high:
         return f"A ratio of display to render size of exactly {low:g}, on both axes."
     return f"Any ratio of display to render size from {low} to {high}, per axis."
 
 
 def _origin(learned: Mapping[str, Any] | None) -> str:
-    """Return where the weights come from."""
+    """Return the provenance of the weights."""
     if learned is None:
         return "No learned weights, no training data."
     scores = ", ".join(f"{name} {value:.3f}" for name, value in learned.get("validation", {}).items())
@@ -243,7 +243,7 @@ def _parity_record(parity: Sequence[Parity]) -> dict[str, Any]:
 def _network(fused: Fused) -> dict[str, Any]:
     tensors = {"inputs": fused.inputs, "outputs": fused.outputs}
     described = {kind: [_tensor(*item) for item in shapes.items()] for kind, shapes in tensors.items()}
-    return {**described, "multiply_adds": multiply_adds_in_torch(fused)}
+    return {**described, "multiply_adds": multiply_adds_of(fused)}
 
 
 def _tensor(name: str, shape: Shape) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""One torch method to one ONNX graph that holds its whole recurrent step."""
+"""Export of a method to one ONNX graph of its whole recurrent step."""
 
 import contextlib
 import io
@@ -28,7 +28,7 @@ from supersampler.methods.spec import (
 from supersampler_model.methods.base import Fused, Method, Size
 
 OPSET = 17
-"""Last one in which every provider implements GridSample alike (docs/contract.md)."""
+"""Last opset in which every provider implements GridSample alike (docs/contract.md)."""
 
 PORTABLE_OPERATORS = frozenset(
     {"Abs", "Add", "And", "Cast", "Clip", "Concat", "Conv", "DepthToSpace", "Div", "Equal", "Exp", "Expand"}
@@ -54,7 +54,7 @@ PORTABLE_OPERATORS = frozenset(
 
 
 class ExportError(SupersamplerError, RuntimeError):
-    """The graph cannot be exported, or does not draw the pictures that torch draws."""
+    """The graph cannot be exported, or differs from torch."""
 
 
 def history_name(name: str) -> str:
@@ -78,19 +78,20 @@ def export_graph(method: Method) -> onnx.ModelProto:
     }
     inputs = [history_name(name) for name in names]
     outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
-    current = dict(zip(PREVIOUS, RENDER, strict=True))  # what this frame leaves is the next one's previous
-    left = [[current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()]
+    current = dict(zip(PREVIOUS, RENDER, strict=True))  # this frame's size is the next one's previous size
+    next_history = [
+        [current.get(n, n) if isinstance(n, str) else n for n in s] for s in method.history.values()
+    ]
     model = _traced(method, arguments, inputs, outputs, dynamic)
     _declare(model.graph.input, list(shapes.values()))
-    _declare(
-        model.graph.output, [method.spec.image, *left, *(TENSORS[name] for name in method.spec.aux_outputs)]
-    )
+    aux_outputs = [TENSORS[name] for name in method.spec.aux_outputs]
+    _declare(model.graph.output, [method.spec.image, *next_history, *aux_outputs])
     _strip(model)
     return model
 
 
 def traced_sizes(method: Method) -> tuple[Size, Size]:
-    """(render, display) that a graph is traced at: of no whole ratio, where the method may have it."""
+    """(render, display) that a graph is traced at; not a whole ratio unless the method requires one."""
     render, ratio = Size(26, 18), only_ratio(method.ratios)
     display = (52, 37) if ratio is None else scaled(render, ratio)
     if display is None:
@@ -99,7 +100,7 @@ def traced_sizes(method: Method) -> tuple[Size, Size]:
 
 
 def _dims(method: Method) -> dict[str, Any]:
-    """What stands for each name in shapes; at one whole ratio the display's are multiples of the render's."""
+    """Dim of each name in shapes; at one whole ratio, display sizes are multiples of render sizes."""
     free = (*RENDER, *DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
     dims: dict[str, Any] = {n: torch.export.Dim(n, min=1, max=1 << 15) for n in free}
     ratio = only_ratio(method.ratios)
@@ -116,7 +117,7 @@ def _times(dim: Any, factor: int) -> Any:
 
 
 def export_fused(fused: Fused) -> onnx.ModelProto:
-    """Trace the learned part alone, at free sizes.
+    """Trace the network alone, with free sizes.
 
     Raises:
         ExportError: another opset or operator came out.
@@ -136,7 +137,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
 
 
 def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
-    """Noise of the shapes that the learned part takes at half the display size, or the render size."""
+    """Noise of the network's input shapes, from half the display size, or the render size."""
     sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
     sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
     shapes = [[sizes[n] if isinstance(n, str) else n for n in shape] for shape in fused.inputs.values()]
@@ -171,7 +172,7 @@ def shape_of(method: Method, parameter: str) -> Shape:
 
 
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
-    """Noise of the right shapes and ranges; what it shows does not matter to the trace."""
+    """Noise of the shapes of the step's inputs, for tracing."""
     half = ((display.height + 1) // 2, (display.width + 1) // 2)
     others = [(previous.height + 2 * i, previous.width + i) for i in range(4)]
     sizes = dict(zip((*RENDER, *DISPLAY, *HALF), (*render[::-1], *display[::-1], *half), strict=True))
@@ -210,7 +211,7 @@ def _declare(values: Sequence[onnx.ValueInfoProto], shapes: Sequence[Sequence[in
 
 
 def _strip(model: onnx.ModelProto) -> None:
-    """Leave out what the exporter says of its own values and nodes."""
+    """Remove the exporter's metadata of values and nodes."""
     del model.graph.value_info[:]
     for node in model.graph.node:
         del node.metadata_props[:]

@@ -1,4 +1,4 @@
-"""The learned part in half precision, for providers whose processors multiply halves faster."""
+"""The network in half precision, for providers with fast half precision."""
 
 import copy
 
@@ -8,11 +8,11 @@ from torch.nn.utils.fusion import fuse_conv_bn_eval
 from supersampler_model.methods.base import Method
 
 
-class InHalf(nn.Module):
-    """A network that computes in half precision between borders in single precision.
+class HalfNetwork(nn.Module):
+    """A network in half precision with float32 inputs and outputs.
 
-    Batch normalisation is folded into the convolution before it while both are in single precision: means and
-    variances need not fit the range of halves, products do.
+    Batch normalisation is folded into the preceding convolution in float32, as its means and variances may
+    exceed the range of half floats.
 
     Args:
         network: of (tensor, ...) to (tensor, ...); not changed.
@@ -23,7 +23,7 @@ class InHalf(nn.Module):
         self.network = folded(copy.deepcopy(network).eval()).half()
 
     def forward(self, *inputs: Tensor) -> tuple[Tensor, ...]:
-        """As the network's."""
+        """Run the network."""
         return tuple(output.float() for output in self.network(*(value.half() for value in inputs)))
 
 
@@ -38,10 +38,10 @@ def folded(network: nn.Module) -> nn.Module:
     return network
 
 
-def in_half(method: Method) -> Method | None:
-    """Return `method` with its learned part in half precision; None where nothing in it is learned."""
+def to_half(method: Method) -> Method | None:
+    """Return `method` with its network in half precision; None without a network."""
     if method.fused() is None:
         return None
     made = copy.deepcopy(method)
-    made.net = InHalf(method.get_submodule("net"))
+    made.net = HalfNetwork(method.get_submodule("net"))
     return made.eval()

@@ -1,4 +1,4 @@
-"""The parity gate: ONNX Runtime must draw the pictures that torch draws, frame after frame."""
+"""The parity gate: ONNX Runtime must reproduce the images of torch over several frames."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ SIZES: Sizes = (
     (Size(1, 9), Size(3, 28)),
     (Size(240, 135), Size(480, 270)),
 )
-"""Sizes of the gate, of methods that take a range of ratios; only the first was traced."""
+"""Sizes of the gate for methods with a range of ratios; only the first was traced."""
 RENDERS: Sequence[Size] = (
     Size(80, 45),
     Size(61, 47),
@@ -36,27 +36,27 @@ RENDERS: Sequence[Size] = (
     Size(2, 2),
     Size(120, 68),
 )
-"""Render sizes of the gate, of methods of one ratio, beside the one that was traced."""
+"""Render sizes of the gate for methods with one ratio, besides the traced one."""
 
 FRAMES = 4
 SHADED = (True, False, True, False, False)
-"""Frames of the gate of methods that draw those that were not shaded."""
-CARRIED = 3  # channels carried along
+"""Frames of the gate for extrapolating methods: whether each is shaded."""
+AOV_CHANNELS = 3
 TOLERANCE = 1e-4
 SHARE = 0.999
-"""At this share of the pixels the toned pictures differ by no more than TOLERANCE.
+"""Fraction of the values of toned images that differ by at most TOLERANCE.
 
-The rest are pixels where a rounding error decides a comparison (closest of two equal depths, floor of a
-position on a sample), which noise, the content of the gate, has many of.
+At the others a rounding error decides a comparison (closest of two equal depths, floor of a position on a
+sample). Noise, the content of the gate, has many of these.
 """
 
 TOLERANCE_HALF = 1e-3
-"""The same where the learned part is in half precision, whose steps are 5e-4 of a value."""
+"""Tolerance with a network in half precision, whose steps are 5e-4 of a value."""
 
 
 @dataclass(frozen=True)
 class Parity:
-    """Difference between torch and ONNX Runtime on one pair of sizes, of pictures toned to [0, 1)."""
+    """Difference between torch and ONNX Runtime on one pair of sizes, of images toned to [0, 1)."""
 
     render: Size
     display: Size
@@ -66,7 +66,7 @@ class Parity:
 
 
 def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> list[Parity]:
-    """Run both over all sizes.
+    """Compare torch and ONNX Runtime at all sizes.
 
     Raises:
         ExportError: they differ by more than the tolerance at some size.
@@ -85,7 +85,7 @@ def check_parity(method: Method, graph: bytes, tolerance: float = TOLERANCE) -> 
 
 
 def sizes_of(method: Method) -> Sizes:
-    """Sizes of the gate that a method draws from and to; only the first was traced."""
+    """Sizes of the gate for a method; only the first was traced."""
     ratio = only_ratio(method.ratios)
     if ratio is None:
         return SIZES
@@ -95,7 +95,7 @@ def sizes_of(method: Method) -> Sizes:
 
 
 def check_fused(fused: Fused, graph: bytes) -> None:
-    """Run the learned part alone by both, at sizes not traced.
+    """Compare the network alone in torch and ONNX Runtime, at sizes not traced.
 
     Raises:
         ExportError: they differ by more than the tolerance, of the largest value.
@@ -107,19 +107,21 @@ def check_fused(fused: Fused, graph: bytes) -> None:
             ours = fused.module(*inputs)
         feeds = {name: value.numpy() for name, value in zip(fused.inputs, inputs, strict=True)}
         for name, one, other in zip(fused.outputs, ours, session.run(None, feeds), strict=True):
-            off = np.abs(one.numpy() - other).max() / max(np.abs(other).max(), 1.0)
-            if not off <= TOLERANCE:
-                raise ExportError(f"{name} at {tuple(half)}: ONNX Runtime is off by {off:.1e}")
+            error = np.abs(one.numpy() - other).max() / max(np.abs(other).max(), 1.0)
+            if not error <= TOLERANCE:
+                raise ExportError(f"{name} at {tuple(half)}: ONNX Runtime is off by {error:.1e}")
 
 
 def compare(method: Method, session: ort.InferenceSession, render: Size, display: Size) -> Parity:
     """Step FRAMES noisy frames through both, each with its own history."""
     shaded = SHADED if method.extrapolates() else (False,) * FRAMES
-    ours = theirs = method.first_history(display, render, CARRIED)
+    ours = theirs = method.first_history(display, render, AOV_CHANNELS)
     differences = []
     for index, frame in enumerate(noise(render, display, len(shaded))):
         if shaded[index]:
-            ours, theirs = (method.after_shaded(frame, past if index else None) for past in (ours, theirs))
+            ours, theirs = (
+                method.after_shaded(frame, history if index else None) for history in (ours, theirs)
+            )
             continue
         arguments = [frame[name] for name in method.inputs()]
         with torch.no_grad():
@@ -135,9 +137,9 @@ def compare(method: Method, session: ort.InferenceSession, render: Size, display
 
 
 def noise(render: Size, display: Size, frames: int) -> Iterator[dict[str, Tensor]]:
-    """Frames of smooth colour with noise on it, sloping depth with steps, motion of a few pixels.
+    """Yield frames of smooth colour plus noise, sloping depth with steps, motion of a few pixels.
 
-    G-buffers are waves of their own, of each size; depth of display size is what the frame's is.
+    G-buffers are other waves at both sizes; depth at display size is the same surface as at render size.
     """
     random = np.random.default_rng(render.width * 1000 + render.height)
     y, x = np.mgrid[: render.height, : render.width].astype(np.float32)

@@ -1,15 +1,15 @@
-"""The network of the classifier in bytes, for the host executor: `network.npz` of a model folder.
+"""The int8 network of the classifiers for the CPU backend: `network.npz` of a model folder.
 
-Values are (byte - zero) * scale. Products of bytes are summed as they are, and a scale and a bias for each
-output lead from the sum to the next layer's bytes:
+Values are (byte - zero) * scale. Products of bytes are summed as integers; a scale and a bias per output
+convert the sum to the next layer's bytes:
 
     sum of w x  =  sigma * sum of w' (byte - zero),  w' = round(w scale / sigma),  sigma = max |w scale| / 127
 
-with the input's scale of each channel within the weights, so that inputs of several sources need no common
-one. What a depthwise convolution gives has a sign and is stored around 128.
+The scale of each input channel is folded into the weights, so that inputs from several sources need no common
+scale. Outputs of depthwise convolutions are signed and stored around 128.
 
-Where channels lie is part of a layer: outputs come in the order in which the next layer reads them, with room
-between them, so that nothing is moved in between.
+The order of channels is a part of each layer: outputs are written in the order in which the next layer reads
+them, with padding between them, so that nothing is moved in between.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,20 +27,20 @@ Floats = NDArray[np.float64]
 Arrays = dict[str, NDArray[Any]]
 BYTE, SIGNED, MIDDLE = 255.0, 127.0, 128.0
 EPSILON = 1e-5  # of batch normalisation
-BLOCK, WORD = 32, 4  # outputs that a kernel makes at once; bytes that it multiplies at once
-EIGHT = 8  # outputs that the last layer's makes
-KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
-CARRIED = 8  # bytes of a record between packed pixels and decoder: what is at half size
+BLOCK, WORD = 32, 4  # outputs per kernel iteration; bytes per multiplication
+EIGHT = 8  # outputs per iteration of the last layer
+KEPT = (16, 8, 4, 4)  # bytes per pixel and level among the decoder's 32 inputs
+HALF_SIZE_BYTES = 8  # bytes of the half-size inputs in a record
 
 
 @dataclass(frozen=True)
-class Bytes:
-    """Channels as bytes side by side, an entry a byte.
+class ByteLayout:
+    """Layout of channels as contiguous bytes, one entry per byte.
 
     Attributes:
-        channel: which; -1 where there is room alone.
-        scale: of its value.
-        zero: byte that means zero.
+        channel: index of the channel; -1: padding.
+        scale: of its values.
+        zero: byte of the value 0.
     """
 
     channel: NDArray[np.int64]
@@ -48,35 +48,35 @@ class Bytes:
     zero: Floats
 
     @classmethod
-    def of(cls, channels: Sequence[int] | int, scale: float, zero: float = 0.0) -> "Bytes":
-        """All channels alike; a number counts them."""
+    def of(cls, channels: Sequence[int] | int, scale: float, zero: float = 0.0) -> "ByteLayout":
+        """Return a layout with equal scales; an integer is a number of channels."""
         order = np.arange(channels) if isinstance(channels, int) else np.array(channels, np.int64)
         return cls(order, np.full(len(order), scale), np.full(len(order), zero))
 
-    def beside(self, other: "Bytes") -> "Bytes":
-        """Channels of both, one after the other."""
+    def beside(self, other: "ByteLayout") -> "ByteLayout":
+        """Concatenate two layouts."""
         shifted = np.where(other.channel < 0, -1, other.channel + self.channel.max(initial=-1) + 1)
-        return Bytes(
+        return ByteLayout(
             np.concatenate([self.channel, shifted]),
             np.concatenate([self.scale, other.scale]),
             np.concatenate([self.zero, other.zero]),
         )
 
-    def followed_by(self, room: int) -> "Bytes":
-        """The same with bytes of no channel after them."""
-        return Bytes(
+    def followed_by(self, room: int) -> "ByteLayout":
+        """Append padding bytes."""
+        return ByteLayout(
             np.pad(self.channel, (0, room), constant_values=-1),
             np.pad(self.scale, (0, room), constant_values=1.0),
             np.pad(self.zero, (0, room)),
         )
 
-    def up_to(self, multiple: int) -> "Bytes":
-        """The same with room up to a multiple."""
+    def up_to(self, multiple: int) -> "ByteLayout":
+        """Pad to a multiple."""
         return self.followed_by(-len(self.channel) % multiple)
 
 
-def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Arrays:
-    """Quantise a 1x1 convolution, weights (out, in); as `kernels.network.pointwise` reads it."""
+def pixelwise(weights: Floats, bias: Floats, given: ByteLayout, made: ByteLayout) -> Arrays:
+    """Quantize a 1x1 convolution, weights (out, in); as `kernels.network.pointwise` reads it."""
     given, made = given.up_to(WORD), made.up_to(BLOCK)
     scaled = np.where(given.channel >= 0, weights[:, given.channel] * given.scale, 0.0)
     sigma = np.maximum(np.abs(scaled).max(axis=1), 1e-12) / SIGNED
@@ -92,7 +92,7 @@ def pixelwise(weights: Floats, bias: Floats, given: Bytes, made: Bytes) -> Array
 
 
 def by_output(layer: Arrays, outputs: int) -> Arrays:
-    """The same layer output by output, (outputs in eights, words, WORD), as the last layer is read."""
+    """Reorder a layer output by output, (outputs in eights, words, WORD), as the last layer is read."""
     outputs = -(-outputs // EIGHT) * EIGHT
     blocks, words = layer["weights"].shape[:2]
     rows = layer["weights"].transpose(0, 2, 1, 3).reshape(blocks * BLOCK, words, WORD)
@@ -100,10 +100,12 @@ def by_output(layer: Arrays, outputs: int) -> Arrays:
 
 
 def depthwise(weights: Floats, given: float, made: float) -> Arrays:
-    """Quantise a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
+    """Quantize a 3x3 convolution of each channel, (channels, 3, 3), to bytes around MIDDLE."""
     sigma = np.maximum(np.abs(weights).max(axis=(1, 2)), 1e-12) / SIGNED
     whole = np.round(weights / sigma[:, None, None]).astype(np.int8)
-    columns = np.zeros((len(weights) // 16, 3, 16, WORD), np.int8)  # three bytes above one another, a word
+    columns = np.zeros(
+        (len(weights) // 16, 3, 16, WORD), np.int8
+    )  # three vertical neighbours and padding: one word
     columns[..., :3] = whole.reshape(-1, 16, 3, 3).transpose(0, 3, 1, 2)
     return {
         "weights": columns,
@@ -113,7 +115,7 @@ def depthwise(weights: Floats, given: float, made: float) -> Arrays:
 
 
 def folded(layer: nn.Module) -> tuple[Floats, Floats]:
-    """Weights (out, in) and bias of a `Pointwise` with its batch normalisation within."""
+    """Weights (out, in) and bias of a `Pointwise`, its batch normalisation folded in."""
     values = {
         name: value.detach().cpu().numpy().astype(np.float64) for name, value in layer.state_dict().items()
     }
@@ -122,16 +124,16 @@ def folded(layer: nn.Module) -> tuple[Floats, Floats]:
     return values["0.weight"][:, :, 0, 0] * scale[:, None], bias
 
 
-def packed_bytes() -> Bytes:
-    """How packed pixels are values: all in [0, 1] but the difference of depth, in [-1, 1]."""
+def packed_bytes() -> ByteLayout:
+    """Layout of packed pixels: all inputs are in [0, 1] except the difference of depth, in [-1, 1]."""
     scale, zero = np.full(len(DEFAULT_INPUTS), 1.0 / BYTE), np.zeros(len(DEFAULT_INPUTS))
     at = DEFAULT_INPUTS.index("difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
-    return Bytes(np.arange(4 * len(DEFAULT_INPUTS)), scale.repeat(4), zero.repeat(4))
+    return ByteLayout(np.arange(4 * len(DEFAULT_INPUTS)), scale.repeat(4), zero.repeat(4))
 
 
 def unpacked(channels: int, level: int) -> list[int]:
-    """Channels of a level in the order in which its sub-pixels are read, each in its KEPT bytes."""
+    """Channels of a level in the order in which the decoder reads its sub-pixels, KEPT bytes each."""
     parts = 4**level
     return [
         channel * parts + part if channel * parts < channels else -1
@@ -140,57 +142,57 @@ def unpacked(channels: int, level: int) -> list[int]:
     ]
 
 
-def quantised(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays:
-    """Quantise all layers.
+def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays:
+    """Quantize all layers.
 
     Args:
         network: trained.
-        ranges: the largest value that counts of what each layer gives, by its name in the network.
+        ranges: of the outputs of layers, by name, from `calibrated`.
 
     Returns:
-        "<layer>.weights", ".scale" and ".bias" of each; "logits.first", where the classes are among what the
-        hidden layer gives, and "logits.scale".
+        "<layer>.weights", ".scale" and ".bias" of each; "logits.first", the index of the classes among the
+        outputs of the hidden layer, and "logits.scale".
     """
     layers: dict[str, Arrays] = {}
     packed = packed_bytes()
-    given = packed.beside(Bytes.of(CARRIED, 1.0 / BYTE))
-    read = Bytes.of(0, 1.0)
+    given = packed.beside(ByteLayout.of(HALF_SIZE_BYTES, 1.0 / BYTE))
+    read = ByteLayout.of(0, 1.0)
     for level, block in enumerate(network.encoder.blocks):
         first, spatial, last = block.children()
         name, kernel = f"encoder.blocks.{level}", _weights(spatial)[:, 0]
         channels = len(kernel)
         inner, signed = ranges[f"{name}.0"] / BYTE, ranges[f"{name}.1"] / SIGNED
         made = ranges[f"{name}.2"] / BYTE
-        layers[f"{level}.first"] = pixelwise(*folded(first), given, Bytes.of(channels, inner))
+        layers[f"{level}.first"] = pixelwise(*folded(first), given, ByteLayout.of(channels, inner))
         layers[f"{level}.spatial"] = depthwise(kernel, inner, signed)
         kept = channels if level + 1 == len(KEPT) else channels // 2
         order = unpacked(kept, level) + list(range(kept, channels))
-        middle = Bytes.of(channels, signed, MIDDLE)
-        layers[f"{level}.last"] = pixelwise(*folded(last), middle, Bytes.of(order, made))
-        here = Bytes.of(kept // 4**level, made)
+        middle = ByteLayout.of(channels, signed, MIDDLE)
+        layers[f"{level}.last"] = pixelwise(*folded(last), middle, ByteLayout.of(order, made))
+        here = ByteLayout.of(kept // 4**level, made)
         here = here.followed_by(KEPT[level] - len(here.channel))
         read = read.beside(here)
-        given = Bytes.of(channels - kept, made)
+        given = ByteLayout.of(channels - kept, made)
     (decoder,) = network.decoder
     weights, bias = folded(decoder)
-    features = Bytes.of(len(bias), ranges["decoder.0"] / BYTE)
+    features = ByteLayout.of(len(bias), ranges["decoder.0"] / BYTE)
     layers["decoder"] = pixelwise(weights, bias, read, features)
     record = packed.beside(features)
     weights, bias = folded(network.hidden)
     classes = np.zeros((CLASSES, weights.shape[1]))
     classes[:, len(packed.channel) :] = _weights(network.classes)[:, :, 0, 0]
-    made_hidden = Bytes.of(len(bias), ranges["hidden"] / BYTE)
+    made_hidden = ByteLayout.of(len(bias), ranges["hidden"] / BYTE)
     layers["logits"] = {"first": np.array(len(bias)), "scale": np.array(ranges["classes"] / SIGNED)}
     layers["hidden"] = pixelwise(
         np.concatenate([weights, classes]),
         np.concatenate([bias, _weights(network.classes, "bias")]),
         record,
-        made_hidden.beside(Bytes.of(CLASSES, ranges["classes"] / SIGNED, MIDDLE)),
+        made_hidden.beside(ByteLayout.of(CLASSES, ranges["classes"] / SIGNED, MIDDLE)),
     )
     mixing = network.mixing.out_channels
     order = np.arange(mixing).reshape(-1, 4).T.ravel().tolist()  # pixel by pixel
     weights, bias = _weights(network.mixing)[:, :, 0, 0], _weights(network.mixing, "bias")
-    layers["mixing"] = by_output(pixelwise(weights, bias, made_hidden, Bytes.of(order, 1.0)), mixing)
+    layers["mixing"] = by_output(pixelwise(weights, bias, made_hidden, ByteLayout.of(order, 1.0)), mixing)
     found = {f"{name}.{part}": array for name, layer in layers.items() for part, array in layer.items()}
     return {name: np.ascontiguousarray(array) for name, array in found.items()}
 

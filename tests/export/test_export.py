@@ -22,10 +22,10 @@ from supersampler.methods.model_file import EXTRAPOLATED, find_model, read_model
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
-from supersampler_export.count import multiply_adds, multiply_adds_in_torch
+from supersampler_export.count import multiply_adds, multiply_adds_of
+from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, model_card, write_model_folder
 from supersampler_export.graph import ExportError, check_portable
-from supersampler_export.host import host_network
 from supersampler_export.parity import (
     SIZES,
     TOLERANCE,
@@ -64,7 +64,7 @@ def test_the_shipped_card_says_what_the_exporter_says_today(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["classifier", "classifier-small"])
 def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> None:
-    made = host_network(made_method(name))
+    made = cpu_network(made_method(name))
     assert made is not None
     fresh, shipped = np.load(io.BytesIO(made)), np.load(find_model(name) / "network.npz")
     assert fresh.files == shipped.files
@@ -128,7 +128,7 @@ def test_the_shipped_network_has_as_many_multiply_adds_as_torch_counts(name: str
     assert fused is not None
     network = onnx.load(find_model(name) / "network.onnx")
     for display in ((960, 544), (128, 64)):
-        assert multiply_adds(network, display, fused.ratio) == multiply_adds_in_torch(fused, display)
+        assert multiply_adds(network, display, fused.ratio) == multiply_adds_of(fused, display)
 
 
 def test_a_learned_method_is_exported_from_its_weights(tmp_path: Path) -> None:

@@ -9,7 +9,7 @@ from onnx import TensorProto, helper
 from torch import Tensor, nn
 
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, MethodSpec, Shape
-from supersampler_export.count import multiply_adds_in_torch
+from supersampler_export.count import multiply_adds_of
 from supersampler_export.graph import (
     ExportError,
     _declare,
@@ -93,10 +93,10 @@ def test_multiply_adds_are_counted_for_each_pixel_of_the_display() -> None:
     """A 3x3 convolution of 4 to 8 channels at render size: 288 a pixel there, 72 a pixel of the display."""
     inputs: dict[str, Shape] = {"image": (1, 4, *RENDER)}
     fused = Fused(nn.Conv2d(4, 8, 3, padding=1, bias=False), inputs, {}, 2)
-    assert multiply_adds_in_torch(fused) == pytest.approx(4 * 8 * 9 / 4)
-    assert multiply_adds_in_torch(fused, (64, 32)) == pytest.approx(4 * 8 * 9 / 4)
+    assert multiply_adds_of(fused) == pytest.approx(4 * 8 * 9 / 4)
+    assert multiply_adds_of(fused, (64, 32)) == pytest.approx(4 * 8 * 9 / 4)
     half = Fused(fused.module, {"image": (1, 4, *HALF)}, {}, 1)
-    assert multiply_adds_in_torch(half) == pytest.approx(4 * 8 * 9 / 4)
+    assert multiply_adds_of(half) == pytest.approx(4 * 8 * 9 / 4)
     assert next(fused.module.parameters()).device == torch.device("cpu"), "the module is not moved"
 
 

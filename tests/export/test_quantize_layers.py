@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from torch import nn
 
 from supersampler.methods.classifier.spec import DEFAULT_INPUTS
-from supersampler_export.half import InHalf, folded
+from supersampler_export.half import HalfNetwork, folded
 from supersampler_export.quantize import (
     BLOCK,
     BYTE,
@@ -16,7 +16,7 @@ from supersampler_export.quantize import (
     MIDDLE,
     SIGNED,
     WORD,
-    Bytes,
+    ByteLayout,
     by_output,
     depthwise,
     packed_bytes,
@@ -27,11 +27,16 @@ from supersampler_export.quantize import folded as folded_pointwise
 from supersampler_model.methods.classifier.network import Pointwise
 
 RANDOM = np.random.default_rng(0)
-GIVEN = Bytes.of(6, 0.01).beside(Bytes.of(3, 0.02, 128.0)).followed_by(1).beside(Bytes.of(2, 0.005))
+GIVEN = (
+    ByteLayout.of(6, 0.01)
+    .beside(ByteLayout.of(3, 0.02, 128.0))
+    .followed_by(1)
+    .beside(ByteLayout.of(2, 0.005))
+)
 """Bytes of eleven channels from three sources, with one of no channel between them."""
 
 
-def values_of(bytes_: NDArray[np.uint8], layout: Bytes) -> NDArray[np.float64]:
+def values_of(bytes_: NDArray[np.uint8], layout: ByteLayout) -> NDArray[np.float64]:
     """Values by channel, (channels, n), of bytes (bytes, n)."""
     at = [int(np.flatnonzero(layout.channel == c)[0]) for c in range(layout.channel.max() + 1)]
     return np.asarray((bytes_[at] - layout.zero[at, None]) * layout.scale[at, None])
@@ -45,7 +50,7 @@ def test_channels_of_two_sources_lie_one_after_the_other() -> None:
 
 @pytest.mark.parametrize(("length", "multiple", "room"), [(12, 4, 0), (13, 4, 3), (1, 32, 31)])
 def test_room_fills_up_to_a_multiple(length: int, multiple: int, room: int) -> None:
-    made = Bytes.of(length, 0.5, 3.0).up_to(multiple)
+    made = ByteLayout.of(length, 0.5, 3.0).up_to(multiple)
     assert len(made.channel) == length + room
     assert (made.channel[length:] == -1).all()
     assert (made.channel[:length] >= 0).all()
@@ -54,7 +59,7 @@ def test_room_fills_up_to_a_multiple(length: int, multiple: int, room: int) -> N
 @pytest.mark.parametrize("order", [list(range(8)), [3, 1, -1, 0, 2, 7, 6, 5, 4]])
 def test_a_1x1_convolution_of_bytes_is_that_of_floats(order: list[int]) -> None:
     weights, bias = RANDOM.normal(size=(8, 11)), RANDOM.normal(size=8)
-    made = Bytes.of(order, 0.02, MIDDLE)
+    made = ByteLayout.of(order, 0.02, MIDDLE)
     layer = pixelwise(weights, bias, GIVEN, made)
     assert layer["weights"].dtype == np.int8
     assert layer["weights"].shape == (1, 12 // WORD, BLOCK, WORD)
@@ -77,7 +82,7 @@ def test_a_1x1_convolution_of_bytes_is_that_of_floats(order: list[int]) -> None:
 
 def test_the_last_layer_lies_output_by_output() -> None:
     layer = pixelwise(
-        RANDOM.normal(size=(11, 8)), RANDOM.normal(size=11), Bytes.of(8, 0.1), Bytes.of(11, 1.0)
+        RANDOM.normal(size=(11, 8)), RANDOM.normal(size=11), ByteLayout.of(8, 0.1), ByteLayout.of(11, 1.0)
     )
     turned = by_output(layer, 11)
     assert turned["weights"].shape == (2 * EIGHT, 8 // WORD, WORD)
@@ -155,7 +160,7 @@ def test_a_network_in_halves_has_its_normalisation_folded_and_says_nearly_the_sa
         def forward(self, image: torch.Tensor) -> tuple[torch.Tensor]:
             return (self.inner(image),)
 
-    half = InHalf(Tupled())
+    half = HalfNetwork(Tupled())
     (got,) = half(given)
     assert got.dtype == torch.float32
     torch.testing.assert_close(got, want, rtol=2e-2, atol=2e-2)

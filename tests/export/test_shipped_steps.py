@@ -17,7 +17,7 @@ from supersampler.methods.model_file import find_model
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.graph import history_name
 from supersampler_export.parity import noise
-from supersampler_model.methods.aovs import Carry
+from supersampler_model.methods.aovs import BlendAovs
 from supersampler_model.methods.base import Method, Size
 
 RENDER = Size(37, 22)
@@ -90,7 +90,7 @@ def test_image_history_and_what_is_told_are_those_of_the_shipped_graph(name: str
 
 
 def test_channels_that_frames_carry_are_blended_as_the_shipped_graph_blends_them() -> None:
-    assert_steps_alike(Carry(), find_model("bilinear") / "aovs.onnx")
+    assert_steps_alike(BlendAovs(), find_model("bilinear") / "aovs.onnx")
 
 
 def assert_steps_alike(method: Method, graph: Path) -> None:

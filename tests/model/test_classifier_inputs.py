@@ -9,7 +9,7 @@ from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHB
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network_inputs import around_of, inputs_of
+from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
 from supersampler_model.ops.sampling import View
 
 DISPLAY = Size(47, 27)
@@ -39,7 +39,7 @@ def gathered(value: float | None = None) -> Gathered:
 
 @pytest.mark.parametrize("value", [None, float("nan"), float("inf"), -1.0, 65504.0, 1e-40])
 def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> None:
-    packed, half = Classifier().seen(gathered(value))
+    packed, half = Classifier().network_inputs(gathered(value))
     assert tuple(packed.shape) == (1, 4 * len(DEFAULT_INPUTS), 14, 24)
     assert tuple(half.shape) == (1, CLASSES + len(NEIGHBOURHOOD_INPUTS), 14, 24)
     for seen in (packed, half):
@@ -50,8 +50,8 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
 
 def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
     g = gathered()
-    past = g.past._replace(color=g.present.sample, detail=torch.zeros_like(g.past.detail))
-    seen = inputs_of(g.present, past, g.there)
+    past = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
+    seen = pixel_inputs(g.current, past, g.reprojection)
     for name in ("past_to_sample", "beyond"):
         assert not seen[name].any(), name
     assert seen["past_to_frame"].any()
@@ -59,19 +59,19 @@ def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
 
 def test_a_sample_brighter_than_all_of_the_past_around_is_beyond_it() -> None:
     g = gathered()
-    dark = g.past._replace(color=torch.full_like(g.past.color, 0.01))
-    seen = inputs_of(g.present, dark, g.there)
+    dark = g.warped._replace(color=torch.full_like(g.warped.color, 0.01))
+    seen = pixel_inputs(g.current, dark, g.reprojection)
     torch.testing.assert_close(seen["beyond"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
     assert not seen["past_contrast"].any()
 
 
 def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
     g = gathered()
-    seen = inputs_of(g.present, g.past, g.there)
+    seen = pixel_inputs(g.current, g.warped, g.reprojection)
     even = torch.full_like(seen["past"], 0.3)
     checks = (torch.arange(DISPLAY.width) + torch.arange(DISPLAY.height)[:, None]) % 2 * 0.2 - 0.1
-    light = around_of({"past": even + 0.1, "frame": even})
-    aliased = around_of({"past": even + checks, "frame": even})
+    light = neighbourhood_inputs({"past": even + 0.1, "frame": even})
+    aliased = neighbourhood_inputs({"past": even + checks, "frame": even})
     torch.testing.assert_close(light["grain"], aliased["grain"])
     inner = (..., slice(-3), slice(-3))  # the last pixels of an odd row are repeated
     assert (light["drift"][inner] > 10.0 * aliased["drift"][inner]).all()

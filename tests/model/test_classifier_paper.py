@@ -6,10 +6,10 @@ from torch import Tensor, nn
 
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
-from supersampler_model.methods.classifier.network import shares
+from supersampler_model.methods.classifier.network import class_probabilities
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.ops.color import inverse_tone, tone
-from supersampler_model.ops.motion import past_of
+from supersampler_model.ops.motion import reproject
 from supersampler_model.ops.sampling import View
 
 RENDER, DISPLAY = Size(12, 8), Size(24, 16)
@@ -111,7 +111,7 @@ def test_the_range_of_colours_grows_to_hold_the_frame(method: PaperClassifier) -
     here = gathered(method)
     narrow = torch.cat([torch.full((1, 3, 16, 24), v) for v in (0.5, 0.6)], dim=1)
     state = method.finish(
-        here._replace(past=here.past._replace(range=narrow)), logits(NONE), torch.zeros(0)
+        here._replace(warped=here.warped._replace(range=narrow)), logits(NONE), torch.zeros(0)
     ).state
     torch.testing.assert_close(state[:, 1:4], torch.full((1, 3, 16, 24), 0.2), rtol=1e-4, atol=1e-5)
 
@@ -125,10 +125,10 @@ def test_the_compositor_sees_frame_history_classes_count_and_depth_in_this_order
     method.finish(here, said, torch.zeros(0))
     handle.remove()
     color, past, classes, count, difference = shown[0].split_with_sizes([3, 3, 6, 1, 1], dim=1)
-    torch.testing.assert_close(color, here.present.frame)
-    torch.testing.assert_close(past, here.past.color)
-    torch.testing.assert_close(classes[:, :3, 4, 4], shares(said[:, :3])[:, :, 4, 4])
-    torch.testing.assert_close(classes[:, 3:, 4, 4], shares(said[:, 3:])[:, :, 4, 4])
+    torch.testing.assert_close(color, here.current.frame)
+    torch.testing.assert_close(past, here.warped.color)
+    torch.testing.assert_close(classes[:, :3, 4, 4], class_probabilities(said[:, :3])[:, :, 4, 4])
+    torch.testing.assert_close(classes[:, 3:, 4, 4], class_probabilities(said[:, 3:])[:, :, 4, 4])
     torch.testing.assert_close(count, torch.full_like(count, 1.0 / 5.0))
     torch.testing.assert_close(difference, torch.full_like(difference, 0.2 / 0.7))
 
@@ -137,13 +137,13 @@ def test_the_compositor_sees_frame_history_classes_count_and_depth_in_this_order
 def test_depth_difference_is_relative_and_positive_where_the_history_was_closer(
     method: PaperClassifier, before: float, difference: float
 ) -> None:
-    seen = gathered(method, depth_before=before).past.difference
+    seen = gathered(method, depth_before=before).warped.difference
     torch.testing.assert_close(seen, torch.full_like(seen, difference))
 
 
 def test_the_network_sees_the_twenty_buffers_of_section_3(method: PaperClassifier) -> None:
     here = gathered(method, depth_before=0.7)
-    packed, carried = method.seen(here)
+    packed, carried = method.network_inputs(here)
     planes = torch.nn.functional.pixel_shuffle(packed, 2)
     assert planes.shape == (1, 20, *DISPLAY[::-1])
     assert carried.shape[1] == 0
@@ -160,9 +160,9 @@ def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(met
     )  # fmt: skip
     motion = torch.zeros(1, 2, 16, 24)
     motion[:, 0] = 0.2  # 0.4 display pixels to the right
-    past = past_of(motion, DISPLAY, RENDER)
+    past = reproject(motion, DISPLAY, RENDER)
     view = View(DISPLAY, RENDER, torch.zeros(1, 2))
-    seen = method.gather_past(history, past, past, here.depth, view, torch.ones(1))
+    seen = method.gather_history(history, past, past, here.depth, view, torch.ones(1))
     assert float(seen.samples[0, 0, 5, 7]) == 7.0
     assert (seen.range[0, :, 5, 7] == 7.0).all()
     torch.testing.assert_close(seen.classes[0, :, 5, 7], torch.full((6,), 7.4), rtol=1e-5, atol=1e-4)

@@ -16,7 +16,7 @@ from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate, surface_of
+from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate, packed_base_color
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.ops.sampling import View
 
@@ -37,13 +37,13 @@ def classifier(weights: Trained) -> Classifier:
 
 
 @pytest.fixture
-def begun(weights: Trained) -> Extrapolate:
-    return Extrapolate.begun(weights)
+def from_classifier(weights: Trained) -> Extrapolate:
+    return Extrapolate.from_classifier(weights)
 
 
 def given(index: int, render: Sizes = RENDER, display: Sizes = DISPLAY) -> dict[str, Tensor]:
     frame = SCENE.frame(index, render, halton_jitter(index, 2.0))
-    names = [*DrawnExtrapolate.inputs(), "gbuffer_normal"]
+    names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
     return {name: torch.from_numpy(a) for name, a in frame_inputs(frame, display, names).items()}
 
 
@@ -58,11 +58,11 @@ def first(method: Method, render: Sizes = RENDER, display: Sizes = DISPLAY) -> S
 
 
 def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
-    classifier: Classifier, begun: Extrapolate
+    classifier: Classifier, from_classifier: Extrapolate
 ) -> None:
-    ours, theirs = first(begun), first(classifier)
+    ours, theirs = first(from_classifier), first(classifier)
     for index in range(4):
-        one, ours = step(begun, given(index), ours)
+        one, ours = step(from_classifier, given(index), ours)
         other, theirs = step(classifier, given(index), theirs)
         assert torch.equal(one, other)
     assert all(torch.equal(a, b) for a, b in zip(ours, theirs, strict=True))
@@ -70,16 +70,16 @@ def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
 
 @pytest.mark.parametrize("pattern", ["susu", "suusus"])
 def test_before_training_drawn_frames_are_those_of_classifier_on_drawn_colours(
-    begun: Extrapolate, pattern: str
+    from_classifier: Extrapolate, pattern: str
 ) -> None:
-    drawn, history, past = begun.on_extrapolated(), first(begun), State()
+    drawn, history, past = from_classifier.on_extrapolated(), first(from_classifier), State()
     model = Model.load("classifier", executor="onnx", threads=1)
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, kind in enumerate(pattern):
         inputs, frame = given(index), SCENE.frame(index, RENDER, halton_jitter(index, 2.0))
         if kind == "s":
             past = GuidedWarp().after_shaded(inputs)
-            image, history = step(begun, inputs, history)
+            image, history = step(from_classifier, inputs, history)
             theirs = upscaler.step(frame)
         else:
             color, past = step(GuidedWarp(), inputs, past)
@@ -98,58 +98,63 @@ def changed(method: Extrapolate, encoder: str) -> Extrapolate:
 
 @pytest.mark.parametrize("encoder", ["encoder", "drawn_encoder"])
 def test_each_encoder_sees_frames_of_one_kind_alone(
-    weights: Trained, begun: Extrapolate, encoder: str
+    weights: Trained, from_classifier: Extrapolate, encoder: str
 ) -> None:
-    other = changed(Extrapolate.begun(weights), encoder)
-    _, history = step(begun, given(0), first(begun))
+    other = changed(Extrapolate.from_classifier(weights), encoder)
+    _, history = step(from_classifier, given(0), first(from_classifier))
     of_shaded, of_drawn = (
         torch.equal(step(a, given(1), history)[0], step(b, given(1), history)[0])
-        for a, b in ((begun, other), (begun.on_extrapolated(), other.on_extrapolated()))
+        for a, b in ((from_classifier, other), (from_classifier.on_extrapolated(), other.on_extrapolated()))
     )
     assert (of_shaded, of_drawn) == (encoder != "encoder", encoder == "encoder")
 
 
-def test_once_trained_drawn_frames_depend_on_base_colour(begun: Extrapolate) -> None:
-    drawn = changed(begun, "drawn_encoder").on_extrapolated()
-    _, history = step(begun, given(0), first(begun))
+def test_once_trained_drawn_frames_depend_on_base_colour(from_classifier: Extrapolate) -> None:
+    drawn = changed(from_classifier, "drawn_encoder").on_extrapolated()
+    _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     black = {**inputs, "gbuffer_base_color": torch.zeros_like(inputs["gbuffer_base_color"])}
     assert not torch.equal(step(drawn, inputs, history)[0], step(drawn, black, history)[0])
 
 
 def test_the_method_on_drawn_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
-    assert DrawnExtrapolate.history == Extrapolate.history == Classifier.history
-    assert set(DrawnExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
-    assert DrawnExtrapolate.spec.only_extrapolated
-    assert DrawnExtrapolate.name not in LEARNED
+    assert UnshadedExtrapolate.history == Extrapolate.history == Classifier.history
+    assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
+    assert UnshadedExtrapolate.spec.only_extrapolated
+    assert UnshadedExtrapolate.name not in LEARNED
 
 
 def test_weights_of_another_method_are_refused(weights: Trained) -> None:
     with pytest.raises(ArgumentError, match="want of classifier or classifier-small"):
-        Extrapolate.begun(weights._replace(method="gbuffer-small"))
+        Extrapolate.from_classifier(weights._replace(method="gbuffer-small"))
     with pytest.raises(ArgumentError, match="want of extrapolate"):
         Extrapolate.of(weights)
 
 
 def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
-    small = Extrapolate.begun(load_trained(shipped_weights("classifier-small")))
+    small = Extrapolate.from_classifier(load_trained(shipped_weights("classifier-small")))
     assert small.config.network.levels == (16, 32, 64, 128)
     assert small.learned["steps"] > 0
 
 
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
-def test_odd_sizes_are_drawn(begun: Extrapolate, render: Sizes, display: Sizes) -> None:
-    drawn, history = changed(begun, "drawn_encoder").on_extrapolated(), first(begun, render, display)
-    for index, method in enumerate((begun, drawn, drawn, begun)):
+def test_odd_sizes_are_drawn(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
+    drawn, history = (
+        changed(from_classifier, "drawn_encoder").on_extrapolated(),
+        first(from_classifier, render, display),
+    )
+    for index, method in enumerate((from_classifier, drawn, drawn, from_classifier)):
         image, history = step(method, given(index, render, display), history)
         assert image.shape == (1, 3, *display[::-1])
         assert image.isfinite().all()
 
 
 @pytest.mark.parametrize("bad", [float("nan"), float("inf"), float("-inf"), -3.0, 1e30])
-def test_base_colour_that_is_no_number_in_range_spoils_nothing(begun: Extrapolate, bad: float) -> None:
-    drawn = changed(begun, "drawn_encoder").on_extrapolated()
-    _, history = step(begun, given(0), first(begun))
+def test_base_colour_that_is_no_number_in_range_spoils_nothing(
+    from_classifier: Extrapolate, bad: float
+) -> None:
+    drawn = changed(from_classifier, "drawn_encoder").on_extrapolated()
+    _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     inputs["gbuffer_base_color"][:, :, 3:9, 4:20] = bad
     image, history = step(drawn, inputs, history)
@@ -161,6 +166,6 @@ def test_base_colour_that_is_no_number_in_range_spoils_nothing(begun: Extrapolat
 def test_surfaces_are_read_where_samples_lie() -> None:
     base = torch.arange(6.0).reshape(1, 1, 2, 3).expand(1, 3, 2, 3) / 5.0
     view = View(Size(6, 4), Size(3, 2), torch.zeros(1, 2))
-    seen = torch.nn.functional.pixel_shuffle(surface_of(base, view), 2)
+    seen = torch.nn.functional.pixel_shuffle(packed_base_color(base, view), 2)
     expected = base.repeat_interleave(2, dim=2).repeat_interleave(2, dim=3).sqrt()
     torch.testing.assert_close(seen, expected)

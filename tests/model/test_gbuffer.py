@@ -21,8 +21,8 @@ from supersampler_model.methods.gbuffer.surfaces import (
     changed_light,
     gradients,
     matte,
-    nearest_past,
     occluded,
+    read_nearest,
     reflectance,
     relative_depth,
     usable_surfaces,
@@ -225,7 +225,7 @@ def test_depth_is_seen_without_its_unit() -> None:
 def test_the_past_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> None:
     image = torch.arange(12.0).reshape(1, 1, 3, 4)
     motion = torch.full((1, 2, 3, 4), 0.8)
-    found, off, on_screen = nearest_past(image, motion, torch.tensor([[0.1, -0.2]]))
+    found, off, on_screen = read_nearest(image, motion, torch.tensor([[0.1, -0.2]]))
     assert float(found[0, 0, 0, 0]) == 5.0  # (0.9, 0.6) rounds to (1, 1)
     torch.testing.assert_close(off[0, :, 0, 0], torch.tensor([0.1, 0.4]))
     assert on_screen[0, 0].tolist() == [[1.0, 1.0, 1.0, 0.0]] * 2 + [[0.0] * 4]
@@ -241,7 +241,7 @@ def test_the_past_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> No
 )
 def test_a_network_without_some_of_its_parts_still_begins_as_the_mean(config: GBufferNetworkConfig) -> None:
     method = SmallGBuffer()
-    method.net = GBufferNetwork(config, ratio=2, mixing=sum(method.config.parts))
+    method.net = GBufferNetwork(config, ratio=2, blend_parameters=sum(method.config.parts))
     render, display = textured(2)
     image, _ = step(method.eval(), frame(render, display, reflectance(render), (0.0, 0.0)))
     ours, _ = step(SmallGBuffer().eval(), frame(render, display, reflectance(render), (0.0, 0.0)))

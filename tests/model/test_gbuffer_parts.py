@@ -18,16 +18,16 @@ from supersampler_model.methods.gbuffer.network import (
     Enhancer,
     GatedEncoder,
     GBufferNetwork,
-    Seen,
+    NetworkInputs,
 )
 from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.methods.gbuffer.surfaces import (
-    bilinear_past,
     closest_around,
     matte,
     motion_of_surface,
-    nearest_past,
     occluded,
+    read_bilinear,
+    read_nearest,
     relative_depth,
     samples_of,
     usable_surfaces,
@@ -108,23 +108,23 @@ def test_the_gate_is_of_the_branch_that_sees_base_colour_and_depth_alone() -> No
             assert moved == (channel in {0, 1, 2, SURFACES - 1}), channel
 
 
-def seen(size: int = 16) -> Seen:
+def seen(size: int = 16) -> NetworkInputs:
     """Noise of the shapes that a network of ratio 2 sees."""
     shapes = SmallGBuffer().fused()
     assert shapes is not None
     fields = {}
-    for name in Seen._fields:
+    for name in NetworkInputs._fields:
         _, channels, *where = shapes.inputs[name]
         side = 2 * size if where[0] == "display_height" else size
         fields[name] = torch.rand(1, int(channels), side, side)
-    return Seen(**fields)
+    return NetworkInputs(**fields)
 
 
-@pytest.mark.parametrize("name", Seen._fields)
+@pytest.mark.parametrize("name", NetworkInputs._fields)
 def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) -> None:
     torch.manual_seed(1)
     network = GBufferNetwork(
-        SMALL_NETWORK, ratio=2, mixing=5
+        SMALL_NETWORK, ratio=2, blend_parameters=5
     )  # training: what is untrained is normalised as well
     torch.nn.init.normal_(network.mixing.weight, std=0.1)
     tensors = seen()
@@ -137,7 +137,7 @@ def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) 
 
 def test_both_frames_of_the_past_are_refined_by_what_lies_beside_each() -> None:
     torch.manual_seed(1)
-    network = GBufferNetwork(SMALL_NETWORK, ratio=2, mixing=5).eval()
+    network = GBufferNetwork(SMALL_NETWORK, ratio=2, blend_parameters=5).eval()
     torch.nn.init.normal_(network.mixing.weight, std=0.1)
     tensors = seen()
     same = tensors._replace(earlier=tensors.past, beside_earlier=tensors.beside)
@@ -223,7 +223,7 @@ def test_depth_is_relative_to_the_closest_within_four_pixels() -> None:
 def test_the_past_is_read_between_its_pixels_where_motion_and_jitter_lead() -> None:
     ramp = torch.arange(8.0).expand(1, 1, 6, 8) + 10.0 * torch.arange(6.0)[:, None]
     motion = torch.tensor([1.25, -0.5]).reshape(1, 2, 1, 1).expand(1, 2, 6, 8)
-    found = bilinear_past(ramp, motion, torch.tensor([[0.25, 0.1]]))
+    found = read_bilinear(ramp, motion, torch.tensor([[0.25, 0.1]]))
     assert float(found[..., 3, 2]) == pytest.approx(2.0 + 1.5 + 10.0 * (3.0 - 0.4), abs=1e-4)
     assert float(found[..., 0, 7]) == pytest.approx(7.0)  # clamped at the border
 
@@ -235,7 +235,7 @@ def test_motion_just_inside_the_border_is_on_screen_and_just_outside_is_not() ->
             for inside in (True, False):
                 motion = torch.zeros(1, 2, 4, 6)
                 motion[0, axis, 2, 2] = edge - 2.0 + (1e-3 if inside else -1e-3) * sign
-                seen_there = nearest_past(frame, motion, torch.zeros(1, 2)).on_screen
+                seen_there = read_nearest(frame, motion, torch.zeros(1, 2)).on_screen
                 assert bool(seen_there[0, 0, 2, 2]) is inside
                 assert int(seen_there.sum()) == 24 - (not inside)
 

@@ -13,7 +13,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Size
 from supersampler.methods.extrapolation.spec import GuidedFlowConfig
-from supersampler_export.half import InHalf
+from supersampler_export.half import HalfNetwork
 from supersampler_model.data.scenes.analytic import EXTENT, places
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.base import Size as Extent
@@ -22,9 +22,9 @@ from supersampler_model.methods.extrapolation.guided import surface_of
 from supersampler_model.methods.extrapolation.guided_flow import (
     Gathered,
     GuidedFlow,
+    flow_history,
     halved,
     motions_of,
-    past_of,
 )
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 
@@ -60,7 +60,7 @@ def gathered(scene: Shadow, pattern: str = "sus") -> Gathered:
     history = run(GuidedFlow().eval(), frames[:-1], pattern)[-len(HISTORY) :]
     now = frames[-1]
     surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
-    arguments = now["gbuffer_roughness"], now["motion"], now["jitter"], past_of(*history)
+    arguments = now["gbuffer_roughness"], now["motion"], now["jitter"], flow_history(*history)
     return GuidedFlow().gather(surface, *arguments)
 
 
@@ -75,7 +75,7 @@ def test_untrained_it_draws_what_guided_warp_draws(pattern: str) -> None:
 
 def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reproduced() -> None:
     still = gathered(Shadow(0.0))
-    torch.testing.assert_close(still.pictures.later, still.pictures.earlier, rtol=1e-5, atol=1e-6)
+    torch.testing.assert_close(still.lights.later, still.lights.earlier, rtol=1e-5, atol=1e-6)
     frames = [tensors(Shadow(0.0).frame(i)) for i in range(4)]
     image = run(GuidedFlow().eval(), frames, "susu")[-len(HISTORY) - 1]
     off = (image - frames[3]["color"]).abs()
@@ -84,7 +84,7 @@ def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reprodu
 
 
 def test_the_network_sees_a_shadow_where_it_was_in_each_frame() -> None:
-    later, earlier = (p[0, 0, 9].numpy() for p in gathered(Shadow(3.0)).pictures)  # frames 2 and 0, in 3
+    later, earlier = (p[0, 0, 9].numpy() for p in gathered(Shadow(3.0)).lights)  # frames 2 and 0, in 3
     middle = 0.5 * (later.min() + later.max())
     edges = [2.0 * np.interp(middle, row, np.arange(len(row))) for row in (later, earlier)]
     assert edges[0] - edges[1] == pytest.approx(6.0, abs=1.0)
@@ -175,7 +175,7 @@ def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ..
         jitter = halton_jitter(index, 2.0)
         frames.append(tensors(SCENE.frame(index, size, jitter, motion=zoomed(size, jitter, factor))))
     history = run(GuidedFlow().eval(), frames[:-1], "susu")[-len(HISTORY) :]
-    found = motions_of(frames[4]["motion"], frames[4]["jitter"], past_of(*history))
+    found = motions_of(frames[4]["motion"], frames[4]["jitter"], flow_history(*history))
     totals = factors[4] * factors[3], factors[4] * factors[3] * factors[2] * factors[1]
     for motion, total in zip(found, totals, strict=True):
         expected = zoomed(sizes[4], halton_jitter(4, 2.0), total)
@@ -237,19 +237,19 @@ def test_light_as_bright_and_as_dark_as_there_is_stays_in_the_range_of_halves() 
         now = frames[3]
         surface = surface_of(now["gbuffer_base_color"], now["gbuffer_normal"], now["depth"])
         seen = method.gather(
-            surface, now["gbuffer_roughness"], now["motion"], now["jitter"], past_of(*history)
+            surface, now["gbuffer_roughness"], now["motion"], now["jitter"], flow_history(*history)
         )
-        for picture in seen.pictures:
+        for picture in seen.lights:
             assert 0.0 <= picture.min() <= picture.max() < 1.0
         with torch.no_grad():
-            image = method.finish(seen, method.net(*seen.pictures)[0])
+            image = method.finish(seen, method.net(*seen.lights)[0])
         assert 0.0 <= image.min() <= image.max() <= 65504.0
 
 
 def test_the_network_says_nearly_the_same_in_half_precision() -> None:
-    net, pictures = random_flow().net, torch.rand(2, 1, 4, 21, 45)
+    net, lights = random_flow().net, torch.rand(2, 1, 4, 21, 45)
     with torch.no_grad():
-        (said,), (half,) = net(*pictures), InHalf(net)(*pictures)
+        (said,), (half,) = net(*lights), HalfNetwork(net)(*lights)
     assert (said - half).abs().max() < 0.02 * said.abs().max()
 
 

@@ -11,13 +11,13 @@ from supersampler.methods.classifier.spec import ToneSpace
 from supersampler_model.methods.base import Size
 from supersampler_model.ops.color import TONES, from_ycocg, inverse_tone, sanitize, tone, valid, ycocg
 from supersampler_model.ops.motion import (
-    covered,
     dilate_motion_2x2,
+    disocclusion,
     longest,
     morphological_opening,
-    past_of,
     read,
     read_cubic,
+    reproject,
 )
 from supersampler_model.ops.rectification import (
     Rect,
@@ -27,7 +27,7 @@ from supersampler_model.ops.rectification import (
     moments,
     overshoot,
 )
-from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, neighbours, resample, taps
+from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, neighbours_3x3, resample, taps
 
 SIZES = st.tuples(st.integers(1, 9), st.integers(1, 7))
 RATIOS = st.floats(1.0, 4.0)
@@ -108,7 +108,7 @@ def test_the_past_is_at_the_pixel_plus_its_motion(display: Size) -> None:
     image = random_image(3, display)
     ratio = display.width / 8
     motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels
-    past = past_of(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
+    past = reproject(motion.expand(1, 2, *display[::-1]), display, Size(8, 6))
     warped = read(image, past.x, past.y)
     torch.testing.assert_close(warped[:, :, 1:, :-2], image[:, :, :-1, 2:], rtol=1e-4, atol=1e-5)
     assert past.on_screen[:, :, 1:, :-2].all()
@@ -133,10 +133,12 @@ def test_what_was_closer_hides_what_is_behind() -> None:
     before[..., :3] = 0.1  # a wall on the left
     place = torch.tensor([0.5, 2.25, 2.5, 3.5]).reshape(1, 1, 1, 4), torch.full((1, 1, 1, 4), 2.5)
     now = torch.full((1, 1, 1, 4), 0.01)
-    hidden = covered(now, before, *place, margin=0.01, ramp=0.05)
+    hidden = disocclusion(now, before, *place, margin=0.01, ramp=0.05)
     torch.testing.assert_close(hidden.ravel(), torch.tensor([1.0, 0.75, 0.5, 0.0]))
-    assert not covered(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
-    assert not covered(torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05).any()  # unknown
+    assert not disocclusion(now * 10, before, *place, margin=0.01, ramp=0.05).any()  # the wall itself
+    assert not disocclusion(
+        torch.full_like(now, -1.0), before, *place, margin=0.01, ramp=0.05
+    ).any()  # unknown
 
 
 def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
@@ -153,7 +155,7 @@ def test_thin_things_are_taken_out_of_depth_and_broad_ones_stay() -> None:
 @given(size=SIZES, seed=st.integers(0, 99))
 def test_neighbours_repeat_the_edge(size: tuple[int, int], seed: int) -> None:
     image = random_image(seed, size)
-    window = neighbours(image)
+    window = neighbours_3x3(image)
     for i, (dy, dx) in enumerate((dy, dx) for dy in (-1, 0, 1) for dx in (-1, 0, 1)):
         for x, y in ((0, 0), (size[0] - 1, size[1] - 1)):
             torch.testing.assert_close(window[i][0, :, y, x], at(image, x + dx, y + dy))

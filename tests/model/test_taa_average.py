@@ -17,9 +17,9 @@ def plane(value: float, channels: int = 3) -> Tensor:
     return torch.full((1, channels, SIZE.height, SIZE.width), value)
 
 
-def gathered(box: Rect, has_past: float = 1.0) -> Gathered:
+def gathered(box: Rect, has_history: float = 1.0) -> Gathered:
     """A sample of 0.2 and a history of 0.6, toned RGB."""
-    return Gathered(plane(0.2), plane(0.6), plane(has_past, 1), box)
+    return Gathered(plane(0.2), plane(0.6), plane(has_history, 1), box)
 
 
 def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
@@ -31,9 +31,9 @@ def test_a_frame_is_a_tenth_of_the_image_and_the_history_the_rest() -> None:
     torch.testing.assert_close(tone(image), plane(0.1 * 0.2 + 0.9 * 0.6))
 
 
-@pytest.mark.parametrize(("has_past", "exposure"), [(0.0, 1.0), (1.0, 0.0)])
-def test_without_a_history_the_frame_is_all_of_the_image(has_past: float, exposure: float) -> None:
-    weight = Taa().network(gathered(Rect(plane(0.0), plane(1.0)), has_past), torch.tensor([exposure]))
+@pytest.mark.parametrize(("has_history", "exposure"), [(0.0, 1.0), (1.0, 0.0)])
+def test_without_a_history_the_frame_is_all_of_the_image(has_history: float, exposure: float) -> None:
+    weight = Taa().network(gathered(Rect(plane(0.0), plane(1.0)), has_history), torch.tensor([exposure]))
     assert (weight == 1.0).all()
 
 

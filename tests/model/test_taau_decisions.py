@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, Present, Remembered, Taau
+from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
@@ -15,10 +15,10 @@ def plane(*values: float) -> Tensor:
     return torch.tensor(values).reshape(1, -1, 1, 1)
 
 
-def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) -> Present:
+def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) -> CurrentFrame:
     """Grey: a frame of luma 0.3, a sample of 0.5, a neighbourhood from 0.2 to 0.6."""
     first, second = plane(0.4, 0.0, 0.0), plane(0.4**2 + 0.2**2, 1e-2, 1e-2)
-    return Present(
+    return CurrentFrame(
         plane(0.3, 0.0, 0.0),
         plane(0.5, 0.0, 0.0),
         plane(confidence),
@@ -32,8 +32,8 @@ def present(confidence: float = 0.5, shade: tuple[float, float] = (0.5, 0.1)) ->
 def remembered(
     luma: float = 0.4, samples: float = 10.0, surface: float = 1.0, speed: float = 0.0, blur: float = 0.0,
     mean: float = 0.5, power: float = 0.01,
-) -> Remembered:  # fmt: skip
-    return Remembered(
+) -> WarpedHistory:  # fmt: skip
+    return WarpedHistory(
         plane(luma, luma, luma),
         plane(luma, 0.0, 0.0),
         plane(samples),
@@ -95,13 +95,13 @@ def test_the_box_is_narrower_in_motion(speed: float, gamma: float | None) -> Non
     """Without spread over time; the history of luma 0.9 is cut towards the mean, 0.4."""
     half = 0.2 * (gamma if gamma is not None else 0.5 * (C.gamma_still + C.gamma_moving))
     blend = RULES.network(present(), remembered(luma=0.9, speed=speed, power=0.0))
-    assert float(blend.past[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
+    assert float(blend.history[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
 
 
 def test_the_box_is_wider_by_the_spread_over_time_where_light_has_not_changed() -> None:
-    wide = RULES.network(present(), remembered(luma=2.0, power=0.16)).past[0, 0]
+    wide = RULES.network(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
     assert float(wide) == pytest.approx(0.4 + C.gamma_still * 0.2 + C.gamma_time * 0.4, rel=1e-3)
-    changed = RULES.network(present(), remembered(luma=2.0, power=0.16, mean=0.1)).past[0, 0]
+    changed = RULES.network(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
     assert float(changed) == pytest.approx(0.4 + C.gamma_still * 0.2, rel=1e-3)
 
 
@@ -112,7 +112,7 @@ def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
 
 
 def finished(
-    past: Remembered, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
+    past: WarpedHistory, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
 ) -> tuple[float, float, float]:
     """Toned luma of the image, count and power."""
     blend = Blend(

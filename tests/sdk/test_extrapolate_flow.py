@@ -32,7 +32,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     made = tmp_path_factory.mktemp("flow")
     weights = flow_weights(made / "weights.safetensors")
     arguments = ["export", "guided-flow", "--weights", str(weights), "-o", str(made / "model")]
-    with patch("supersampler_export.folder.in_half", lambda _: None):  # it would be traced once more
+    with patch("supersampler_export.folder.to_half", lambda _: None):  # it would be traced once more
         result = CliRunner().invoke(app, arguments)
     assert result.exit_code == 0, result.output
     return made / "model"

@@ -1,4 +1,4 @@
-"""Training and test data: scenes, the renderer that draws them with exact truth, labels, datasets.
+"""Training and test data: scenes, the renderer, references and labels, datasets.
 
 Nothing here knows a method.
 """

@@ -8,7 +8,7 @@ import numpy as np
 from supersampler_model.data.errors import SceneError
 
 Extent = int | tuple[int, ...] | None
-"""An axis: so long, one of these lengths, or any length from 1 on."""
+"""Length of an axis: exact, one of several, or any length >= 1 (None)."""
 
 
 def check(name: str, values: Sequence[float], count: int) -> tuple[float, ...]:

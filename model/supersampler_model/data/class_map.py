@@ -1,4 +1,4 @@
-"""Class maps as pictures: false colours that colour-blind people tell apart, over a picture, with a legend.
+"""Class maps in false colours for colour-blind readers, as overlays on an image with a legend.
 
 The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; where that is visibility ghosting
 of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
@@ -13,7 +13,7 @@ from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
 from supersampler_model.data.labels import Alias, Ghost, Labels
 
-Picture = NDArray[np.uint8]
+Image = NDArray[np.uint8]
 
 OPACITY = 0.6
 LUMA = np.array((0.2126, 0.7152, 0.0722))
@@ -43,55 +43,55 @@ def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
     }
 
 
-def class_picture(labels: Labels) -> Picture:
+def class_image(labels: Labels) -> Image:
     """(H, W, 3) sRGB of the classes alone."""
-    picture = np.full((*labels.ghost.shape, 3), NO_CLASS, np.uint8)
+    image = np.full((*labels.ghost.shape, 3), NO_CLASS, np.uint8)
     for name, mask in masks_of(labels).items():
-        picture[mask] = CLASS_COLORS[name]
-    return picture
+        image[mask] = CLASS_COLORS[name]
+    return image
 
 
-def overlay(labels: Labels, picture: NDArray[Any]) -> Picture:
-    """(H, W, 3) sRGB: the classes' colours over the picture in grey, so that colour always means a class.
+def overlay(labels: Labels, image: NDArray[Any]) -> Image:
+    """(H, W, 3) sRGB: the classes' colours over the image in grey.
 
     Args:
         labels: of the frame.
-        picture: (H, W, 3) of that frame as it is displayed, tone-mapped sRGB, uint8 or float in [0, 1].
+        image: (H, W, 3) of that frame, tone-mapped sRGB, uint8 or float in [0, 1].
 
     Raises:
-        ArgumentError: the picture is not of the labels' size, or of another type.
+        ArgumentError: the image is not of the labels' size, or of another type.
     """
     want = (*labels.ghost.shape, 3)
-    if picture.shape != want or not (picture.dtype == np.uint8 or np.issubdtype(picture.dtype, np.floating)):
+    if image.shape != want or not (image.dtype == np.uint8 or np.issubdtype(image.dtype, np.floating)):
         raise ArgumentError(
-            "picture", got=f"{picture.shape} {picture.dtype}", want=f"{want} uint8, or float in [0, 1]"
+            "image", got=f"{image.shape} {image.dtype}", want=f"{want} uint8, or float in [0, 1]"
         )
-    values = picture.astype(np.float32) * (1.0 if picture.dtype == np.uint8 else 255.0)
+    values = image.astype(np.float32) * (1.0 if image.dtype == np.uint8 else 255.0)
     shown = np.repeat((values @ LUMA)[..., None], 3, axis=-1)
     for name, mask in masks_of(labels).items():
         shown[mask] += OPACITY * (np.array(CLASS_COLORS[name]) - shown[mask])
     return np.asarray(np.clip(np.rint(shown), 0, 255), np.uint8)
 
 
-def with_legend(picture: Picture, labels: Labels) -> Picture:
-    """Put a legend under a picture: each colour, its class, and which part of the pixels has it.
+def with_legend(image: Image, labels: Labels) -> Image:
+    """Put a legend under an image: each colour, its class, and the fraction of pixels.
 
     Returns:
-        (H + legend, max(W, legend), 3) sRGB; the picture is in the upper left corner.
+        (H + legend, max(W, legend), 3) sRGB; the image is in the upper left corner.
     """
-    scale = 1 + picture.shape[1] // 480
+    scale = 1 + image.shape[1] // 480
     lines = [_line(name, float(np.mean(mask)), scale) for name, mask in masks_of(labels).items()]
-    columns = max(1, min(len(lines), picture.shape[1] // lines[0].shape[1]))
+    columns = max(1, min(len(lines), image.shape[1] // lines[0].shape[1]))
     lines += [np.zeros_like(lines[0])] * (-len(lines) % columns)
     rows = [np.concatenate(lines[i : i + columns], axis=1) for i in range(0, len(lines), columns)]
     legend = np.concatenate(rows)
-    width = max(picture.shape[1], legend.shape[1])
-    parts = [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0))) for part in (picture, legend)]
+    width = max(image.shape[1], legend.shape[1])
+    parts = [np.pad(part, ((0, 0), (0, width - part.shape[1]), (0, 0))) for part in (image, legend)]
     return np.concatenate(parts)
 
 
-def _line(name: str, share: float, scale: int) -> Picture:
-    """One entry of the legend, as wide as any other: a swatch, the name, the share in percent."""
+def _line(name: str, share: float, scale: int) -> Image:
+    """One entry of the legend, of fixed width: a swatch, the name, the fraction in percent."""
     written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * share:5.1f}%")
     line = np.zeros((LINE, LINE + written.shape[1] + ADVANCE, 3), np.uint8)
     line[1 : LINE - 1, 1 : LINE - 1] = CLASS_COLORS[name]

@@ -28,7 +28,7 @@ def render(
     size: Annotated[str, typer.Option(help="Display size, WxH.")] = "640x360",
     ratios: Annotated[str, typer.Option(help="Display over render size, drawn from these.")] = "1,1.5,2,3,4",
     also: Annotated[
-        str, typer.Option(help="Draw every sequence at these ratios, too; references are shared.")
+        str, typer.Option(help="Render every sequence at these ratios too; references are shared.")
     ] = "",
     samples: Annotated[int, typer.Option(help="Of the reference, a pixel; a square number.")] = 64,
     gbuffers: Annotated[bool, typer.Option(help="Keep display-size G-buffers too.")] = False,
@@ -38,7 +38,7 @@ def render(
     gltf_share: Annotated[
         float, typer.Option(help="Of the sequences, how many are composed of the files in --gltf.")
     ] = 0.3,
-    seed: Annotated[int, typer.Option(help="The same seed draws the same set.")] = 0,
+    seed: Annotated[int, typer.Option(help="The same seed gives the same set.")] = 0,
     workers: Annotated[int, typer.Option(help="Processes.")] = 1,
     show_labels: Annotated[
         bool, typer.Option(help="Write class maps of each sequence to OUT/labels.")
@@ -46,7 +46,7 @@ def render(
 ) -> None:
     """Render OUT, a training set: frames, references of many samples a pixel, and labels, split by scene.
 
-    A run that was stopped goes on when the same command is given again; --also may be added then.
+    A stopped run resumes when the same command is given again; --also may be added then.
 
     With --gltf, files 8 m wide or more are stages, the others props on them; every file is read before
     rendering begins. A quarter of the files is kept for validation sequences and used in no other; a kind
@@ -76,7 +76,7 @@ def render(
     turns = [None, *_others(also)]
     sets = [dataset, *(dataset.at(ratio) for ratio in turns if ratio)]
     total = len(turns) * sum(entry.spec.frames for entry in dataset.entries())
-    done = sum(drawn.complete(entry) for drawn in sets for entry in drawn.entries())
+    done = sum(one.complete(entry) for one in sets for entry in one.entries())
     columns = (TextColumn("rendering"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     try:
         with Progress(*columns, console=console, disable=not console.is_terminal) as progress:

@@ -1,8 +1,8 @@
 """Every error the data side raises on purpose.
 
 DataError              base of all below, itself a SupersamplerError
-  SceneError           what is to be drawn contradicts itself or exceeds a limit; names the field
-  GraphicsError        there is no OpenGL that could draw it; says how to get one
+  SceneError           a scene is inconsistent or exceeds a limit; names the field
+  GraphicsError        no usable OpenGL; says how to install one
   DatasetError         a training set on disk is damaged, or of another description; names the file
 """
 
@@ -16,7 +16,7 @@ class DataError(SupersamplerError):
 
 
 class SceneError(DataError, ArgumentError):
-    """A part of a scene cannot be drawn; `name` says which.
+    """A part of a scene is invalid; `name` is its field.
 
     >>> str(SceneError("mesh.indices", got="(0, 3)", want="at least one triangle"))
     'mesh.indices is (0, 3); want at least one triangle.'
@@ -28,7 +28,7 @@ class GraphicsError(DataError, RuntimeError):
 
 
 class DatasetError(DataError, OSError):
-    """A file of a training set cannot be used; names it, what is wrong and what to do."""
+    """A file of a training set is unusable; the message names file, problem and remedy."""
 
     def __init__(self, path: Path, problem: str, hint: str = "") -> None:
         self.path, self.problem, self.hint = path, problem, hint

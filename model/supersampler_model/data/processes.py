@@ -1,4 +1,4 @@
-"""Work shared out to processes, each with an OpenGL context of its own; one that fails stops them all."""
+"""Rendering in several processes, each with its own OpenGL context; one failure stops all."""
 
 import multiprocessing
 import os
@@ -14,16 +14,16 @@ from supersampler_model.data.errors import DataError
 
 OnFrame: TypeAlias = Callable[[], None]
 Part: TypeAlias = Callable[[OnFrame], None]
-"""One process's share, to be pickled; it calls what it is given after each frame."""
+"""Work of one process, pickled; calls its argument after each frame."""
 
-_WAIT = 0.5  # seconds between looks at whether a process has died
+_WAIT = 0.5  # seconds between checks for dead processes
 
 
 def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> None:
-    """Run each part in a process; software OpenGL draws with cores / parts threads in each.
+    """Run each part in a process; software OpenGL uses cores / parts threads in each.
 
     Args:
-        parts: what to do.
+        parts: the work.
         on_frame: called after each frame, in this process.
 
     Raises:
@@ -44,7 +44,7 @@ def run_parts(parts: Sequence[Part], *, on_frame: OnFrame = lambda: None) -> Non
 
 
 def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
-    """Count frames until every process has said that it is done."""
+    """Report frames until all processes are done."""
     running = len(processes)
     while running:
         try:
@@ -64,11 +64,11 @@ def _follow(processes: list[Any], results: Any, on_frame: OnFrame) -> None:
 
 def _work(part: Part, results: Any) -> None:
     """Do one part in this process."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all of them: the parent sees to it
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C reaches all processes; the parent handles it
 
     def on_frame() -> None:
         parent = multiprocessing.parent_process()
-        if parent is not None and not parent.is_alive():  # killed: a next run must not meet this one
+        if parent is not None and not parent.is_alive():  # orphaned: must not disturb the next run
             sys.exit(1)
         results.put(("frame", ""))
 
@@ -83,7 +83,7 @@ def _work(part: Part, results: Any) -> None:
 
 @contextmanager
 def _threads_each(count: int) -> Iterator[None]:
-    """Start children that draw with `count` threads, without changing the environment of this process."""
+    """Give child processes `count` software OpenGL threads; restores the environment of this process."""
     before = os.environ.get("LP_NUM_THREADS")
     os.environ.setdefault("LP_NUM_THREADS", str(count))
     try:

@@ -1,4 +1,4 @@
-"""The shot that ships with the package: a walk across the plaza, in one take."""
+"""The shot that ships with the package: a walk across the plaza, without cuts."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -30,7 +30,7 @@ _FORM = ShotForm(
 
 
 class Plaza(Sequence):
-    """The plaza over time: nothing is cut, and the exposure stays."""
+    """The plaza over time, without cuts, at constant exposure."""
 
     def __init__(self) -> None:
         self.spec = SequenceSpec(family=NAME, seed=1, frames=FRAMES, frame_rate=30.0)
@@ -64,10 +64,10 @@ class Plaza(Sequence):
 def render_product_shot(
     folder: Path, *, samples: int = 64, on_frame: Callable[[], None] = lambda: None
 ) -> None:
-    """Render the shipped shot into `folder`, or go on with it.
+    """Render the shipped shot into `folder`, or resume.
 
     Raises:
-        ShotError: the disk refused, or another shot is there.
+        ShotError: writing failed, or the folder holds another shot.
         GraphicsError: there is no OpenGL.
     """
     renderer = Renderer(DISPLAY_SIZE, samples=samples)

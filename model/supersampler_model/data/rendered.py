@@ -1,4 +1,4 @@
-"""What the renderer yields for one frame, and what upscalers and labels make of it."""
+"""The renderer's output for one frame: inputs of upscalers, reference, statistics for labels."""
 
 from dataclasses import dataclass
 from typing import Any, TypeAlias
@@ -15,13 +15,13 @@ Float32: TypeAlias = NDArray[np.float32]
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Surfaces:
-    """What is seen at each pixel, by one sample: (h, w, ...). Row 0 is on top, x points right, y down.
+    """Surfaces at each pixel, by one sample: (h, w, ...). Row 0 is on top, x points right, y down.
 
     Attributes:
         depth: (h, w) near / view distance; 0 at the sky.
         motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: what is at p now was
-            at p + motion[p] a frame ago. What was behind the camera then is sent off screen.
-        previous_depth: (h, w) the depth that the surface seen now had a frame ago, hidden or not.
+            at p + motion[p] a frame ago. Points that were behind the camera point off screen.
+        previous_depth: (h, w) the depth that the surface had a frame ago, occluded or not.
         base_color: (h, w, 3) in [0, 1].
         normal: (h, w, 3) world, unit length, normal map applied; 0 at the sky.
         smooth_normal: (h, w, 3) the same without the normal map.
@@ -46,7 +46,7 @@ class Surfaces:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Reference:
-    """The truth at display size, (H, W, ...), by many samples a pixel, and how far these lie apart.
+    """The reference at display size, (H, W, ...), from many samples per pixel, and their ranges.
 
     Attributes:
         color: (H, W, 3) linear RGB, the samples' mean.
@@ -72,12 +72,12 @@ class Rendered:
 
     Attributes:
         color: (h, w, 3) linear RGB at render size, one sample a pixel, taken at pixel centre + jitter.
-        render: what those samples see.
+        render: the surfaces of those samples.
         display: the same at display size, at pixel centres without jitter.
-        reference: the truth at display size.
+        reference: at display size.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: True on the first frame after a cut.
-        exposure: what the colour is to be multiplied by before the tone curve.
+        exposure: factor of the colour before the tone curve.
     """
 
     color: Float16
@@ -89,7 +89,7 @@ class Rendered:
     exposure: float
 
     def frame(self) -> Frame:
-        """Return what an `Upscaler` steps on."""
+        """Return the input of an `Upscaler`."""
         return frame_of(
             self.color,
             self.render,
@@ -100,10 +100,10 @@ class Rendered:
         )
 
     def evidence(self, exposure: float | None = None) -> Evidence:
-        """Return what the labels of this frame are made from.
+        """Return the inputs of the label rules.
 
         Args:
-            exposure: that colours are compared at; None is the frame's own. Two frames are compared at one.
+            exposure: at which colours are compared, the same for both frames; None: the frame's own.
         """
         truth, exposure = self.reference, self.exposure if exposure is None else exposure
         pixels = PixelStatistics(
@@ -132,7 +132,7 @@ def frame_of(
     reset: bool = False,
     exposure: float = 1.0,
 ) -> Frame:
-    """Return what an `Upscaler` steps on; `display` is for the methods that read G-buffers, else None."""
+    """Return the input of an `Upscaler`; `display` is only needed by methods that read G-buffers."""
     return Frame(
         color=color,
         depth=render.depth,

@@ -17,9 +17,9 @@ from supersampler_model.data.specs import GLTF, Sequence, SequenceSpec
 __all__ = ["GLTF", "TEST_FAMILIES", "TRAIN_FAMILIES", "Sequence", "SequenceSpec", "make_sequence"]
 
 TRAIN_FAMILIES: tuple[str, ...] = tuple(TRAIN)
-"""Families of scenes to learn from, each built around a hard case."""
+"""Families of scenes for training, each built around a hard case."""
 TEST_FAMILIES: tuple[str, ...] = tuple(TEST)
-"""Families for test shots alone, of other content and look."""
+"""Families for test shots only, with other content."""
 _SHORTEST_SHOT = 6  # frames between cuts
 
 
@@ -39,11 +39,11 @@ def make_sequence(spec: SequenceSpec) -> Sequence:
 
 
 class StagedSequence(Sequence):
-    """A stage that a family has built, seen in one or more shots."""
+    """A stage of a family, recorded in one or more shots."""
 
     def __init__(self, spec: SequenceSpec) -> None:
         self.spec = spec
-        # Apart, so that a change to a family leaves the cuts and the exposure of its seeds as they are.
+        # Separate generators: a change to a family does not change the cuts and exposure of its seeds.
         content, direction = (
             np.random.default_rng([spec.seed, crc32(spec.family.encode()), i]) for i in (0, 1)
         )
@@ -79,12 +79,12 @@ class StagedSequence(Sequence):
 
 
 class HeldSequence(StagedSequence):
-    """The same, seen by a camera that stands where frame `at` has it, at the exposure of that frame.
+    """The same with the camera and exposure of frame `at` throughout.
 
     Args:
         spec: of the sequence.
         at: number of the frame.
-        time_stands: nothing moves at all.
+        time_stands: whether the scene stands still too.
     """
 
     def __init__(self, spec: SequenceSpec, at: int, *, time_stands: bool) -> None:
@@ -119,7 +119,7 @@ def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
 
 
 def _exposure_path(random: np.random.Generator, level: float, seconds: float) -> Callable[[float], float]:
-    """Return the exposure over time: constant mostly, else an eye that gets used to another light."""
+    """Return the exposure over time: mostly constant, sometimes adapting to another level."""
     bias = 2.0 ** float(random.uniform(-0.4, 0.4))
     stops = float(random.uniform(0.5, 1.5) * random.choice([-1.0, 1.0]) * (random.random() < 0.35))
     middle, width = float(random.uniform(0.2, 0.8)) * seconds, float(random.uniform(0.1, 0.5))

@@ -17,22 +17,27 @@ from supersampler_model.data.rendered import Rendered
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
-_BYTES = ("base_color", "roughness", "metallic", "specular")  # in [0, 1]; engines store eight bits too
-_FARTHEST = 16384.0  # pixels; motion out of sight need not be exact, and halves end at 65504
+_BYTES = (
+    "base_color",
+    "roughness",
+    "metallic",
+    "specular",
+)  # in [0, 1]; stored with eight bits, as in engines
+_FARTHEST = 16384.0  # pixels; longer motion leads off screen anyway, and half floats end at 65504
 
 
 @dataclass(frozen=True, kw_only=True)
 class ShotForm:
-    """What is kept of a sequence, and how.
+    """What is stored of a sequence, and how.
 
     Attributes:
         name: of the shot.
         ratios: display over render size, each >= 1, of the shots that are written.
         variants: one JSON file and one folder of frames a ratio; False, for a single ratio, is a plain shot.
         gbuffers: keep G-buffers, of render and of display size.
-        small: round what packs badly: depth to 14 bits, motion to 1 / 256 pixel.
+        small: round values that compress badly: depth to 14 bits, motion to 1 / 256 pixel.
         first_reference: the first frame whose reference is kept.
-        license: of the pictures.
+        license: of the images.
         compression, reference_compression: see `ShotWriter`.
     """
 
@@ -70,19 +75,19 @@ def render_shot(
     *,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Render the frames that are not there yet; a run that was stopped goes on.
+    """Render the missing frames; a stopped run resumes.
 
-    References carry the truth classes of their pixels (`Shot.read_classes`).
+    References include the classes of their pixels (`Shot.read_classes`).
 
     Args:
         folder: of the shot.
-        sequence: what is to be seen.
-        renderer: of the display size and the samples.
-        form: what is kept.
-        on_frame: called after each frame that was written, at all ratios.
+        sequence: the scenes.
+        renderer: with display size and samples.
+        form: what is stored.
+        on_frame: called after each frame, written at all ratios.
 
     Raises:
-        ShotError: the disk refused, or a shot of other properties is there.
+        ShotError: writing failed, or the folder holds a shot of other properties.
     """
     writers = [_writer(folder, sequence, renderer, form, ratio) for ratio in form.ratios]
     first = min(map(len, writers))
@@ -126,7 +131,7 @@ def _writer(folder: Path, sequence: Sequence, renderer: Renderer, form: ShotForm
 def _rendered(
     sequence: Sequence, renderer: Renderer, ratios: tuple[float, ...], index: int
 ) -> Iterator[Rendered]:
-    """Yield frame `index` at each ratio; all share what is of display size."""
+    """Yield frame `index` at each ratio; buffers of display size are shared."""
     scene = sequence.scene(index)
     display, reference = renderer.display(scene), renderer.reference(scene)
     for ratio in ratios:
@@ -144,14 +149,14 @@ def _rendered(
 
 
 def _classes(now: Rendered, before: Rendered | None) -> ClassMaps:
-    """Label a frame; both frames are seen at its exposure, as a change of that is no change of light."""
-    past = None if before is None else before.evidence(now.exposure)
-    labels = label(now.evidence(now.exposure), past)
+    """Label a frame; both frames are compared at its exposure."""
+    previous = None if before is None else before.evidence(now.exposure)
+    labels = label(now.evidence(now.exposure), previous)
     return ClassMaps(labels.ghost, labels.alias)
 
 
 def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:
-    """Return what is stored of a frame: halves for motion, eight bits for what lies in [0, 1]."""
+    """Return the stored form of a frame: half floats for motion, eight bits for values in [0, 1]."""
     frame = rendered.frame()
     motion = np.clip(frame.motion, -_FARTHEST, _FARTHEST)
     return replace(
@@ -169,12 +174,12 @@ def _compact(buffers: Any) -> dict[str, NDArray[Any]]:
 
 
 def _rounded(depth: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Round to 14 significant bits, which half floats have not, and 24-bit depth buffers only near by."""
+    """Round to 14 significant bits, more than half floats have."""
     fraction, exponent = np.frexp(depth)
     return np.asarray(np.ldexp(np.round(np.ldexp(fraction, 14)), exponent - 14), np.float32)
 
 
 def _bytes(values: NDArray[Any]) -> NDArray[np.float16]:
-    """Round [0, 1] to steps of 1 / 255, which pack far better."""
+    """Round [0, 1] to steps of 1 / 255, which compress far better."""
     steps = np.round(np.clip(values.astype(np.float32), 0.0, 1.0) * 255.0)
     return (steps / np.float32(255.0)).astype(np.float16)

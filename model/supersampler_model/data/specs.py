@@ -1,4 +1,4 @@
-"""What a sequence is: a scene for each frame index, and the few numbers and names that it is made from."""
+"""Sequences: a scene for each frame index, made from a few numbers and names."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
@@ -10,12 +10,12 @@ from supersampler_model.data.errors import SceneError
 from supersampler_model.data.scenes.scene import Scene
 
 GLTF = "gltf"
-"""The family of sequences that are composed of glTF files."""
+"""Family of sequences composed of glTF files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
-    """All that a sequence is made from; plain data, for a JSON file.
+    """Everything that a sequence is generated from; plain data for a JSON file.
 
     Attributes:
         family: one of TRAIN_FAMILIES or TEST_FAMILIES, or GLTF.
@@ -50,9 +50,9 @@ class Sequence(ABC):
 
     @abstractmethod
     def scene(self, index: int) -> Scene:
-        """Return a frame; what it says of the moment before is what the frame before shows.
+        """Return the scene of a frame; its previous state is the state of the previous frame.
 
-        On a cut the camera before is the camera itself.
+        On a cut the previous camera is the camera itself.
 
         Raises:
             SceneError: there is no such frame.
@@ -60,11 +60,11 @@ class Sequence(ABC):
 
     @abstractmethod
     def cut(self, index: int) -> bool:
-        """Return whether frame `index` has nothing to do with the one before: 0 is one."""
+        """Return whether frame `index` starts a new shot; frame 0 does."""
 
     @abstractmethod
     def exposure(self, index: int) -> float | None:
-        """Return the engine's exposure of frame `index`, its camera's; None where it is to be measured."""
+        """Return the engine's exposure of frame `index`, its camera's; None: to be measured."""
 
     def check_index(self, index: int) -> None:
         """Raise a SceneError where there is no frame `index`."""

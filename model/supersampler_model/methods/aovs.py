@@ -1,7 +1,7 @@
-"""What a frame carries along (alpha, any channels), blended by the weight that the colour was blended by.
+"""Blending of AOVs (alpha, any channels) with the weight that blended the colour.
 
-A graph of its own, so that frames without pay nothing. No method is named after it: every model folder has
-it as `aovs.onnx`, and what a method tells as `weight` goes in; of a method without a past, zeros.
+A separate graph, `aovs.onnx` in every model folder, so that frames without AOVs cost nothing. Its `weight`
+input is the method's `weight` output; zeros for a method without history.
 """
 
 from typing import ClassVar, NamedTuple
@@ -16,20 +16,20 @@ from supersampler_model.methods.base import (
     render_size_of,
 )
 from supersampler_model.ops.color import finite
-from supersampler_model.ops.motion import dilate_motion_2x2, past_of, read, usable_depth, usable_motion
+from supersampler_model.ops.motion import dilate_motion_2x2, read, reproject, usable_depth, usable_motion
 from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample
 
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
 
 
 class Step(NamedTuple):
-    """The channels, twice: to be shown, and to be remembered."""
+    """The blended channels, as image and as history."""
 
     image: Tensor
     history_aovs: Tensor
 
 
-class Carry(Method):
+class BlendAovs(Method):
     """Upsample, warp, blend."""
 
     spec: ClassVar = AOVS
@@ -41,16 +41,16 @@ class Carry(Method):
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
         jitter: Tensor,  # (1, 2) render pixels
         display_size: Tensor,  # (2,) int64
-        weight: Tensor,  # (1, 1, H, W) share of the past
+        weight: Tensor,  # (1, 1, H, W) weight of the history
         history_aovs: Tensor,  # (1, k, H, W)
     ) -> Step:
         """Return the channels at display size, (1, k, H, W); NaN and Inf count as 0."""
         display, render = display_size_of(display_size), render_size_of(aovs)
         grid = grid_of(display, render, jitter)
         samples = torch.cat([finite(aovs), torch.ones_like(depth)], dim=1)
-        present = normalised(upsample(samples, grid, gaussian(SIGMA)))
+        current = normalised(upsample(samples, grid, gaussian(SIGMA)))
         closest = torch.cat(dilate_motion_2x2(usable_depth(depth), usable_motion(motion)), dim=1)
-        there = past_of(pick_first(closest, grid)[:, 1:], display, render)
-        past = read(finite(history_aovs), there.x, there.y)
-        blend = present + weight.clamp(0.0, 1.0) * (past - present)
+        reprojection = reproject(pick_first(closest, grid)[:, 1:], display, render)
+        history = read(finite(history_aovs), reprojection.x, reprojection.y)
+        blend = current + weight.clamp(0.0, 1.0) * (history - current)
         return Step(blend, blend * 1.0)

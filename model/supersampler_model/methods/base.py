@@ -34,7 +34,7 @@ class Size(NamedTuple):
 
 
 class Outputs(NamedTuple):
-    """What one step returns, told apart."""
+    """The results of one step."""
 
     image: Tensor
     history: list[Tensor]
@@ -42,7 +42,7 @@ class Outputs(NamedTuple):
 
 
 class Fused(NamedTuple):
-    """The learned part of a step, for executors that do the rest by themselves."""
+    """The network of a step, for backends that compute the rest themselves."""
 
     module: nn.Module
     inputs: Mapping[str, Shape]
@@ -51,7 +51,7 @@ class Fused(NamedTuple):
 
 
 class Method(nn.Module):
-    """Base of all methods: `gather` reads, `network` decides, `finish` blends and guards.
+    """Base of all methods. Stages: `gather` resamples, `network` infers, `finish` blends and sanitizes.
 
     A subclass states its `spec` and nothing else of what is in it.
 
@@ -83,44 +83,46 @@ class Method(nn.Module):
         return cls.spec.image[2:] == RENDER
 
     @classmethod
-    def after_shaded(cls, frame: Mapping[str, Tensor], past: Sequence[Tensor] | None = None) -> list[Tensor]:
-        """Return the history that a shaded frame leaves to a method that extrapolates (docs/contract.md).
+    def after_shaded(
+        cls, frame: Mapping[str, Tensor], history: Sequence[Tensor] | None = None
+    ) -> list[Tensor]:
+        """Return the history of an extrapolating method after a shaded frame (docs/contract.md).
 
-        It is that frame, by copying: such methods take no step on it.
+        Such methods take no step on shaded frames: the history is a copy of the frame.
 
         Args:
             frame: the inputs of the step and `color`, by name.
-            past: the history that the frame before left; None after a start or a cut.
+            history: the history after the previous frame; None after a start or a cut.
         """
-        before = None if past is None else dict(zip(cls.history, past, strict=True))
-        left: dict[str, Tensor] = {}
+        previous = None if history is None else dict(zip(cls.history, history, strict=True))
+        next_history: dict[str, Tensor] = {}
         for name in cls.history:
             own = name.removeprefix("earlier_")
             if own != name:
-                left[name] = left[own] if before is None else before[own]
-            elif name == "motion" or (name == "shaded_motion" and before is None):
-                left[name] = torch.zeros_like(frame["motion"])
+                next_history[name] = next_history[own] if previous is None else previous[own]
+            elif name == "motion" or (name == "shaded_motion" and previous is None):
+                next_history[name] = torch.zeros_like(frame["motion"])
             else:
                 source = {"motion_jitter": "jitter", "shaded_motion": "motion"}.get(name, name)
-                left[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
-        return list(left.values())
+                next_history[name] = frame[source] if source in frame else frame[f"gbuffer_{source}"]
+        return list(next_history.values())
 
     def step(self, *arguments: Tensor) -> Outputs:
-        """Return what `forward` does, told apart."""
+        """Run `forward` and split its results."""
         image, *rest = self(*arguments)
         count = len(self.history)
         return Outputs(image, rest[:count], rest[count:])
 
     def fused(self) -> Fused | None:
-        """Return the learned part; None where nothing is learned, or not all of it is in one place."""
+        """Return the network; None without one, or where it cannot run as one graph."""
         return None
 
     def on_extrapolated(self) -> "Method | None":
-        """Return what steps on frames whose colour was drawn, on the same history; None: this does."""
+        """Return the method for extrapolated frames on the same history; None: this method."""
         return None
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
-        """All zeros: no past."""
+        """Return zeros: no history."""
         half = Size((display.width + 1) // 2, (display.height + 1) // 2)
         names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
         extents = (*display[::-1], *half[::-1], *4 * render[::-1], channels)
@@ -136,7 +138,7 @@ def render_size_of(image: Tensor) -> Size:
 
 
 def display_size_of(display_size: Tensor) -> Size:
-    """Read (width, height) from the graph's int64 input, as sizes that an exporter can trace."""
+    """Read (width, height) from the int64 input as sizes that the exporter can trace."""
     width, height = int(display_size[0].item()), int(display_size[1].item())
     torch._check(width >= 1)  # type: ignore[no-untyped-call]
     torch._check(height >= 1)  # type: ignore[no-untyped-call]

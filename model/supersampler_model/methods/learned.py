@@ -1,4 +1,4 @@
-"""Methods that are trained: made of a config, and of the weights that were trained with it."""
+"""Base of methods with weights: built from a config, then loaded with weights of that config."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -15,11 +15,11 @@ class LearnedMethod(Method):
     @classmethod
     @abstractmethod
     def configured(cls, config: Mapping[str, Any]) -> Self:
-        """Return the method, untrained, with the settings of a weights file: plain data."""
+        """Return the untrained method with the config of a weights file."""
 
     @classmethod
     def of(cls, trained: Trained) -> Self:
-        """Return the method with weights that were trained.
+        """Return the method with trained weights, in evaluation mode.
 
         Raises:
             ArgumentError: they are of another method.

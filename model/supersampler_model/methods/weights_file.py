@@ -1,4 +1,4 @@
-"""Weights on disk: safetensors, with what they were made of in the header."""
+"""Weights files: safetensors with method, config and training facts in the header."""
 
 import json
 from collections.abc import Mapping
@@ -19,7 +19,7 @@ class Trained(NamedTuple):
     Attributes:
         method: its name.
         config: of the method, plain data.
-        facts: steps, hash of the data, commit, scores: whatever says where the weights come from.
+        facts: provenance: steps, hash of the data, commit, scores.
         tensors: by name.
     """
 
@@ -30,12 +30,12 @@ class Trained(NamedTuple):
 
 
 def shipped_weights(method: str) -> Path:
-    """Where the weights of a method are that ship; of some there are none."""
+    """Path of a method's released weights; some methods have none, and the file does not exist."""
     return Path(__file__).parents[1] / "weights" / f"{method}.safetensors"
 
 
 def save_trained(path: Path, trained: Trained) -> None:
-    """Write weights, in one piece or not at all."""
+    """Write a weights file atomically."""
     header = {name: getattr(trained, name) for name in ("method", "config", "facts")}
     with replacing(path) as partial:
         save_file(trained.tensors, partial, {"trained": json.dumps(header, sort_keys=True)})
@@ -45,7 +45,7 @@ def load_trained(path: Path) -> Trained:
     """Read weights.
 
     Raises:
-        ArgumentError: the file is missing, damaged, or of something else.
+        ArgumentError: the file is missing, damaged, or no weights file.
     """
     try:
         with safe_open(path, "pt") as file:

@@ -1,4 +1,4 @@
-"""Tone curve, YCoCg, exposure, and the quarantine that keeps bad pixels out of the history."""
+"""Tone curve, YCoCg, exposure, and the sanitizing that keeps invalid pixels out of the history."""
 
 import math
 from collections.abc import Callable, Mapping
@@ -18,11 +18,11 @@ OUTLIER = 64.0
 DARKEST = 1e-4
 DARKNESS = 1e-12
 GLARING = 1024.0
-"""Exposed light ten stops over white, from where on no screen tells one light from another."""
+"""Exposed light ten stops over white; no display can distinguish brighter light."""
 GLARE = 4.0
-"""What a history's plane of values in [0, 1] holds more for each frame in a row that had such light near."""
+"""Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
 CONFIRMED = 3.0
-"""Such frames, from which on the light is accumulated: one that was shaded, one drawn from it, one more."""
+"""Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
 
 
 def valid(color: Tensor) -> Tensor:
@@ -37,7 +37,7 @@ def glaring(exposed: Tensor, usable: Tensor) -> Tensor:
 
 
 def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
-    """Values in [0, 1] and frames that have had glare near, (1, 1, H, W) each, of their sum in a history."""
+    """Split a history plane into values in [0, 1] and the number of glaring frames, (1, 1, H, W) each."""
     glared = (values / GLARE + 0.5).floor()
     return (values - GLARE * glared).clamp(min=0.0), glared
 
@@ -49,15 +49,14 @@ def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
 
 
 def finite(values: Tensor) -> Tensor:
-    """NaN, Inf and what no half float holds become 0."""
+    """Replace NaN, Inf and values beyond the range of half floats by 0."""
     return torch.where(values.abs() <= MAX_HALF, values, torch.zeros_like(values))
 
 
 def bounded(color: Tensor) -> Tensor:
-    """Clamp to [0, 65504]; what is not a number becomes black. Last step before an image leaves a method.
+    """Clamp to [0, 65504]; NaN becomes black. The last operation on every image that a method returns.
 
-    So does what is darker than any light: averages that fade would end as denormals, which processors are
-    slow with.
+    Values below DARKNESS become black too: fading averages would otherwise end as denormals, which are slow.
     """
     color = color.clamp(max=MAX_HALF)
     return torch.where(color >= DARKNESS, color, torch.zeros_like(color))
@@ -69,7 +68,7 @@ def luminance(color: Tensor) -> Tensor:
 
 
 def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
-    """(1,) 0.18 over the log-average luminance of the usable pixels, and how many they are.
+    """(1,) 0.18 over the log-average luminance of the usable pixels, and (1,) the number of those pixels.
 
     Args:
         color: (1, 3, h, w) linear RGB, >= 0.
@@ -81,30 +80,30 @@ def measured_exposure(color: Tensor, usable: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -> Tensor:
-    """(1,) what the next frame wants back as `before`; its absolute value is the exposure to use.
+    """(1,) signed exposure for the history; its absolute value is the exposure to use in this frame.
 
-    That is `given` where it is in [LEAST_EXPOSURE, MOST_EXPOSURE], else measured, and adapts by a tenth of
-    the way, in stops, from the frame before; where no pixel is usable, the one before holds. An exposure that
-    differs from the one before by more than a factor of OUTLIER is an outlier: the one before holds for that
-    frame. What a second frame wants in a row is used at once.
+    The exposure is `given` where that is in [LEAST_EXPOSURE, MOST_EXPOSURE]. Otherwise it is measured and
+    adapts from the previous frame by a tenth of the difference in stops; without usable pixels the previous
+    exposure is kept. An exposure that differs from the previous one by more than a factor of OUTLIER is
+    ignored for one frame, and used at once if the next frame is an outlier too.
 
     Args:
         color: (1, 3, h, w) linear RGB, >= 0.
         usable: (1, 1, h, w) 0 or 1.
-        given: (1,) by the engine; 0 where it gives none.
-        before: (1,) what this function returned for the frame before: negative where no second frame has
-            confirmed it, 0 where there was none.
+        given: (1,) from the engine; 0: measure.
+        before: (1,) what this function returned for the previous frame: negative until a second frame
+            confirms it, 0 without a previous frame.
     """
     target, count = measured_exposure(color, usable)
     known = before.abs()
-    has_past, is_given = known > 0.0, (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
+    has_history, is_given = known > 0.0, (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
     smooth = known.clamp(min=1e-8) ** (1.0 - EXPOSURE_ADAPTATION) * target**EXPOSURE_ADAPTATION
-    measured = torch.where(has_past, torch.where(count > 0.0, smooth, known), target)
+    measured = torch.where(has_history, torch.where(count > 0.0, smooth, known), target)
     followed = torch.where(is_given, given, measured)
-    wanted = torch.where(is_given, given, torch.where(has_past & (count <= 0.0), known, target))
-    is_outlier = has_past & ((wanted > known * OUTLIER) | (wanted * OUTLIER < known))
+    wanted = torch.where(is_given, given, torch.where(has_history & (count <= 0.0), known, target))
+    is_outlier = has_history & ((wanted > known * OUTLIER) | (wanted * OUTLIER < known))
     confirmed = torch.where(is_outlier, torch.where(before < 0.0, wanted, -known), followed)
-    return torch.where(has_past, confirmed, -followed)
+    return torch.where(has_history, confirmed, -followed)
 
 
 def largest(color: Tensor) -> Tensor:
@@ -118,7 +117,7 @@ def tone(color: Tensor) -> Tensor:
 
 
 def inverse_tone(color: Tensor) -> Tensor:
-    """Inverse of `tone`, bounded by the range of half floats."""
+    """Inverse of `tone`, limited to the range of half floats."""
     return color / (1.0 - largest(color)).clamp(min=1.0 / MAX_HALF)
 
 
@@ -139,11 +138,11 @@ TONES: Mapping[ToneSpace, ToneCurve] = {
         lambda color: ((1.0 + color).log() / _LOG).clamp(max=1.0), lambda color: (color * _LOG).exp() - 1.0
     ),
 }
-"""Spaces to blend in: by the largest channel, each channel alone, each by its logarithm."""
+"""Tone curves for blending: by the largest channel, per channel, or logarithmic per channel."""
 
 
 def ycocg(color: Tensor) -> Tensor:
-    """RGB to luma and two chroma axes, the space in which boxes fit colours tightly."""
+    """RGB to luma and two chroma axes; axis-aligned boxes fit colours tightly in this space."""
     r, g, b = color[:, :1], color[:, 1:2], color[:, 2:3]
     return torch.cat([0.25 * (r + b) + 0.5 * g, 0.5 * (r - b), 0.5 * g - 0.25 * (r + b)], dim=1)
 

@@ -1,4 +1,4 @@
-"""Following motion into the past: dilation, where each display pixel was, warping the history."""
+"""Motion vectors: sanitizing, dilation, reprojection into the previous frame, resampling of the history."""
 
 import itertools
 from typing import NamedTuple
@@ -8,62 +8,65 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from supersampler_model.methods.base import Size
-from supersampler_model.ops.sampling import Extent, extreme, four, neighbours, sum_of
+from supersampler_model.ops.sampling import Extent, extreme, neighbours_2x2, neighbours_3x3, sum_of
 
-LONGEST, FAR = 3e38, 1e6  # of motion: what no number exceeds; as far as a vector is followed
-UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never a proof of disocclusion
+LONGEST, FAR = 3e38, 1e6  # pixels: larger motion is not finite; finite motion is clamped to FAR
+UNKNOWN_DEPTH = -1.0  # below the sky's 0: never the closest, never disoccluded
 
 
 def usable_motion(motion: Tensor) -> Tensor:
-    """NaN and Inf become no motion; a finite vector of any length leads off screen where it does."""
+    """Replace NaN and Inf by zero motion; clamp finite vectors to FAR."""
     known = motion.abs() <= LONGEST
     return torch.where(known, motion.clamp(-FAR, FAR), torch.zeros_like(motion))
 
 
 def usable_depth(depth: Tensor) -> Tensor:
-    """NaN, Inf and negative depth become UNKNOWN_DEPTH."""
+    """Replace NaN, Inf and negative depth by UNKNOWN_DEPTH."""
     return torch.where((depth >= 0.0) & (depth <= 1e30), depth, torch.full_like(depth, UNKNOWN_DEPTH))
 
 
 def dilate_motion_2x2(depth: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-    """Depth and motion of the closest of each pixel and its right, lower and lower right neighbours.
+    """Depth and motion of the closest sample among each pixel and its right, lower and lower right
+    neighbours.
 
-    Edges then move with what is in front, and no pixel takes motion from farther than a sample away: 3x3
-    dilation, at a ratio of 2, drags three display pixels of background along.
+    Edges then move with the foreground, and no pixel takes motion from more than one sample away. A 3x3
+    dilation would move three display pixels of background with the edge at a ratio of 2.
     """
     best, chosen = depth, motion
-    for d, m in zip(four(depth), four(motion), strict=True):
+    for d, m in zip(neighbours_2x2(depth), neighbours_2x2(motion), strict=True):
         closer = d > best
         best, chosen = torch.where(closer, d, best), torch.where(closer, m, chosen)
     return best, chosen
 
 
 def morphological_opening(depth: Tensor) -> Tensor:
-    """Depth where things less than three samples wide give way to what is behind them (an opening)."""
+    """Depth with foreground narrower than three samples replaced by its background (3x3 opening)."""
     eroded = extreme(depth, torch.minimum)  # reversed: the smallest is the farthest
     return extreme(eroded, torch.maximum)
 
 
-def covered(depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float) -> Tensor:
-    """(1, 1, H, W) share of the four samples around (x, y) in the past that hid what is at `depth` now.
+def disocclusion(
+    depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float
+) -> Tensor:
+    """(1, 1, H, W) degree to which the surface at `depth` was occluded in the previous frame, in [0, 1].
 
-    By bilinear weights. A sample hid it where it was closer by the relative `margin`, for certain from
-    `margin` + `ramp` on.
+    The bilinear mean over the four samples around (x, y). A sample counts as an occluder if it was closer by
+    the relative `margin`, and counts fully from `margin` + `ramp` on.
     """
     left, top = x.floor(), y.floor()
     columns, rows = [(0.0, left + 1.0 - x), (1.0, x - left)], [(0.0, top + 1.0 - y), (1.0, y - top)]
-    hidden = []
+    occluded = []
     for (across, wx), (down, wy) in itertools.product(columns, rows):
         before = read(history_depth, left + across, top + down, mode="nearest")
         closer = (before - depth) / torch.maximum(before, depth).clamp(min=1e-12)
-        hidden.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
-    return sum_of(hidden) * (depth >= 0.0)
+        occluded.append(wx * wy * ((closer - margin) / ramp).clamp(0.0, 1.0))
+    return sum_of(occluded) * (depth >= 0.0)
 
 
 def longest(motion: Tensor) -> Tensor:
-    """Longest of the 3x3 motion vectors, to track the fastest feature (Salvi 2016)."""
+    """Longest motion vector of each 3x3 neighbourhood, which tracks the fastest feature (Salvi 2016)."""
     best, chosen = squared_length(motion), motion
-    for m in neighbours(motion):
+    for m in neighbours_3x3(motion):
         length = squared_length(m)
         longer = length > best
         best, chosen = torch.where(longer, length, best), torch.where(longer, m, chosen)
@@ -75,8 +78,8 @@ def squared_length(vector: Tensor) -> Tensor:
     return vector[:, :1] * vector[:, :1] + vector[:, 1:2] * vector[:, 1:2]
 
 
-class Past(NamedTuple):
-    """Where each display pixel was in the frame before, in pixels of that image (0 is a pixel's centre)."""
+class Reprojection(NamedTuple):
+    """Where each display pixel was in the previous frame, in pixels of that image (0 is a pixel's centre)."""
 
     x: Tensor  # (1, 1, H, W)
     y: Tensor
@@ -84,15 +87,15 @@ class Past(NamedTuple):
     motion: Tensor  # (1, 2, H, W) display pixels
 
 
-def past_of(motion: Tensor, display: Size, render: Size | Extent) -> Past:
-    """Follow `motion`, (1, 2, H, W) in render pixels."""
+def reproject(motion: Tensor, display: Size, render: Size | Extent) -> Reprojection:
+    """Reproject display pixels by `motion`, (1, 2, H, W) in render pixels, previous minus current."""
     across = motion[:, :1] * display.width / render.width
     down = motion[:, 1:2] * display.height / render.height
     x = torch.arange(display.width, device=motion.device) + across
     y = torch.arange(display.height, device=motion.device)[:, None] + down
     right, bottom = display.width - 0.5, display.height - 0.5
     on_screen = (x > -0.5) & (x < right) & (y > -0.5) & (y < bottom)
-    return Past(
+    return Reprojection(
         x.clamp(-2.0, right + 1.5),
         y.clamp(-2.0, bottom + 1.5),
         on_screen.float(),
@@ -108,10 +111,10 @@ def read(image: Tensor, x: Tensor, y: Tensor, mode: str = "bilinear") -> Tensor:
 
 
 def read_cubic(image: Tensor, x: Tensor, y: Tensor, sharpness: float = 0.5) -> Tensor:
-    """Cubic (0.5 is Catmull-Rom) over the cross of sixteen samples, by five bilinear reads.
+    """Resample with a cubic (sharpness 0.5: Catmull-Rom) from five bilinear reads.
 
-    The middle two samples of an axis share a read. The four corners, whose weights are products of two small
-    ones, are left out, and the rest scaled up.
+    The middle two samples of an axis share a read. The four corner reads have small weights; they are
+    skipped, and the remaining weights are normalised.
     """
     columns, rows = _cubic_reads(x, sharpness), _cubic_reads(y, sharpness)
     cross = [(columns[i], rows[j]) for i, j in ((1, 1), (0, 1), (2, 1), (1, 0), (1, 2))]

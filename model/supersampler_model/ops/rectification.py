@@ -1,11 +1,11 @@
-"""Making the past agree with the present: colour boxes and clipping (Malan 2012, Karis 2014, Salvi 2016)."""
+"""Rectification of the history: colour boxes and clipping (Malan 2012, Karis 2014, Salvi 2016)."""
 
 from typing import NamedTuple
 
 import torch
 from torch import Tensor
 
-from supersampler_model.ops.sampling import extreme, neighbours, sum_of
+from supersampler_model.ops.sampling import extreme, neighbours_3x3, sum_of
 
 
 class Rect(NamedTuple):
@@ -23,7 +23,7 @@ def variance_box(first: Tensor, second: Tensor, gamma: float | Tensor, floor: fl
 
 def moments(color: Tensor) -> tuple[Tensor, Tensor]:
     """E[c] and E[c^2] over each 3x3 neighbourhood, unweighted."""
-    window = neighbours(color)
+    window = neighbours_3x3(color)
     return sum_of(window) / 9.0, sum_of([c * c for c in window]) / 9.0
 
 
@@ -38,7 +38,7 @@ def intersect(a: Rect, b: Rect) -> Rect:
 
 
 def overshoot(color: Tensor, box: Rect) -> Tensor:
-    """(1, 1, h, w) how far `color` lies from the box's centre, in half extents: <= 1 inside."""
+    """(1, 1, h, w) distance of `color` from the box's centre in half extents: <= 1 inside the box."""
     extent = (0.5 * (box.high - box.low)).clamp(min=1e-5)
     ratio = (color - 0.5 * (box.low + box.high)).abs() / extent
     return torch.maximum(torch.maximum(ratio[:, :1], ratio[:, 1:2]), ratio[:, 2:3])
@@ -51,10 +51,10 @@ def clip_to_center(color: Tensor, box: Rect) -> Tensor:
 
 
 def clip_to_sample(color: Tensor, sample: Tensor, box: Rect) -> Tensor:
-    """Cut the segment from the old `color` to the new `sample` where it enters the box (Salvi 2016).
+    """Clip the segment from the history `color` to the new `sample` where it enters the box (Salvi 2016).
 
-    With variance clipping the new sample itself may lie outside the box, and the segment then miss it; such
-    a colour moves towards the centre instead.
+    With variance clipping the new sample may lie outside the box, and the segment may miss the box. Such a
+    colour is clipped towards the box's centre instead.
     """
     step = sample - color
     step = torch.where(step.abs() < 1e-6, torch.full_like(step, 1e-6), step)

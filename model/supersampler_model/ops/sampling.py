@@ -1,8 +1,8 @@
-"""Where display pixels look, and how images are read there: separable upsampling and history warps.
+"""The sampling grid of display pixels in the render-size input, and separable resampling.
 
 Every image is (1, channels, height, width). The grid is DESIGN.md section 3: display pixel p looks at
-(p + 0.5) / r - 0.5 - jitter in the render-size input, per axis, with r = display / render; its past is at
-p + r * motion in display pixels. align_corners is False everywhere.
+(p + 0.5) / r - 0.5 - jitter in the render-size input, per axis, with r = display / render; its previous
+position is p + r * motion in display pixels. align_corners is False everywhere.
 """
 
 from collections.abc import Callable
@@ -17,13 +17,13 @@ from supersampler_model.methods.base import Size
 Kernel = Callable[[Tensor], Tensor]
 """Weight of a sample at a distance, elementwise."""
 WINDOW = 9
-"""Samples around a pixel that a learned kernel weighs."""
-UNSEEN = 1e-3
+"""Samples in a learned kernel: a 3x3 neighbourhood."""
+MIN_WEIGHT = 1e-3
 """Sum of weights below which no sample of a neighbourhood is usable."""
 
 
 class Grid(NamedTuple):
-    """Where display pixels look in the render-size input: real positions and nearest samples per axis."""
+    """Positions of the display pixels in the render-size input, and their nearest samples, per axis."""
 
     x: Tensor  # (W,) render pixels, 0 is the centre of sample 0
     y: Tensor  # (H,)
@@ -34,14 +34,14 @@ class Grid(NamedTuple):
 
 
 class Extent(NamedTuple):
-    """Render pixels that a display spans: its render size, and for a part of a display no whole number."""
+    """Extent of a display in render pixels: the render size, or fractional for a crop of a display."""
 
     width: float
     height: float
 
 
 class View(NamedTuple):
-    """How a display looks at render-size inputs; also a part of one, as training cuts them out."""
+    """Mapping from a display, or a crop of one in training, to render-size inputs."""
 
     display: Size
     extent: Extent | Size
@@ -55,7 +55,7 @@ class View(NamedTuple):
         )
 
     def grid(self, render: Size) -> Grid:
-        """Where display pixels look in an input of the size `render`."""
+        """Grid of the display pixels in an input of size `render`."""
         x = positions(self.display.width, self.extent.width, self.jitter[0, :1])
         y = positions(self.display.height, self.extent.height, self.jitter[0, 1:])
         column, row = nearest(x, render.width), nearest(y, render.height)
@@ -68,14 +68,14 @@ def grid_of(display: Size, render: Size, jitter: Tensor) -> Grid:
 
 
 class Taps(NamedTuple):
-    """What each of n display pixels reads along one axis: indices and weights, a pair of (n,) per tap."""
+    """Taps of n display pixels along one axis: (n,) indices and (n,) weights per tap."""
 
     indices: list[Tensor]
     weights: list[Tensor]
 
 
 def positions(display: int, render: float, jitter: Tensor) -> Tensor:
-    """(display,) positions in render pixels where the display pixels of one axis look; `jitter` is (1,)."""
+    """(display,) positions of the display pixels of one axis, in render pixels; `jitter` is (1,)."""
     pixel = torch.arange(display, dtype=torch.float32, device=jitter.device)
     return (pixel + 0.5) * render / display - 0.5 - jitter
 
@@ -83,7 +83,7 @@ def positions(display: int, render: float, jitter: Tensor) -> Tensor:
 def taps(position: Tensor, size: int, kernel: Kernel, *, reach: int = 2, scale: float = 1.0) -> Taps:
     """Read the `reach` samples to either side of each `position` along an axis, clamped at the border.
 
-    The kernel sees the signed distance in render pixels times `scale`.
+    The kernel is evaluated at the signed distance in render pixels times `scale`.
     """
     first = position.floor() - float(reach - 1)
     indices, weights = [], []
@@ -108,7 +108,7 @@ def resample(image: Tensor, x: Taps, y: Taps) -> Tensor:
 def upsample(image: Tensor, grid: Grid, kernel: Kernel, scale: tuple[float, float] = (1.0, 1.0)) -> Tensor:
     """Sum `image` under `kernel` at every display pixel: (1, c, h, w) -> (1, c, H, W).
 
-    The kernel sees distances in render pixels times `scale`, (across, down).
+    The kernel is evaluated at distances in render pixels times `scale`, (x, y).
     """
     x = taps(grid.x, image.shape[3], kernel, scale=scale[0])
     return resample(image, x, taps(grid.y, image.shape[2], kernel, scale=scale[1]))
@@ -120,19 +120,28 @@ def normalised(sums: Tensor) -> Tensor:
 
 
 def local_moments(
-    color: Tensor, usable: Tensor, grid: Grid, sigma: float, least: float = UNSEEN
+    color: Tensor, usable: Tensor, grid: Grid, sigma: float, least: float = MIN_WEIGHT
 ) -> tuple[Tensor, Tensor]:
     """E[c] and E[c^2], (1, 3, H, W) each, of the usable samples under a Gaussian at every display pixel.
 
-    Where the Gaussian's sum over them is `least` or below, any colour is likely: E[c^2] is 1.
+    Where the sum of the Gaussian's weights is `least` or below, nothing is known: E[c^2] is 1.
     """
     window = upsample(torch.cat([color, color * color, usable], dim=1), grid, gaussian(sigma))
-    moments, seen = normalised(window), (window[:, 6:7] > least).float()
-    return moments[:, :3], moments[:, 3:6] * seen + (1.0 - seen)
+    moments, known = normalised(window), (window[:, 6:7] > least).float()
+    return moments[:, :3], moments[:, 3:6] * known + (1.0 - known)
 
 
-def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
-    """The samples (1, 4, h, w) around each pixel's nearest, weighed by a Gaussian: WINDOW of (1, 4, H, W)."""
+def neighbourhood_samples(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
+    """Gather the 3x3 samples around each display pixel's nearest one, with Gaussian weights.
+
+    Args:
+        samples: (1, 4, h, w) colour, and 1 where it is usable.
+        grid: of the display.
+        sigma: of the Gaussian, render pixels.
+
+    Returns:
+        WINDOW tensors (1, 4, H, W), row by row: colour and weight.
+    """
     height, width = samples.shape[2], samples.shape[3]
     around = []
     for down in (-1, 0, 1):
@@ -148,9 +157,12 @@ def window_of(samples: Tensor, grid: Grid, sigma: float) -> list[Tensor]:
 
 
 def weighed(window: list[Tensor], kernel: Tensor, otherwise: Tensor) -> Tensor:
-    """Mean (1, 3, H, W) of a window by a learned kernel; `otherwise` where no sample of it is usable.
+    """Mean (1, 3, H, W) of neighbourhood samples under a learned kernel.
 
-    `kernel` is (1, WINDOW, H, W), logarithms of factors to the window's own weights.
+    Args:
+        window: from `neighbourhood_samples`.
+        kernel: (1, WINDOW, H, W) logarithms of factors to the Gaussian weights.
+        otherwise: (1, 3, H, W) the result where no sample is usable.
     """
     weights = [s[:, 3:] * kernel[:, i : i + 1].exp() for i, s in enumerate(window)]
     total = sum_of(weights)
@@ -169,7 +181,7 @@ def pick_first(image: Tensor, grid: Grid) -> Tensor:
 
 
 def sum_of(terms: list[Tensor]) -> Tensor:
-    """Left-to-right sum, so that torch, ONNX and the host kernels add in one order."""
+    """Left-to-right sum, so that torch, ONNX and the CPU kernels add in one order."""
     total = terms[0]
     for term in terms[1:]:
         total = total + term
@@ -194,13 +206,13 @@ def gaussian(sigma: float) -> Kernel:
     return lambda distance: (distance * distance * (-0.5 / (sigma * sigma))).exp()
 
 
-def four(image: Tensor) -> list[Tensor]:
-    """Every pixel itself, its right, lower and lower right neighbour, edges repeated."""
+def neighbours_2x2(image: Tensor) -> list[Tensor]:
+    """Each pixel and its right, lower and lower right neighbour, edges repeated: four (1, c, h, w)."""
     right = torch.cat([image[..., 1:], image[..., -1:]], dim=3)
     return [image, right, *(torch.cat([i[:, :, 1:], i[:, :, -1:]], dim=2) for i in (image, right))]
 
 
-def neighbours(image: Tensor) -> list[Tensor]:
+def neighbours_3x3(image: Tensor) -> list[Tensor]:
     """The nine 3x3 neighbours of every pixel, edges repeated, row by row; the fifth is `image` itself."""
     wide = torch.cat([image[..., :1], image, image[..., -1:]], dim=3)
     tall = torch.cat([wide[:, :, :1], wide, wide[:, :, -1:]], dim=2)
@@ -215,9 +227,9 @@ def channels_of(image: Tensor) -> list[Tensor]:
 
 def extreme(image: Tensor, choose: Callable[[Tensor, Tensor], Tensor]) -> Tensor:
     """Minimum or maximum (`choose`) over 3x3."""
-    return reduce(choose, neighbours(image))
+    return reduce(choose, neighbours_3x3(image))
 
 
 def blurred(image: Tensor) -> Tensor:
     """Mean over 3x3."""
-    return sum_of(neighbours(image)) / 9.0
+    return sum_of(neighbours_3x3(image)) / 9.0

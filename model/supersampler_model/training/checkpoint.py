@@ -1,4 +1,4 @@
-"""Checkpoints: all that a run needs to go on as if it had not been stopped, and what it was made from."""
+"""Checkpoints: the state that a run resumes from, and the provenance of weights."""
 
 import hashlib
 import pickle
@@ -13,11 +13,11 @@ from supersampler.errors import ArgumentError
 from supersampler.io.atomic import replacing
 from supersampler_model.data.dataset import Dataset
 
-VERSION = 2
+VERSION = 3
 
 
 def save_checkpoint(path: Path, content: dict[str, Any]) -> None:
-    """Write a checkpoint, in one piece or not at all."""
+    """Write a checkpoint atomically."""
     with replacing(path) as partial:
         torch.save({"version": VERSION, **content}, partial)
 
@@ -26,7 +26,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
     """Read a checkpoint.
 
     Raises:
-        ArgumentError: it is none, or of another version.
+        ArgumentError: the file is no checkpoint, or of another version.
     """
     try:
         content = torch.load(path, map_location="cpu", weights_only=True)
@@ -38,7 +38,7 @@ def load_checkpoint(path: Path) -> dict[str, Any]:
 
 
 def data_hash(datasets: Sequence[Dataset]) -> str:
-    """What the sets are made of: sha256 of their descriptions."""
+    """sha256 of the descriptions of the data sets."""
     digest = hashlib.sha256()
     for dataset in datasets:
         digest.update(repr(dataset.description).encode())
@@ -46,13 +46,13 @@ def data_hash(datasets: Sequence[Dataset]) -> str:
 
 
 def assets(datasets: Sequence[Dataset]) -> list[str]:
-    """Names of the files that training sequences are composed of: their licences may ask to be named."""
+    """Names of the asset files in the training sequences, for attribution."""
     entries = [entry for dataset in datasets for entry in dataset.entries("train")]
     return sorted({name for entry in entries for name, _ in entry.spec.files})
 
 
 def source_commit() -> str:
-    """The commit of the code that runs, `unknown` outside a repository, with `+` where it was changed."""
+    """Commit of the running code, with `+` if it was modified; `unknown` outside a repository."""
     here = Path(__file__).parent
     try:
         run = subprocess.run(

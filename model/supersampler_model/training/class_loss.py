@@ -1,4 +1,4 @@
-"""What the classifier is trained for beside its pictures: the classes of pixels."""
+"""The classification loss of the classifier."""
 
 from dataclasses import dataclass
 
@@ -6,19 +6,19 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
-from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.losses import ImageWeights
 
 
 @dataclass(frozen=True)
-class ClassifierWeights(PictureWeights):
-    """Weights of the terms.
+class ClassifierWeights(ImageWeights):
+    """Weights of the loss terms.
 
     Attributes:
-        rms: more than of pictures in general: where a pixel may be on either side of an edge, squares lead to
-            the mean, absolute errors to the likelier of the two.
-        ghost: of the absolute error where the past is of no use, beside that everywhere.
-        classes: of the cross entropies.
-        rarest: the largest weight of a rare class in them.
+        rms: larger than the default: where a pixel may be on either side of an edge, squared errors lead to
+            the mean, absolute errors to the median.
+        ghost: extra weight of the image error where the history is invalid.
+        classes: weight of the cross entropies.
+        rarest: maximum weight of a rare class in them.
     """
 
     rms: float = 3.0
@@ -28,28 +28,28 @@ class ClassifierWeights(PictureWeights):
 
 
 def class_loss(logits: Tensor, ghost: Tensor, alias: Tensor, weights: ClassifierWeights) -> Tensor:
-    """Cross entropy of both groups, rare classes weighing more.
+    """Cross entropy of both groups of classes; rare classes have larger weights.
 
     Args:
         logits: (n, 6, H / 2, W / 2).
-        ghost: (n, H, W) int64, 0 to 2; anything else is unknown.
+        ghost: (n, H, W) int64, 0 to 2; other values are unknown.
         alias: (n, H, W) int64, the same.
-        weights: of the terms.
+        weights: of the loss terms.
     """
     return weights.classes * (
-        _entropy(logits[:, :3], shares_of(ghost), weights.rarest)
-        + _entropy(logits[:, 3:], shares_of(alias), weights.rarest)
+        _entropy(logits[:, :3], class_fractions(ghost), weights.rarest)
+        + _entropy(logits[:, 3:], class_fractions(alias), weights.rarest)
     )
 
 
-def shares_of(classes: Tensor) -> Tensor:
-    """(n, H, W) classes to their shares in each 2x2 pixels: (n, 3, H / 2, W / 2); 0 of what is unknown."""
+def class_fractions(classes: Tensor) -> Tensor:
+    """Fraction of each class in 2x2 pixels: (n, H, W) to (n, 3, H / 2, W / 2); unknown pixels add 0."""
     one_hot = torch.stack([classes == c for c in range(3)], dim=1).float()
     return F.avg_pool2d(one_hot, 2)
 
 
-def _entropy(logits: Tensor, shares: Tensor, rarest: float) -> Tensor:
-    frequency = shares.mean(dim=(0, 2, 3)).clamp(min=1e-6)
+def _entropy(logits: Tensor, fractions: Tensor, rarest: float) -> Tensor:
+    frequency = fractions.mean(dim=(0, 2, 3)).clamp(min=1e-6)
     balance = (1.0 / frequency).sqrt().clamp(max=rarest)
-    weighted = shares * balance[:, None, None]
+    weighted = fractions * balance[:, None, None]
     return -(weighted * logits.log_softmax(dim=1)).sum() / weighted.sum().clamp(min=1e-6)

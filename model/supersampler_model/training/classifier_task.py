@@ -1,4 +1,4 @@
-"""How the classifier is trained: crops gathered one by one, as ratios differ, and classified together."""
+"""Training of the classifiers: crops are gathered one by one, as ratios differ, and classified as a batch."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -19,7 +19,7 @@ from supersampler_model.training.task import State, Stepped, Task
 
 
 class ClassifierTask(Task[Sample]):
-    """Pictures and classes; states are in the order of `Classifier.history`."""
+    """Image and classification losses; states are in the order of `Classifier.history`."""
 
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
         self.method: Classifier = method
@@ -27,50 +27,50 @@ class ClassifierTask(Task[Sample]):
 
     @property
     def config(self) -> dict[str, Any]:
-        """Of the classifier."""
+        """Config of the classifier."""
         return asdict(self.method.config)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Crops anywhere, at any ratio."""
+        """Stream crops at any position and ratio."""
         return Stream(datasets, ratios=self.method.ratios, size=size, seed=seed)
 
     def first_state(self, sample: Sample) -> State:
-        """All zeros, as seen from where the crop looks."""
+        """Zeros, with the jitter of the crop's view."""
         empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
         color, state, classes, depth, _, exposure = (t.to(sample.color.device) for t in empty)
         return [color, state, classes, depth, sample.view.jitter, exposure]
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
-        """Step every crop; from frame to frame gradients flow through the colour of the history alone."""
+        """Step all crops; from frame to frame gradients flow only through the history colour."""
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         packed, carried = (
-            torch.cat(parts) for parts in zip(*(method.seen(g) for g in gathered), strict=True)
+            torch.cat(parts) for parts in zip(*(method.network_inputs(g) for g in gathered), strict=True)
         )
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
-            logits, mixing = method.net(packed, carried)
-        return self.stepped(samples, gathered, logits.float(), mixing.float(), self.losses.ghost)
+            logits, blend = method.net(packed, carried)
+        return self.stepped(samples, gathered, logits.float(), blend.float(), self.losses.ghost)
 
     def stepped(
         self,
         samples: list[Sample],
         gathered: list[Gathered],
         logits: Tensor,
-        mixing: Tensor,
+        blend: Tensor,
         ghost_weight: Tensor | float,
     ) -> Stepped:
-        """Finish every crop by what the network has said.
+        """Finish all crops from the network's outputs.
 
         Args:
             samples: the crops.
-            gathered: what is known of each.
+            gathered: results of the gather stage.
             logits: (n, 6, H / 2, W / 2).
-            mixing: (n, 4 m, H / 2, W / 2).
-            ghost_weight: (n, 1, 1, 1) of the error where the past is of no use, or one for all.
+            blend: (n, 4 m, H / 2, W / 2) packed blend parameters.
+            ghost_weight: (n, 1, 1, 1), or one for all: extra weight of the error with invalid history.
         """
         method, images, after = self.method, [], []
         for i, (g, sample) in enumerate(zip(gathered, samples, strict=True)):
-            done = method.finish(g, logits[i : i + 1], mixing[i : i + 1])
+            done = method.finish(g, logits[i : i + 1], blend[i : i + 1])
             images.append(done.image)
             state, classes = done.state.detach(), done.classes.detach()
             after.append([done.image, state, classes, g.surfaces, sample.view.jitter, g.followed])
@@ -84,17 +84,19 @@ class ClassifierTask(Task[Sample]):
         )
 
     def gather(self, sample: Sample, state: State) -> Gathered:
-        """What one crop's frame and its past tell before the network speaks."""
+        """Run the gather stage on one crop."""
         color, counted, classes, depth, jitter, exposure = state
         history = History(color, counted, classes, depth, exposure)
-        before = sample.view._replace(jitter=jitter)  # a crop stays where it is until its stream's next one
+        before = sample.view._replace(
+            jitter=jitter
+        )  # the region of a crop is fixed until the next crop of its stream
         return self.method.gather(
             sample.color, sample.depth, sample.motion, sample.exposure, history, sample.view, before
         )
 
 
 def _ghost(samples: list[Sample], gathered: list[Gathered]) -> Tensor:
-    """(n, H, W) classes, where what comes from outside of a crop has been hidden."""
+    """(n, H, W) ghosting classes; pixels reprojected outside of the crop are disoccluded."""
     ghost = torch.cat([s.ghost for s in samples])
-    off_screen = torch.cat([1.0 - g.there.on_screen for g in gathered])[:, 0] > 0.0
+    off_screen = torch.cat([1.0 - g.reprojection.on_screen for g in gathered])[:, 0] > 0.0
     return torch.where(off_screen & (ghost < UNKNOWN), Ghost.VISIBILITY, ghost)

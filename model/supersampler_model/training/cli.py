@@ -80,14 +80,14 @@ def train(
     plan = Plan(steps=steps, size=size, batch=batch, frames=frames, rate=rate, seed=seed)
     trainer = Trainer(task, datasets, plan, output)
     entries = validation_entries(trainer.datasets, task.ratios)
-    bar = validate(task.bar.eval(), entries, task.walk) if entries and trainer.rank == 0 else None
+    baseline = validate(task.baseline.eval(), entries, task.runner) if entries and trainer.rank == 0 else None
     updates: list[Update] = []
     while trainer.done < plan.steps:
         trainer.run(min((trainer.done // every + 1) * every, plan.steps), on_update=updates.append)
         trainer.save()
         if trainer.rank == 0:
-            found = validate(trainer.average.eval(), entries, task.walk) if entries else None
-            _report(trainer, output, updates, found, bar, {"attributions": named, "init": begun})
+            found = validate(trainer.average.eval(), entries, task.runner) if entries else None
+            _report(trainer, output, updates, found, baseline, {"attributions": named, "init": begun})
         updates.clear()
         if dist.is_initialized():
             dist.barrier()
@@ -116,19 +116,21 @@ def _report(
     output: Path,
     updates: list[Update],
     found: Validated | None,
-    bar: Validated | None,
+    baseline: Validated | None,
     facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
     scores = {} if found is None else {**found.scores, **found.overlap}
-    name = trainer.task.bar.name
-    bars = {} if bar is None else {f"{score}_{name}": value for score, value in bar.scores.items()}
+    name = trainer.task.baseline.name
+    baselines = (
+        {} if baseline is None else {f"{score}_{name}": value for score, value in baseline.scores.items()}
+    )
     means = {name: mean(u.losses[name] for u in updates) for name in updates[0].losses}
     save_trained(output / "weights.safetensors", trainer.trained({"validation": scores, **facts}))
     with RunLog(output, list(means)) as log:
-        log.write(trainer.done, {**means, **scores, **bars}, None if found is None else found.picture)
-    said = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **bars}.items())
+        log.write(trainer.done, {**means, **scores, **baselines}, None if found is None else found.image)
+    line = ", ".join(f"{name} {value:.3f}" for name, value in {**means, **scores, **baselines}.items())
     seconds = mean(update.seconds for update in updates)
     Console(stderr=True, highlight=False, soft_wrap=True).print(
-        f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {said}"
+        f"{trainer.done}/{trainer.plan.steps}, {seconds:.2f} s an update: {line}"
     )

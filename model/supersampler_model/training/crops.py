@@ -1,8 +1,8 @@
-"""Crops of training sequences, cut out exactly, flipped and relit: what a recurrent method trains on.
+"""Crops of training sequences: exact, flipped, turned and relit.
 
-A crop of the display looks at a crop of the render-size input through a `View` whose jitter holds all of
-where the two lie, so that any crop of any ratio, flipped or turned, is as exact as the whole frame. The crop
-is the screen: what comes from outside it has no past, and is labelled so by the method's own reprojection.
+A crop of the display reads a crop of the render-size input through a `View` whose jitter includes the offset
+between both. Any crop at any ratio, flipped or turned, is as exact as the whole frame. The crop is the
+screen: pixels reprojected outside of it have no history, and the method's own reprojection labels them so.
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -24,10 +24,10 @@ from supersampler_model.ops.color import MAX_HALF
 from supersampler_model.ops.sampling import Extent, View
 from supersampler_model.training.frame_inputs import planes
 
-MARGIN = 3  # render pixels around those that a crop's display pixels look at
-CHOICES = 3  # crops to choose the one with most to learn from
-FIREFLIES = 0.03  # share of the frames that have some
-BRIGHTER = 1.0  # stops by which an augmented sequence is exposed more or less, at most
+MARGIN = 3  # render pixels around the region that a crop reads
+CHOICES = 3  # candidates per crop; the one with most aliased pixels is used
+FIREFLIES = 0.03  # fraction of the frames with fireflies
+BRIGHTER = 1.0  # maximum change of exposure in augmentation, stops
 
 
 class Sample(NamedTuple):
@@ -42,8 +42,8 @@ class Sample(NamedTuple):
     reference: Tensor  # (1, 3, H, W) linear RGB
     ghost: Tensor  # (1, H, W) int64
     alias: Tensor  # (1, H, W) int64
-    gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by names of inputs; for methods that read them
-    hidden: bool = False  # whether it is to be drawn without its colour
+    gbuffer: Mapping[str, Tensor] = MappingProxyType({})  # by input name
+    unshaded: bool = False  # whether the method must extrapolate its colour
 
     def on(self, device: torch.device) -> Self:
         """Return the sample with its tensors on `device`."""
@@ -55,15 +55,15 @@ class Sample(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cut:
-    """Where a crop is and how it is turned; the same for all frames of a window.
+class CropRegion:
+    """Region and augmentation of a crop; the same for all of its frames.
 
     Attributes:
         left, top: corner in display pixels.
         size: of the crop in display pixels, both ways.
         ratio: display over render size, per axis.
-        flip: whether columns, rows run the other way.
-        turned: whether rows become columns.
+        flip: whether columns, rows are reversed.
+        turned: whether rows and columns are swapped.
         colors: order of the colour channels.
         gain: multiplies colours.
         exposure: multiplies the exposure.
@@ -81,16 +81,16 @@ class Cut:
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
         """Cut the crop out of one frame."""
-        return self._part(frame, *self._seen(frame), reset=reset)
+        return self._part(frame, *self._visible(frame), reset=reset)
 
     def worth(self, frame: TrainingFrame) -> int:
-        """How many pixels of the crop one sample does not do justice to."""
+        """Number of aliased pixels in the crop."""
         crop = frame.alias[self.display]
         return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 
     @property
     def display(self) -> tuple[slice, slice]:
-        """Where the crop is in an image of display size."""
+        """Rows and columns of the crop in an image of display size."""
         return slice(self.top, self.top + self.size), slice(self.left, self.left + self.size)
 
     def turn(self, image: NDArray[Any]) -> NDArray[Any]:
@@ -99,14 +99,14 @@ class Cut:
         image = image[::-1] if self.flip[1] else image
         return image.swapaxes(0, 1) if self.turned else image
 
-    def _seen(self, frame: TrainingFrame) -> tuple[slice, slice]:
-        """Columns and rows of what is of render size that the crop looks at."""
+    def _visible(self, frame: TrainingFrame) -> tuple[slice, slice]:
+        """Columns and rows of the render-size region that the crop reads."""
         width, height = frame.depth.shape[::-1]
-        across = _seen(self.left, self.size, self.ratio[0], width)
-        return across, _seen(self.top, self.size, self.ratio[1], height)
+        across = _visible(self.left, self.size, self.ratio[0], width)
+        return across, _visible(self.top, self.size, self.ratio[1], height)
 
     def _part(self, frame: TrainingFrame, across: slice, down: slice, *, reset: bool) -> Sample:
-        """Cut the crop out, with these columns and rows of what is of render size."""
+        """Cut the crop out, with these columns and rows at render size."""
         here = down, across
         corners = zip(frame.jitter, (across, down), (self.left, self.top), self.ratio, strict=True)
         jitter = [j + part.start - corner / ratio for j, part, corner, ratio in corners]
@@ -140,23 +140,23 @@ class Cut:
         )
 
 
-Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], Cut]
-"""Draws a crop of a sequence: random numbers, the sequence, its display size, the crop's size."""
+Draw = Callable[[np.random.Generator, SequenceEntry, tuple[int, int], int], CropRegion]
+"""Draws a random region: generator, sequence, its display size, size of the crop."""
 
 
-def draw_cut(
+def draw_region(
     random: np.random.Generator,
     entry: SequenceEntry,
     display_size: tuple[int, int],
     size: int,
     *,
     step: int = 1,
-) -> Cut:
-    """Draw a crop of a sequence, turned and coloured at random, its corner at a multiple of `step`."""
+) -> CropRegion:
+    """Draw a random region and augmentation, with corners at multiples of `step`."""
     width, height = display_size
     render = entry.render_size(display_size)
     r, g, b = (int(i) for i in random.permutation(3))
-    return Cut(
+    return CropRegion(
         left=step * int(random.integers((width - size) // step + 1)),
         top=step * int(random.integers((height - size) // step + 1)),
         size=size,
@@ -164,15 +164,17 @@ def draw_cut(
         flip=(bool(random.integers(2)), bool(random.integers(2))),
         turned=bool(random.integers(2)),
         colors=(r, g, b),
-        gain=float(2.0 ** random.uniform(-2.0, 2.0)),  # history is scene-linear: no unit may matter
+        gain=float(
+            2.0 ** random.uniform(-2.0, 2.0)
+        ),  # history is scene-linear: methods must not depend on its unit
         exposure=float(2.0 ** random.uniform(-BRIGHTER, BRIGHTER)),
     )
 
 
 def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
-    """Make, in a few frames, some samples of any brightness up to the brightest there is.
+    """Add fireflies of random brightness to a few frames.
 
-    Path tracers and broken shaders draw such samples for one frame. Rendered training data has none, and a
+    Path tracers and broken shaders produce such samples for one frame. Rendered training data has none, and a
     network that never saw one keeps it for a second.
     """
     if random.random() >= FIREFLIES:
@@ -185,21 +187,21 @@ def with_fireflies(sample: Sample, random: np.random.Generator) -> Sample:
 
 @dataclass
 class Place:
-    """Where a stream is: enough to go on from there."""
+    """Position of a stream, from which it resumes: number of the crop, and of the frame in it."""
 
-    window: int = 0
+    crop: int = 0
     frame: int = 0
 
 
 class Stream:
-    """An endless walk through one split of some sets: window after window, each frame of it in order.
+    """An endless stream of crops of one split: crop after crop, the frames of each in order.
 
     Args:
         datasets: sets as `supersampler render` makes them.
-        ratios: least and largest ratio that is trained on.
+        ratios: minimum and maximum ratio.
         size: of the crops, display pixels.
         seed: of the draws; two streams of the same seed and place are the same.
-        draw: draws crops, CHOICES for each window.
+        draw: draws the CHOICES candidates of each crop.
 
     Raises:
         ArgumentError: no sequence can be trained on, or crops are larger than a display.
@@ -212,7 +214,7 @@ class Stream:
         ratios: tuple[float, float],
         size: int,
         seed: Sequence[int],
-        draw: Draw = draw_cut,
+        draw: Draw = draw_region,
     ) -> None:
         self._sequences = sequences_of(datasets, ratios, least=2)
         smallest = min(min(dataset.description.display_size) for dataset, _, _ in self._sequences)
@@ -223,7 +225,7 @@ class Stream:
 
     def __iter__(self) -> Iterator[Sample]:
         while True:
-            random = np.random.default_rng([*self._seed, self.place.window])
+            random = np.random.default_rng([*self._seed, self.place.crop])
             dataset, entry, count = self._sequences[int(random.integers(len(self._sequences)))]
             first = int(random.integers(max(count // 3, 1)))
             display_size = dataset.description.display_size
@@ -234,8 +236,8 @@ class Stream:
                 frame = dataset.read(entry, index)
                 self.place.frame += 1
                 sample = cut.sample(frame, reset=frame.reset or index == first)
-                yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.window, index]))
-            self.place = Place(self.place.window + 1, 0)
+                yield with_fireflies(sample, np.random.default_rng([*self._seed, self.place.crop, index]))
+            self.place = Place(self.place.crop + 1, 0)
 
 
 def sequences_of(
@@ -245,8 +247,8 @@ def sequences_of(
 
     Args:
         datasets: that they are of.
-        ratios: least and largest.
-        least: frames in a row that a sequence must have.
+        ratios: minimum and maximum.
+        least: minimum number of consecutive frames.
 
     Raises:
         ArgumentError: there are none.
@@ -265,8 +267,8 @@ def sequences_of(
     return found
 
 
-def _seen(corner: int, size: int, ratio: float, extent: int) -> slice:
-    """Samples that display pixels from `corner` on look at, with a margin."""
+def _visible(corner: int, size: int, ratio: float, extent: int) -> slice:
+    """Samples that display pixels from `corner` on read, with a margin."""
     first = int(np.floor((corner + 0.5) / ratio - 1.0)) - MARGIN
     last = int(np.ceil((corner + size - 0.5) / ratio)) + MARGIN
     return slice(max(first, 0), min(last, extent - 1) + 1)

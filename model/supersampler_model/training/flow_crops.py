@@ -1,7 +1,7 @@
-"""Light on the surfaces of hidden frames, and on those of frames before them: what `guided-flow` learns from.
+"""Crops of guided light of unshaded frames and of the shaded frames before them, for `guided-flow`.
 
-Finding it takes far longer than a step of the network. So it is found once for each frame, and kept in
-memory, in half floats.
+Computing guided light takes far longer than a step of the network. It is computed once per frame and cached
+in memory, in half floats.
 """
 
 from collections.abc import Iterator, Sequence
@@ -15,34 +15,34 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.data.labels import Ghost
-from supersampler_model.methods.extrapolation.flow_network import PICTURE
+from supersampler_model.methods.extrapolation.flow_network import LIGHT
 from supersampler_model.methods.extrapolation.guided import reflectance, surface_of
-from supersampler_model.methods.extrapolation.guided_flow import Gathered, GuidedFlow, past_of
+from supersampler_model.methods.extrapolation.guided_flow import Gathered, GuidedFlow, flow_history
 from supersampler_model.ops.color import MAX_HALF, bounded
 from supersampler_model.training.crops import Place, sequences_of
 from supersampler_model.training.frame_inputs import frame_inputs
 
 WAYS = ((0, 1), (1, 1), (0, 2))
-"""Ways through a sequence: the first frame, and how many are hidden after each shaded one."""
-LEAST = 4  # frames of a sequence of which one has light of two shaded frames before it
-HALVED = [PICTURE, 3]  # channels of half the size: picture of the later light, earlier light
+"""Patterns: index of the first frame, and number of unshaded frames after each shaded one."""
+LEAST = 4  # minimum frames of a sequence for one with two shaded frames before it
+HALVED = [LIGHT, 3]  # channels at half size: later input, earlier light
 WHOLE = [3, 4, 3, 3, 1]  # guided light, guides, reflectance, the frame's own colour, where light has changed
-STILL = 1e-3  # chance of a frame in which no light changes, beside the share of the pixels in which it does
-BRIGHTER = 1.0  # stops by which a crop is made more or less bright, at most
+STILL = 1e-3  # added to the fraction of changed pixels: the sampling weight of a frame
+BRIGHTER = 1.0  # maximum change of exposure in augmentation, stops
 
 
 class LightSample(NamedTuple):
-    """A crop of one hidden frame; (1, ., h, w) but for what is said."""
+    """A crop of one unshaded frame; (1, ., h, w) unless stated otherwise."""
 
     later: Tensor  # (1, PICTURE, h / 2, w / 2) of the last shaded frame
     earlier: Tensor  # (1, PICTURE, h / 2, w / 2) of the one before
-    light: Tensor  # guided, of the last one, times the frame's exposure
+    light: Tensor  # guided light of the last shaded frame, times the exposure
     guides: Tensor  # see `GuidedFlow.guides`
     reflectance: Tensor
-    reference: Tensor  # as the frame would have been shaded, linear RGB times its exposure
-    changed: Tensor  # 1 where light has changed since the frame before
-    exposure: Tensor  # (1,) beside that
-    reset: bool = True  # crops do not follow from one another
+    reference: Tensor  # the shaded colour of the frame, linear RGB times its exposure
+    changed: Tensor  # 1 where the lighting changed since the previous frame
+    exposure: Tensor  # (1,) of the augmentation
+    reset: bool = True  # every crop is a single frame
 
     def on(self, device: torch.device) -> Self:
         """Return the sample with its tensors on `device`."""
@@ -51,17 +51,17 @@ class LightSample(NamedTuple):
 
 
 class Found(NamedTuple):
-    """Hidden frames of a sequence, in half floats."""
+    """Unshaded frames of a sequence, in half floats."""
 
     halved: Tensor  # (n, HALVED, h / 2, w / 2)
     whole: Tensor  # (n, WHOLE, h, w); light and colour are exposed
 
 
 class Lights:
-    """Finds the light of sequences, and keeps it.
+    """Computes and caches the guided light of sequences.
 
     Args:
-        method: says what the network sees.
+        method: whose gather stage computes the network inputs.
     """
 
     def __init__(self, method: GuidedFlow) -> None:
@@ -69,7 +69,7 @@ class Lights:
         self._kept: dict[tuple[str, SequenceEntry], Found] = {}
 
     def of(self, dataset: Dataset, entry: SequenceEntry) -> Found:
-        """All frames of a sequence that may be hidden, each way through.
+        """Return the unshaded frames of a sequence under each pattern of WAYS.
 
         Raises:
             ArgumentError: there are none.
@@ -84,7 +84,7 @@ class Lights:
         return self._kept[key]
 
     @torch.no_grad()
-    def _along(self, frames: Sequence[TrainingFrame], first: int, hidden: int) -> Iterator[Found]:
+    def _along(self, frames: Sequence[TrainingFrame], first: int, unshaded: int) -> Iterator[Found]:
         method = self._method
         names = ["color", *method.inputs()]
         state: list[Tensor] = []
@@ -92,23 +92,23 @@ class Lights:
         for frame in frames[first:]:
             count = 0 if frame.reset else count
             given = dict(zip(names, frame_inputs(frame, names), strict=True))
-            if count % (hidden + 1) == 0:
+            if count % (unshaded + 1) == 0:
                 state = method.after_shaded(given, state if count else None)
             else:
-                past, jitter = past_of(*state), given["jitter"]
+                history, jitter = flow_history(*state), given["jitter"]
                 now = surface_of(given["gbuffer_base_color"], given["gbuffer_normal"], given["depth"])
-                seen = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, past)
-                if count > hidden + 1:
-                    yield self._found(frame, given["color"], seen)
-                state = method.left(seen.motion, jitter, past)
+                gathered = method.gather(now, given["gbuffer_roughness"], given["motion"], jitter, history)
+                if count > unshaded + 1:
+                    yield self._found(frame, given["color"], gathered)
+                state = method.next_history(gathered.motion, jitter, history)
             count += 1
 
-    def _found(self, frame: TrainingFrame, color: Tensor, seen: Gathered) -> Found:
-        method, (later, earlier) = self._method, seen.pictures
+    def _found(self, frame: TrainingFrame, color: Tensor, gathered: Gathered) -> Found:
+        method, (later, earlier) = self._method, gathered.lights
         whole = [
-            bounded(seen.light * frame.exposure),
-            method.guides(seen.surface).clamp(-MAX_HALF, MAX_HALF),
-            reflectance(seen.surface, method.config.warp),
+            bounded(gathered.light * frame.exposure),
+            method.guides(gathered.surface).clamp(-MAX_HALF, MAX_HALF),
+            reflectance(gathered.surface, method.config.warp),
             bounded(color * frame.exposure),
             changing_light(frame),
         ]
@@ -116,11 +116,11 @@ class Lights:
 
 
 class LightStream:
-    """An endless walk through crops of light, of frames in which it changes more often than of others.
+    """An endless stream of crops of light; frames with changing light are drawn more often.
 
     Args:
         datasets: sets that `gbuffer_set` returned.
-        lights: finds it; streams may share one.
+        lights: computes the light; may be shared by streams.
         ratio: display over render size.
         size: of the crops, render pixels.
         seed: see `Stream`.
@@ -141,19 +141,19 @@ class LightStream:
 
     def __iter__(self) -> Iterator[LightSample]:
         while True:
-            random = np.random.default_rng([*self._seed, self.place.window])
+            random = np.random.default_rng([*self._seed, self.place.crop])
             dataset, entry, _ = self._sequences[int(random.integers(len(self._sequences)))]
-            self.place = Place(self.place.window + 1, 0)
+            self.place = Place(self.place.crop + 1, 0)
             yield draw_light(random, self._lights.of(dataset, entry), self._size)
 
 
 def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSample:
-    """Draw a crop of hidden frames, turned and coloured at random.
+    """Draw a random, augmented crop of unshaded frames.
 
     Args:
-        random: numbers.
+        random: generator.
         found: the frames.
-        size: of the crop, pixels of half the render size; smaller than they are.
+        size: of the crop, pixels at half the render size; smaller than the frames.
     """
     chances = found.whole[:, -1].float().mean(dim=(1, 2)).numpy().astype(np.float64) + STILL
     index = int(random.choice(len(chances), p=chances / chances.sum()))
@@ -164,7 +164,7 @@ def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSam
     exposure = 2.0 ** random.uniform(-BRIGHTER, BRIGHTER)
 
     def cut(images: Tensor, unit: int) -> Tensor:
-        # what is halved is of the first pixel of each two, also when it runs the other way
+        # halved images hold the first pixel of each pair, also when flipped
         begins = [unit * at - (unit - 1) * flip for at, flip in zip(corner, flips, strict=True)]
         rows, columns = (slice(begin, begin + unit * size) for begin in begins)
         image = images[index : index + 1, :, rows, columns].float()
@@ -181,7 +181,7 @@ def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSam
 
 
 def changing_light(frame: TrainingFrame) -> Tensor:
-    """(1, 1, h, w) 1 at samples in pixels in which light has changed since the frame before."""
+    """(1, 1, h, w) 1 at samples of pixels whose lighting changed since the previous frame."""
     axes = zip(frame.depth.shape[::-1], frame.ghost.shape[::-1], frame.jitter, strict=True)
     places = [((np.arange(few) + 0.5 + moved) * many / few, many) for few, many, moved in axes]
     columns, rows = (at.astype(np.int64).clip(0, many - 1) for at, many in places)

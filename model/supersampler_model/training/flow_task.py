@@ -1,7 +1,7 @@
-"""How `guided-flow` is trained: on hidden frames, by how far what is drawn is from what would be shaded.
+"""Training of `guided-flow`: on unshaded frames, by the error to their shaded colour.
 
-Not by the census of light (Wu et al. 2023, equations 8 and 9), which holds it to its noise, where it has any,
-and kept the network from moving anything.
+The census loss of light (Wu et al. 2023, equations 8 and 9) is not used: it fits the noise of light, and kept
+the network from moving anything.
 """
 
 from collections.abc import Sequence
@@ -17,21 +17,21 @@ from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.training.flow_crops import Lights, LightSample, LightStream
 from supersampler_model.training.gbuffer_crops import gbuffer_set
-from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.losses import ImageWeights
+from supersampler_model.training.sequence_runner import ExtrapolationRunner, SequenceRunner
 from supersampler_model.training.task import State, Stepped, Task
-from supersampler_model.training.walk import HidingWalk, Walk
 
-RATIO = 2  # at which sets are drawn again, with G-buffers of render size
+RATIO = 2  # at which data sets are rendered a second time, with G-buffers of render size
 
 
 @dataclass(frozen=True)
-class FlowWeights(PictureWeights):
-    """Weights of the terms; see `PictureWeights`.
+class FlowWeights(ImageWeights):
+    """Weights of the loss terms; see `ImageWeights`.
 
     Attributes:
-        rms: more than of pictures: light that is guessed calls for the mean of what may be there.
-        change: none, as crops do not follow from one another.
-        changed: of errors where light has changed, beside that everywhere.
+        rms: larger than the default: unknown light should be predicted as its mean.
+        change: 0, as crops are single frames.
+        changed: extra weight of the error where the lighting changed.
     """
 
     rms: float = 3.0
@@ -40,7 +40,7 @@ class FlowWeights(PictureWeights):
 
 
 class FlowTask(Task[LightSample]):
-    """Hidden frames alone, which leave nothing to one another."""
+    """Single unshaded frames without state."""
 
     def __init__(self, method: GuidedFlow, losses: FlowWeights | None = None) -> None:
         self.method: GuidedFlow = method
@@ -49,17 +49,17 @@ class FlowTask(Task[LightSample]):
 
     @property
     def config(self) -> dict[str, Any]:
-        """Of the method."""
+        """Config of the method."""
         return asdict(self.method.config)
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Of frames that were drawn with what the method reads."""
+        """Ratio of the frames with G-buffers of render size."""
         return float(RATIO), float(RATIO)
 
     @property
-    def bar(self) -> Method:
-        """What it draws untrained."""
+    def baseline(self) -> Method:
+        """`guided-warp`, which the untrained method equals."""
         return GuidedWarp()
 
     def data(self, dataset: Dataset) -> Dataset:
@@ -67,30 +67,31 @@ class FlowTask(Task[LightSample]):
         return gbuffer_set(dataset, RATIO)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> LightStream:
-        """Crops of light; all streams share what was found of it.
+        """Stream crops of light; all streams share one cache.
 
         Raises:
-            ArgumentError: see `LightStream`; or the network's coarsest level has one pixel of a crop, which
-                batch normalisation can tell nothing of.
+            ArgumentError: see `LightStream`; or the coarsest level of the network would be a single pixel,
+            which
+                batch normalisation cannot normalise.
         """
         least = 2 ** (len(self.method.config.network.levels) + 1)
         if size <= least:
             raise ArgumentError("size", got=size, want=f"more than {least}")
         return LightStream(datasets, self._lights, ratio=RATIO, size=size, seed=seed)
 
-    def walk(self, method: Method, display: Size) -> Walk:
-        """Every second frame is hidden; pictures are of those alone."""
-        return HidingWalk(method, display)
+    def runner(self, method: Method, display: Size) -> SequenceRunner:
+        """Every second frame is unshaded; only those are scored."""
+        return ExtrapolationRunner(method, display)
 
-    def first_state(self, sample: LightSample) -> State:  # noqa: ARG002  # as all have none
-        """Nothing."""
+    def first_state(self, sample: LightSample) -> State:  # noqa: ARG002  # part of the interface
+        """Return no state."""
         return []
 
     def step(self, samples: list[LightSample], states: list[State]) -> Stepped:
-        """Draw all crops together."""
+        """Step all crops as one batch."""
         together = (torch.cat(parts) for parts in zip(*(sample[:-1] for sample in samples), strict=True))
         later, earlier, light, guides, reflectance, _, changed, _ = together
         with torch.autocast(later.device.type, torch.bfloat16, enabled=self.method.training):
-            (said,) = self.method.net(later, earlier)
-        light = self.method.refined(light, guides, said.float())
+            (inferred,) = self.method.net(later, earlier)
+        light = self.method.refined(light, guides, inferred.float())
         return Stepped(light * reflectance, states, weight=1.0 + self.losses.changed * changed)

@@ -1,4 +1,4 @@
-"""What a method asks for of a training frame, as tensors under the names of its inputs."""
+"""Inputs of a method from a training frame, by name."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -32,13 +32,13 @@ def frame_inputs(frame: TrainingFrame, names: Sequence[str]) -> list[Tensor]:
 
 
 def gbuffers(frame: TrainingFrame) -> dict[str, NDArray[Any]]:
-    """G-buffers of both sizes by names of inputs, as they are stored."""
+    """G-buffers of both sizes by input name, as stored."""
     found = {name: (getattr(frame, place.group) or {}).get(place.key) for name, place in GBUFFERS.items()}
     return {name: image for name, image in found.items() if image is not None}
 
 
 def planes(image: NDArray[Any]) -> Tensor:
-    """(h, w) or (h, w, c) to (1, c, h, w) float32; bytes to the numbers in [0, 1] that they stand for."""
+    """(h, w) or (h, w, c) to (1, c, h, w) float32; uint8 to [0, 1]."""
     channels = image[..., None] if image.ndim == 2 else image
     tensor = torch.from_numpy(np.array(channels.transpose(2, 0, 1), np.float32, order="C"))[None]
     return tensor / 255.0 if image.dtype == np.uint8 else tensor

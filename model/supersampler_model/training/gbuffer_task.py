@@ -1,4 +1,4 @@
-"""How `gbuffer` is trained: on pictures, more where surfaces shine (Wang et al. 2025, section III.E)."""
+"""Training of `gbuffer`: image error, larger on reflective surfaces (Wang et al. 2025, section III.E)."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -14,7 +14,7 @@ from supersampler_model.methods.gbuffer.buffers import Gathered, History
 from supersampler_model.methods.gbuffer.model import GBuffer
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
-from supersampler_model.training.losses import PictureWeights, shown
+from supersampler_model.training.losses import ImageWeights, shown
 from supersampler_model.training.structure import dissimilarity
 from supersampler_model.training.task import State, Stepped, Task
 
@@ -23,14 +23,14 @@ METAL, SMOOTH = 0.95, 0.02
 
 
 @dataclass(frozen=True)
-class GBufferWeights(PictureWeights):
-    """Weights of the terms; see `PictureWeights`.
+class GBufferWeights(ImageWeights):
+    """Weights of the loss terms; see `ImageWeights`.
 
     Attributes:
-        rms: more than elsewhere: what G-buffers leave to be guessed is edges, where the mean of what may be
-            there is wanted, to which squares lead, not the median.
-        reflective: of the picture's error where light is reflected like by a mirror, beside that everywhere.
-        structure: of the structural dissimilarity, 1 - SSIM.
+        rms: larger than the default: what G-buffers do not determine is edges, where squared errors lead to
+            the mean, absolute errors to the median.
+        reflective: extra weight of the image error on mirror-like surfaces.
+        structure: weight of the structural dissimilarity, 1 - SSIM.
         reflective_structure: as `reflective`, of the dissimilarity.
     """
 
@@ -41,7 +41,7 @@ class GBufferWeights(PictureWeights):
 
 
 class GBufferTask(Task[Sample]):
-    """Pictures alone; states are in the order of `GBuffer.history`."""
+    """Image loss only; states are in the order of `GBuffer.history`."""
 
     def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
         self.method: GBuffer = method
@@ -49,7 +49,7 @@ class GBufferTask(Task[Sample]):
 
     @property
     def config(self) -> dict[str, Any]:
-        """Of the method."""
+        """Config of the method."""
         return asdict(self.method.config)
 
     def data(self, dataset: Dataset) -> Dataset:
@@ -57,41 +57,41 @@ class GBufferTask(Task[Sample]):
         return gbuffer_set(dataset, self.method.config.ratio)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
-        """Crops of whole render pixels."""
+        """Stream crops of whole render pixels."""
         return gbuffer_stream(datasets, ratio=self.method.config.ratio, size=size, seed=seed)
 
     def first_state(self, sample: Sample) -> State:
-        """All zeros."""
+        """Zeros."""
         empty = self.method.first_history(sample.view.display, render_size_of(sample.color))
         return [tensor.to(sample.color.device) for tensor in empty]
 
     def step(self, samples: list[Sample], states: list[State]) -> Stepped:
-        """Step every crop; from frame to frame gradients flow through the picture, not through its count."""
+        """Step all crops; from frame to frame gradients flow through the image, not through the count."""
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
         with torch.autocast(samples[0].color.device.type, torch.bfloat16, enabled=torch.is_grad_enabled()):
-            (said,) = method.net(*map(torch.cat, zip(*(g.seen for g in gathered), strict=True)))
-        said = said.float()
+            (blend,) = method.net(*map(torch.cat, zip(*(g.inputs for g in gathered), strict=True)))
+        blend = blend.float()
         images, after = [], []
         for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
-            done = method.finish(g, said[i : i + 1], History(*state))
+            done = method.finish(g, blend[i : i + 1], History(*state))
             images.append(done.image)
             after.append(list(done.history._replace(counted=done.history.counted.detach())))
-        pictures, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
+        stepped_images, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
         weights = self.losses
         exposure = torch.cat([s.exposure for s in samples])
         truth = shown(torch.cat([s.reference for s in samples]), exposure)
-        apart = dissimilarity(shown(pictures, exposure), truth)
-        structure = _mean(apart, 1.0 + weights.reflective_structure * reflective)
+        unlike = dissimilarity(shown(stepped_images, exposure), truth)
+        structure = _mean(unlike, 1.0 + weights.reflective_structure * reflective)
         return Stepped(
-            images=pictures,
+            images=stepped_images,
             states=after,
             weight=1.0 + weights.reflective * reflective,
             terms={"structure": weights.structure * structure},
         )
 
     def gather(self, sample: Sample, state: State) -> Gathered:
-        """What one crop's frame and its past tell before the network speaks."""
+        """Run the gather stage on one crop."""
         render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
         return self.method.gather(
             sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view
@@ -99,10 +99,10 @@ class GBufferTask(Task[Sample]):
 
 
 def reflective_of(gathered: Gathered) -> Tensor:
-    """(1, 1, H, W) M_L: 1 where the normal has turned by more than 45 degrees, or on metal or a mirror."""
-    surfaces = gathered.present.display
+    """(1, 1, H, W) M_L: 1 where the normal turned by more than 45 degrees, or on metal or a mirror."""
+    surfaces = gathered.current.display
     ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
-    before = F.interpolate(gathered.past_normal, scale_factor=float(ratio), mode="nearest")
+    before = F.interpolate(gathered.previous_normal, scale_factor=float(ratio), mode="nearest")
     known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()
     turned = ((surfaces.normal * before).sum(dim=1, keepdim=True) < COS_APART).float() * known
     there = (surfaces.normal.square().sum(dim=1, keepdim=True) > 0.5).float()
@@ -111,7 +111,7 @@ def reflective_of(gathered: Gathered) -> Tensor:
 
 
 def _mean(values: Tensor, weight: Tensor) -> Tensor:
-    """Weighted mean over what is known (equation 6)."""
+    """Weighted mean over known values (equation 6)."""
     known = values.isfinite().float()
     values = torch.where(known > 0.0, values, torch.zeros_like(values))
     return (values * weight).sum() / (known * weight).sum().clamp(min=1.0)

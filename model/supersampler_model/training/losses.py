@@ -1,4 +1,4 @@
-"""What pictures are trained for (notes in docs/training.md)."""
+"""The image loss (docs/training.md)."""
 
 from dataclasses import dataclass
 
@@ -9,12 +9,12 @@ from supersampler_model.ops.color import tone
 
 
 @dataclass(frozen=True)
-class PictureWeights:
-    """Weights of the terms.
+class ImageWeights:
+    """Weights of the loss terms.
 
     Attributes:
-        rms: of each crop's root mean square error beside the absolute one, which thin edges hardly move.
-        change: of the error's change from frame to frame.
+        rms: weight of each crop's root mean square error; the absolute error hardly depends on thin edges.
+        change: weight of the error's change from frame to frame.
     """
 
     rms: float = 1.0
@@ -22,32 +22,30 @@ class PictureWeights:
 
 
 def shown(image: Tensor, exposure: Tensor) -> Tensor:
-    """Linear RGB as a screen shows it: exposed, toned, sRGB (`supersampler.display_transform`)."""
+    """Linear RGB to display values: exposed, toned, sRGB (`supersampler.display_transform`)."""
     toned = tone(image * exposure.reshape(-1, 1, 1, 1)).clamp(0.0, 1.0)
     bright = 1.055 * toned.clamp(min=0.0031308) ** (1.0 / 2.4) - 0.055
     return torch.where(toned <= 0.0031308, 12.92 * toned, bright)
 
 
-def picture_loss(
-    off: Tensor, before: Tensor | None, weight: Tensor | float, weights: PictureWeights
-) -> Tensor:
-    """Error of shown pictures, over what is known.
+def image_loss(error: Tensor, before: Tensor | None, weight: Tensor | float, weights: ImageWeights) -> Tensor:
+    """Error of display values where the reference is known.
 
     Args:
-        off: (n, 3, H, W) picture minus truth, NaN where there is no truth.
-        before: that of the frame before; None where there is none.
+        error: (n, 3, H, W) image minus reference, NaN without reference.
+        before: error of the previous frame; None: there is none.
         weight: (n, 1, H, W) of the error, not of its change.
         weights: of the terms.
     """
-    loss = _mean_error(off, weights.rms, weight)
+    loss = _mean_error(error, weights.rms, weight)
     if before is not None:
-        loss = loss + weights.change * _mean_error(off - before, weights.rms)
+        loss = loss + weights.change * _mean_error(error - before, weights.rms)
     return loss
 
 
-def _mean_error(off: Tensor, rms: float, weight: Tensor | float = 1.0) -> Tensor:
-    known = off.isfinite()
-    off = torch.where(known, off, torch.zeros_like(off))
+def _mean_error(error: Tensor, rms: float, weight: Tensor | float = 1.0) -> Tensor:
+    known = error.isfinite()
+    error = torch.where(known, error, torch.zeros_like(error))
     count = known.sum(dim=(1, 2, 3)).clamp(min=1)
-    squared = (weight * off * off).sum(dim=(1, 2, 3)) / count
-    return (weight * off.abs()).sum() / count.sum() + rms * (squared + 1e-6).sqrt().mean()
+    squared = (weight * error * error).sum(dim=(1, 2, 3)) / count
+    return (weight * error.abs()).sum() / count.sum() + rms * (squared + 1e-6).sqrt().mean()

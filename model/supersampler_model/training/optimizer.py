@@ -1,7 +1,7 @@
 """Muon (Jordan et al. 2024) for the 1x1 convolutions, which are matrices, and AdamW for all else.
 
-A step along the nearest orthogonal matrix moves all directions of a weight alike, where gradients of a
-recurrent picture loss have a few that are large. Scaled as Liu et al. 2025, section 2.2, so that one learning
+A step along the nearest orthogonal matrix updates all directions of a weight equally; gradients of a
+recurrent image loss are dominated by a few. Scaled as in Liu et al. 2025, section 2.2, so that one learning
 rate serves both.
 """
 
@@ -31,7 +31,7 @@ class Muon(torch.optim.Optimizer):
         super().__init__(parameters, {"lr": rate, "decay": decay})
 
     @torch.no_grad()
-    def step(self) -> None:  # type: ignore[override]  # no closure: gradients are there
+    def step(self) -> None:  # type: ignore[override]  # takes no closure
         """Update all parameters that have a gradient."""
         for group in self.param_groups:
             for parameter in group["params"]:
@@ -46,12 +46,12 @@ class Muon(torch.optim.Optimizer):
 
 
 def is_matrix(parameter: Tensor) -> bool:
-    """Whether a weight is one of a 1x1 convolution."""
+    """Whether a weight belongs to a 1x1 convolution."""
     return parameter.ndim == 4 and parameter.shape[2:] == (1, 1)
 
 
 def orthogonalised(matrix: Tensor) -> Tensor:
-    """The matrix with all its singular values brought near 1, by Newton and Schulz's iteration."""
+    """The matrix with all singular values near 1, by the Newton-Schulz iteration."""
     a, b, c = _COEFFICIENTS
     wide = matrix.shape[0] <= matrix.shape[1]
     x: Tensor = matrix if wide else matrix.T
@@ -63,7 +63,7 @@ def orthogonalised(matrix: Tensor) -> Tensor:
 
 
 def _orthogonal_step(gradient: Tensor, state: Mapping[str, Any]) -> Tensor:
-    momentum = _remembered(state, "momentum", gradient)
+    momentum = _state_tensor(state, "momentum", gradient)
     momentum.lerp_(gradient, 1.0 - MOMENTUM)
     ahead = gradient.lerp(momentum, MOMENTUM)
     step: Tensor = orthogonalised(ahead.flatten(1)) * (0.2 * max(ahead.shape[:2]) ** 0.5)
@@ -71,7 +71,7 @@ def _orthogonal_step(gradient: Tensor, state: Mapping[str, Any]) -> Tensor:
 
 
 def _adam_step(gradient: Tensor, state: Any) -> Tensor:
-    first, second = _remembered(state, "first", gradient), _remembered(state, "second", gradient)
+    first, second = _state_tensor(state, "first", gradient), _state_tensor(state, "second", gradient)
     state["count"] = count = state.get("count", 0) + 1
     first.lerp_(gradient, 1.0 - BETAS[0])
     second.lerp_(gradient * gradient, 1.0 - BETAS[1])
@@ -80,7 +80,7 @@ def _adam_step(gradient: Tensor, state: Any) -> Tensor:
     return step
 
 
-def _remembered(state: Any, name: str, like: Tensor) -> Tensor:
+def _state_tensor(state: Any, name: str, like: Tensor) -> Tensor:
     if name not in state:
         state[name] = torch.zeros_like(like)
     tensor: Tensor = state[name]

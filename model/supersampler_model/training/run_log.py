@@ -1,4 +1,4 @@
-"""What a run says of itself: a CSV file, its curves, pictures, and the same for TensorBoard."""
+"""The log of a training run: CSV, curves, an image, and TensorBoard."""
 
 import csv
 from collections.abc import Mapping, Sequence
@@ -15,17 +15,17 @@ from supersampler.io.atomic import replacing
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
 
-FILES = ("log.csv", "curves.png", "picture.png", "tensorboard")
-"""What a log consists of, by name in its folder."""
-_SCORES = ("psnr", "tpsnr")  # begin the names of columns in dB
+FILES = ("log.csv", "curves.png", "image.png", "tensorboard")
+"""Files of a log in the folder of its run."""
+_SCORES = ("psnr", "tpsnr")  # prefixes of columns in dB
 
 
 class RunLog:
-    """Appends a row at a time to `log.csv`, and draws `curves.png` and a picture anew.
+    """Appends rows to `log.csv` and rewrites `curves.png` and `image.png`.
 
     Args:
-        folder: of the run; a log that is there is gone on with.
-        losses: columns that are terms of the loss; those that are no scores either are shares of classes.
+        folder: of the run; an existing log is continued.
+        losses: columns with terms of the loss; columns that are no scores either are class overlaps.
     """
 
     def __init__(self, folder: Path, losses: Sequence[str]) -> None:
@@ -42,13 +42,13 @@ class RunLog:
     ) -> None:
         self._writer.close()
 
-    def write(self, step: int, values: Mapping[str, float], picture: Float32 | None = None) -> None:
+    def write(self, step: int, values: Mapping[str, float], image: Float32 | None = None) -> None:
         """Add a row.
 
         Args:
-            step: updates done; rows of later steps, by a run that was killed, are dropped.
+            step: updates done; rows of later steps, from a killed run, are dropped.
             values: by column.
-            picture: (H, W, 3) as a screen shows it.
+            image: (H, W, 3) display values.
         """
         self._rows = [row for row in self._rows if row["step"] < step]
         self._rows.append({"step": float(step), **values})
@@ -59,14 +59,14 @@ class RunLog:
             table.writerows(self._rows)
         for name, value in values.items():
             self._writer.add_scalar(name, value, step)
-        if picture is not None:
-            shown = to_uint8(picture)
-            write_png(self._folder / "picture.png", shown)
-            self._writer.add_image("picture", shown, step, dataformats="HWC")
+        if image is not None:
+            shown = to_uint8(image)
+            write_png(self._folder / "image.png", shown)
+            self._writer.add_image("image", shown, step, dataformats="HWC")
         self._draw(columns)
 
     def _draw(self, columns: list[str]) -> None:
-        """Draw a panel of losses, one of scores and, where there are some, one of classes."""
+        """Plot a panel of losses, one of scores and, if there are any, one of class overlaps."""
         scores = tuple(column for column in columns if column.startswith(_SCORES))
         listed = {*self._losses, *scores, "step"}
         panels = [("loss", self._losses), ("dB", scores)]

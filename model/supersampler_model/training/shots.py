@@ -1,4 +1,4 @@
-"""A user's own shots as a training set: pictures to reach, no classes."""
+"""A user's own shots as a training set: references, but usually no classes."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -14,26 +14,26 @@ from supersampler_model.data.dataset.frame_file import write_training_frame
 from supersampler_model.data.specs import SequenceSpec
 
 UNKNOWN = 255
-"""In place of a class that nobody has told."""
+"""Value of unknown classes."""
 FAMILY = "shot"
 
 
 def dataset_of_shots(
     shots: Sequence[Shot], folder: Path, split: Split, *, on_frame: Callable[[], None] = lambda: None
 ) -> Dataset:
-    """Copy shots to a training set, from which crops are read fast; what is there already is kept.
+    """Copy shots to a training set for fast reads of crops; existing frames are kept.
 
     Frames without a reference stay, as history; their references are NaN.
 
     Args:
         shots: of one display size, each with some references.
-        folder: of the set.
-        split: what they are for.
-        on_frame: called after each frame that was written.
+        folder: of the data set.
+        split: its split.
+        on_frame: called after each written frame.
 
     Raises:
         ShotError: a shot has no reference, or another display size than the first.
-        OSError: the disk refused.
+        OSError: writing failed.
     """
     size = shots[0].display_size
     for shot in shots:

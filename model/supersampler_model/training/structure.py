@@ -11,7 +11,7 @@ STEADY = (0.01**2, 0.03**2)  # of means and of variances, for values in [0, 1]
 
 
 def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
-    """(n, 1, H, W) 1 - SSIM of shown pictures (n, 3, H, W), NaN where a window sees unknown truth."""
+    """(n, 1, H, W) 1 - SSIM of display values (n, 3, H, W), NaN where a window has no reference."""
     a, b = luminance(image), luminance(truth)
     maps = torch.cat([a, b, a * a, b * b, a * b], dim=1)
     mean_a, mean_b, aa, bb, ab = _blurred(maps).split_with_sizes([1] * 5, dim=1)
@@ -22,7 +22,7 @@ def dissimilarity(image: Tensor, truth: Tensor) -> Tensor:
 
 
 def _blurred(maps: Tensor) -> Tensor:
-    """Gaussian mean of each channel, by the part of the window that is inside."""
+    """Gaussian mean of each channel over the part of the window inside the image."""
     place = torch.arange(SIZE, dtype=maps.dtype, device=maps.device) - SIZE // 2
     weights = (-0.5 * (place / SIGMA) ** 2).exp()
     count = maps.shape[1]

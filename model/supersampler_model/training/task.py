@@ -1,4 +1,4 @@
-"""What training asks of a method that learns: one step of a batch of crops, and where these come from."""
+"""The interface between trainer and methods: one step of a batch of crops, and the stream of crops."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
@@ -12,27 +12,27 @@ from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.taau.model import Taau
 from supersampler_model.training.crops import Place
-from supersampler_model.training.losses import PictureWeights
-from supersampler_model.training.walk import Walk
+from supersampler_model.training.losses import ImageWeights
+from supersampler_model.training.sequence_runner import SequenceRunner
 
 State = list[Tensor]
-"""What one crop's frame leaves to the next, in an order of the task's own."""
+"""State of one crop between frames; the task defines the order."""
 
 
 class Crop(Protocol):
-    """What is looked at of one frame of a crop, whatever a task reads beside it."""
+    """One frame of a crop: the part that the trainer reads."""
 
     @property
     def exposure(self) -> Tensor:
-        """(1,) that pictures are shown with."""
+        """(1,) exposure of the displayed image."""
 
     @property
     def reference(self) -> Tensor:
-        """(1, 3, H, W) linear RGB, NaN where it is not known."""
+        """(1, 3, H, W) linear RGB, NaN where unknown."""
 
     @property
     def reset(self) -> bool:
-        """Whether it does not follow from the frame before."""
+        """Whether it starts a new history."""
 
     def on(self, device: torch.device) -> Self:
         """Return it with its tensors on `device`."""
@@ -43,73 +43,73 @@ CropsT = TypeVar("CropsT", bound=Crop, covariant=True)
 
 
 class Crops(Protocol[CropsT]):
-    """An endless walk through crops, frame by frame."""
+    """An endless stream of crops, frame by frame."""
 
     place: Place
-    """From which it goes on when it is next iterated over."""
+    """Position that the next iteration starts from."""
 
     def __iter__(self) -> Iterator[CropsT]:
-        """Frames, from `place` on."""
+        """Yield frames from `place` on."""
 
 
 class Stepped(NamedTuple):
-    """What one step makes of a batch of n crops."""
+    """Results of one step of n crops."""
 
     images: Tensor  # (n, 3, H, W) linear RGB
     states: list[State]  # of each crop
-    weight: Tensor | float = 1.0  # (n, 1, H, W) of the picture's error
-    terms: Mapping[str, Tensor] = MappingProxyType({})  # of the loss beside the picture's, weighted scalars
+    weight: Tensor | float = 1.0  # (n, 1, H, W) of the image error
+    terms: Mapping[str, Tensor] = MappingProxyType({})  # further loss terms, weighted scalars
 
 
 class Task(ABC, Generic[CropT]):
-    """A method, and how it is trained.
+    """A method and its training.
 
-    The trainer keeps the states from frame to frame, cuts their gradients off between updates, and saves
-    them, so that a task remembers nothing.
+    Tasks are stateless: the trainer keeps the states of crops from frame to frame, detaches them between
+    updates, and saves them.
 
     Attributes:
-        method: its parameters are trained, in training mode but for the last updates.
-        losses: weights of the picture's terms, with those of the task's own.
+        method: the trained method.
+        losses: weights of the loss terms.
     """
 
     method: Method
-    losses: PictureWeights
+    losses: ImageWeights
 
     @property
     @abstractmethod
     def config(self) -> dict[str, Any]:
-        """Settings that the method is made anew from, plain data."""
+        """Config of the method, plain data."""
 
     @property
     def ratios(self) -> tuple[float, float]:
-        """Of the sequences that it is validated on, least and largest."""
+        """Minimum and maximum ratio of the validation sequences."""
         return self.method.ratios
 
     @property
-    def bar(self) -> Method:
-        """The method that it is to beat."""
+    def baseline(self) -> Method:
+        """The method that validation compares with."""
         return Taau()
 
     def data(self, dataset: Dataset) -> Dataset:
-        """Return a set as the method is trained and validated on it.
+        """Return the data set in the form that the method is trained and validated on.
 
         Raises:
-            ArgumentError: it lacks what the method reads.
+            ArgumentError: it lacks inputs of the method.
         """
         return dataset
 
-    def walk(self, method: Method, display: Size) -> Walk:
-        """Return how `method`, of this task, goes through whole sequences to be validated."""
-        return Walk(method, display)
+    def runner(self, method: Method, display: Size) -> SequenceRunner:
+        """Return a runner that validates `method` on whole sequences."""
+        return SequenceRunner(method, display)
 
     @abstractmethod
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Crops[CropT]:
-        """Crops of sets that went through `data`, `size` pixels wide and high."""
+        """Stream crops, `size` pixels square, of data sets from `data`."""
 
     @abstractmethod
     def first_state(self, sample: CropT) -> State:
-        """No past, for the first frame of a crop."""
+        """Return the state before the first frame of a crop: no history."""
 
     @abstractmethod
     def step(self, samples: list[CropT], states: list[State]) -> Stepped:
-        """Step each crop once, the parts that learn for all of them together."""
+        """Step each crop once, with the network on the whole batch."""

@@ -1,4 +1,4 @@
-"""`TASKS` finds how a method is trained by the method's name."""
+"""`TASKS` maps names of methods to training tasks."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -31,7 +31,7 @@ def _extrapolate(weights: Trained | None) -> Task[Any]:
     if weights is None:
         return ExtrapolateTask(Extrapolate())
     own = weights.method == Extrapolate.name
-    return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.begun(weights))
+    return ExtrapolateTask(Extrapolate.of(weights) if own else Extrapolate.from_classifier(weights))
 
 
 def _flow(weights: Trained | None) -> Task[Any]:
@@ -47,4 +47,4 @@ TASKS: Mapping[str, Callable[[Trained | None], Task[Any]]] = {
     Extrapolate.name: _extrapolate,
     GuidedFlow.name: _flow,
 }
-"""`TASKS[name](weights)` begins with these weights, untrained if None."""
+"""`TASKS[name](weights)` starts from these weights; None: untrained."""

@@ -1,21 +1,22 @@
-"""The training of methods that learn: truncated back-propagation through time along streams of crops.
+"""Training: truncated back-propagation through time along streams of crops.
 
-Each of a batch's streams walks through one crop of one sequence after the other; the history it leaves is
-handed on from one update to the next, so that the network learns on the histories that it makes itself.
+Each stream of a batch yields one crop after the other. The history at the end of an update is the start of
+the next, so that the network learns on the histories that it produces.
 """
 
 import math
 import os
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from copy import deepcopy
 from dataclasses import asdict, dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import torch
 from torch import Tensor
 from torch import distributed as dist
+from torch.optim.swa_utils import AveragedModel
 
 from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset
@@ -30,24 +31,24 @@ from supersampler_model.training.checkpoint import (
     source_commit,
 )
 from supersampler_model.training.crops import Place
-from supersampler_model.training.losses import picture_loss, shown
+from supersampler_model.training.losses import image_loss, shown
 from supersampler_model.training.optimizer import Muon
 from supersampler_model.training.task import Crop, State, Task
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What a run is made of.
+    """Settings of a run.
 
     Attributes:
         steps: updates of the weights.
         batch: streams, of all processes together.
-        frames: that an update looks back on.
+        frames: frames per update.
         size: of the crops, display pixels.
         rate: highest learning rate; it warms up over the first 2 % and falls as a cosine to a hundredth.
         decay: weight decay.
-        average: of the weights that are kept: 1 - 1 / this many updates.
-        settle: last share of the updates, in which batch normalisation is held as it will be used.
+        average: length of the moving average of the weights, updates.
+        settle: last fraction of the updates, with batch normalisation in evaluation mode.
         seed: of weights and crops.
     """
 
@@ -63,30 +64,32 @@ class Plan:
 
 
 class Update(NamedTuple):
-    """What one update was like."""
+    """Statistics of one update."""
 
-    losses: dict[str, float]  # terms by name, the picture's first
+    losses: dict[str, float]  # terms by name, the image loss first
     seconds: float
 
 
 class Trainer:
-    """A run in a folder, from its checkpoint on where there is one.
+    """A run in a folder; it resumes from a checkpoint if there is one.
 
     Args:
-        task: the method that is trained, and how one step of it is.
-        datasets: what on.
-        plan: how.
+        task: the method and its training step.
+        datasets: training data.
+        plan: settings.
         folder: holds the checkpoint and the log.
 
     Raises:
-        ArgumentError: nothing can be trained on, the batch does not divide among the processes, or the
+        ArgumentError: there is no training data, the batch does not divide among the processes, or the
             folder holds a run of other data, another method, other weights of the loss or another plan.
     """
 
     def __init__(self, task: Task[Any], datasets: Sequence[Dataset], plan: Plan, folder: Path) -> None:
         self.task, self.plan, self.folder = task, plan, folder
         self.device = _device()
-        self.average: Method = deepcopy(task.method).cpu()  # where it is validated
+        mean = partial(_running_mean, plan.average)
+        self._averaged = AveragedModel(task.method, torch.device("cpu"), mean, use_buffers=True)
+        self.average = cast(Method, self._averaged.module)  # validated on the CPU
         self.method = task.method.to(self.device)
         self.datasets = [task.data(dataset) for dataset in datasets]
         self.rank, self.world = (dist.get_rank(), dist.get_world_size()) if dist.is_initialized() else (0, 1)
@@ -98,15 +101,15 @@ class Trainer:
             raise ArgumentError("batch", got=plan.batch, want=want)
         seeds = [[plan.seed, self.rank, index] for index in range(count)]
         self._streams = [task.stream(self.datasets, size=plan.size, seed=seed) for seed in seeds]
-        self._walks: list[Iterator[Crop]] = [iter(s) for s in self._streams]
+        self._iterators: list[Iterator[Crop]] = [iter(s) for s in self._streams]
         self._states: Sequence[State | None] = [None] * count
-        self._off: Tensor | None = None
+        self._error: Tensor | None = None
         path = folder / f"checkpoint-{self.rank}.pt"
         if path.exists():
             self._load(path)
 
     def run(self, until: int | None = None, *, on_update: Callable[[Update], None] = lambda _: None) -> None:
-        """Update until `until`, the plan's end if None."""
+        """Update until `until` updates are done; None: the whole plan."""
         while self.done < (self.plan.steps if until is None else min(until, self.plan.steps)):
             started = time.perf_counter()
             losses = self._update()
@@ -120,18 +123,18 @@ class Trainer:
             {
                 "done": self.done,
                 "method": self.method.state_dict(),
-                "average": self.average.state_dict(),
+                "average": self._averaged.state_dict(),
                 "optimizer": self.optimizer.state_dict(),
                 "places": [asdict(s.place) for s in self._streams],
                 "states": self._states,
-                "off": self._off,
+                "error": self._error,
                 "commit": source_commit(),
                 **self._made_of(),
             },
         )
 
     def _made_of(self) -> dict[str, Any]:
-        """What must be as it was for a run to go on."""
+        """Settings that must be unchanged for a run to resume."""
         return {
             "name": self.method.name,
             "config": self.task.config,
@@ -141,7 +144,7 @@ class Trainer:
         }
 
     def trained(self, facts: Mapping[str, Any]) -> Trained:
-        """Return the averaged weights, and where they come from."""
+        """Return the averaged weights and their provenance."""
         return Trained(
             self.method.name,
             self.task.config,
@@ -163,12 +166,12 @@ class Trainer:
             raise ArgumentError("checkpoint", got=f"{path}, of another {changed[0]}", want=want)
         self.done = content["done"]
         self.method.load_state_dict(content["method"])
-        self.average.load_state_dict(content["average"])
+        self._averaged.load_state_dict(content["average"])
         self.optimizer.load_state_dict(content["optimizer"])
         for stream, place in zip(self._streams, content["places"], strict=True):
             stream.place = Place(**place)
         self._states = [state and [t.to(self.device) for t in state] for state in content["states"]]
-        self._off = None if content["off"] is None else content["off"].to(self.device)
+        self._error = None if content["error"] is None else content["error"].to(self.device)
 
     def _update(self) -> dict[str, float]:
         """One step of the optimizer; returns the terms of its loss."""
@@ -180,17 +183,17 @@ class Trainer:
         loss = sum_of(list(terms.values())) / self.plan.frames
         self.optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        self._share_gradients()
+        self._average_gradients()
         torch.nn.utils.clip_grad_norm_(self.method.parameters(), 1.0)
         self.optimizer.step()
-        self._keep_average()
+        self._averaged.update_parameters(self.method)
         self._states = [state and [t.detach() for t in state] for state in self._states]
-        self._off = None if self._off is None else self._off.detach()
+        self._error = None if self._error is None else self._error.detach()
         return {name: term.item() / self.plan.frames for name, term in terms.items()}
 
     def _frame(self) -> dict[str, Tensor]:
         """Step all streams by one frame; returns the terms of the loss."""
-        samples = [next(walk).on(self.device) for walk in self._walks]
+        samples = [next(iterator).on(self.device) for iterator in self._iterators]
         known = [None if s.reset else state for s, state in zip(samples, self._states, strict=True)]
         fresh = torch.tensor([state is None for state in known], device=self.device)
         states = [
@@ -200,13 +203,15 @@ class Trainer:
         stepped = self.task.step(samples, states)
         self._states = stepped.states
         exposure = torch.cat([s.exposure for s in samples])
-        off = shown(stepped.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
+        error = shown(stepped.images, exposure) - shown(torch.cat([s.reference for s in samples]), exposure)
         before = (
-            None if self._off is None else torch.where(fresh[:, None, None, None], off.detach(), self._off)
+            None
+            if self._error is None
+            else torch.where(fresh[:, None, None, None], error.detach(), self._error)
         )
-        self._off = off
-        picture = picture_loss(off, before, stepped.weight, self.task.losses)
-        return {"picture": picture, **stepped.terms}
+        self._error = error
+        image = image_loss(error, before, stepped.weight, self.task.losses)
+        return {"image": image, **stepped.terms}
 
     def _rate(self) -> float:
         warm = max(self.plan.steps // 50, 1)
@@ -215,12 +220,12 @@ class Trainer:
         gone = (self.done - warm) / max(self.plan.steps - warm, 1)
         return self.plan.rate * (0.01 + 0.99 * 0.5 * (1.0 + math.cos(math.pi * gone)))
 
-    def _share_gradients(self) -> None:
+    def _average_gradients(self) -> None:
         if self.world == 1:
             return
         gradients = []
         for parameter in self.method.parameters():
-            if parameter.grad is None:  # crops of one process may not have met all weights
+            if parameter.grad is None:  # the crops of one process may not use all weights
                 parameter.grad = torch.zeros_like(parameter)
             gradients.append(parameter.grad)
         flat = torch.cat([g.flatten() for g in gradients])
@@ -231,16 +236,10 @@ class Trainer:
             g.copy_(flat[start : start + g.numel()].view_as(g))
             start += g.numel()
 
-    def _keep_average(self) -> None:
-        share = 1.0 / min(self.plan.average, self.done + 1)
-        with torch.no_grad():
-            for kept, now in zip(
-                self.average.state_dict().values(), self.method.state_dict().values(), strict=True
-            ):
-                if kept.is_floating_point():
-                    kept.lerp_(now.to(kept.device), share)
-                else:
-                    kept.copy_(now)
+
+def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:
+    """Moving average over `length` updates, the plain mean before; integers are counters and are copied."""
+    return mean.lerp(value, 1.0 / min(length, int(count) + 1)) if mean.is_floating_point() else value
 
 
 def _device() -> torch.device:

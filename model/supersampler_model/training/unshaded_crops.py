@@ -1,4 +1,4 @@
-"""Crops at any ratio of which some frames are to be drawn, with the G-buffers of render size that takes."""
+"""Crops at any ratio with some unshaded frames, and the G-buffers of render size to extrapolate them."""
 
 from collections.abc import Iterator
 from dataclasses import replace
@@ -9,51 +9,54 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
-from supersampler_model.training.crops import Sample, Stream, draw_cut
-from supersampler_model.training.gbuffer_crops import SurfaceCut, draw_world
+from supersampler_model.training.crops import Sample, Stream, draw_region
+from supersampler_model.training.gbuffer_crops import GBufferRegion, draw_rotation
 
 TWO = 0.25
-"""Share of the crops of which two frames are hidden after each shaded one; of the others one is."""
+"""Fraction of the crops with two unshaded frames after each shaded one; the others have one."""
 
 
-class RenderCut(SurfaceCut):
-    """A cut with G-buffers of render size, of the samples that its colour has."""
+class RenderGBufferRegion(GBufferRegion):
+    """Region with G-buffers of render size."""
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
         """Cut the crop out of one frame."""
-        across, down = self._seen(frame)
+        across, down = self._visible(frame)
         found = self._surfaces(frame, across, down)
         gbuffer = {name: buffer for name, buffer in found.items() if not GBUFFERS[name].of_display}
         return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
 
 
-class HiddenStream(Stream):
-    """Crops of which every second frame is hidden, of some two of three, of those without G-buffers none."""
+class UnshadedStream(Stream):
+    """Crops with every second frame unshaded, or two of three; crops without G-buffers are all shaded."""
 
     def __iter__(self) -> Iterator[Sample]:
         for sample in super().__iter__():
-            random = np.random.default_rng([*self._seed, self.place.window, 0, 1])
-            hidden = 2 if random.random() < TWO else 1
-            number = self.place.frame - 1  # this frame is counted already
-            hides = number % (hidden + 1) > 0 and bool(sample.gbuffer) and not sample.reset
-            yield sample._replace(hidden=hides)
+            random = np.random.default_rng([*self._seed, self.place.crop, 0, 1])
+            unshaded = 2 if random.random() < TWO else 1
+            number = self.place.frame - 1  # the place already counts this frame
+            unshaded_here = number % (unshaded + 1) > 0 and bool(sample.gbuffer) and not sample.reset
+            yield sample._replace(unshaded=unshaded_here)
 
 
-def draw_render_cut(
+def draw_render_region(
     random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
-) -> RenderCut:
-    """Draw a crop of a sequence: turned and coloured at random, and its world turned."""
-    return RenderCut(**vars(draw_cut(random, entry, display_size, size)), world=draw_world(random))
+) -> RenderGBufferRegion:
+    """Draw a random region with augmentation and rotated normals."""
+    return RenderGBufferRegion(
+        **vars(draw_region(random, entry, display_size, size)), world=draw_rotation(random)
+    )
 
 
-def hidden_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
-    """Return a set with all sequences at each ratio within `ratios` that they are drawn again at.
+def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
+    """Return a data set with the sequences at each ratio within `ratios` that they are rendered at a second
+    time.
 
     Raises:
-        ArgumentError: at none, so that no frame has G-buffers of render size.
+        ArgumentError: there is none, so that no frame has G-buffers of render size.
     """
     slack, entries = 0.02, dataset.entries()
-    found = [r for r in _ratios_drawn(dataset) if ratios[0] - slack <= r <= ratios[1] + slack]
+    found = [r for r in _rendered_ratios(dataset) if ratios[0] - slack <= r <= ratios[1] + slack]
     if not found:
         want = "a set made by `supersampler render --gbuffers --also 2`"
         got = f"{dataset.folder}, without G-buffers of render size at a ratio from {ratios[0]} to {ratios[1]}"
@@ -62,8 +65,8 @@ def hidden_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
     return Dataset(dataset.folder, replace(dataset.description, sequences=sequences), own=dataset)
 
 
-def _ratios_drawn(dataset: Dataset) -> list[float]:
-    """Ratios that any sequence's first frame is drawn again at."""
+def _rendered_ratios(dataset: Dataset) -> list[float]:
+    """Ratios that the first frame of any sequence is rendered at a second time."""
     there = set()
     for entry in dataset.entries():
         first = dataset.path(entry, 0)

@@ -1,4 +1,4 @@
-"""Validation: whole frames of sequences that are not trained on, stepped as an engine steps them."""
+"""Validation on whole frames of held-out sequences, stepped as in an engine."""
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from supersampler.io.display import decibels, display_transform
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.methods.base import Method, Size
-from supersampler_model.training.walk import Walk
+from supersampler_model.training.sequence_runner import SequenceRunner
 
 WARM_UP = 8
 BORDER = 8
@@ -23,22 +23,22 @@ class Validated:
     """Scores of one method, means over sequences.
 
     Attributes:
-        psnr: of shown pictures after the warm-up, dB.
-        tpsnr: of their changes from frame to frame, dB; NaN where none that follow each other were drawn.
+        psnr: of display values after the warm-up, dB.
+        tpsnr: of their changes from frame to frame, dB; NaN without consecutive images.
         overlap: intersection over union per class; empty for methods without classes.
-        kinds: PSNR of shaded and of hidden frames, apart; empty where all are of one kind.
-        picture: (H, W, 3) the last frame of the first sequence, as shown, above the reference.
+        kinds: PSNR of shaded and of unshaded frames; empty if all frames are of one kind.
+        image: (2 H, W, 3) display values of the first sequence's last frame, above the reference.
     """
 
     psnr: float
     tpsnr: float
     overlap: dict[str, float]
     kinds: dict[str, float]
-    picture: Float32
+    image: Float32
 
     @property
     def scores(self) -> dict[str, float]:
-        """Those that are known, by name."""
+        """Known scores by name."""
         values = {"psnr": self.psnr, "tpsnr": self.tpsnr}
         return {name: value for name, value in values.items() if not np.isnan(value)} | self.kinds
 
@@ -46,7 +46,7 @@ class Validated:
 def validation_entries(
     datasets: Sequence[Dataset], ratios: tuple[float, float]
 ) -> list[tuple[Dataset, SequenceEntry]]:
-    """Sequences of the validation split within the ratios, those that are complete."""
+    """Complete sequences of the validation split within the ratios."""
     return [
         (d, e)
         for d in datasets
@@ -58,58 +58,58 @@ def validation_entries(
 def validate(
     method: Method,
     entries: Sequence[tuple[Dataset, SequenceEntry]],
-    walk: Callable[[Method, Size], Walk] = Walk,
+    runner: Callable[[Method, Size], SequenceRunner] = SequenceRunner,
 ) -> Validated:
-    """Step `method` through all `entries`, as `walk` goes."""
-    rows, pictures = [], []
+    """Step `method` through all `entries` with a `runner`."""
+    rows, images = [], []
     counts = np.zeros((2, len(CLASS_NAMES)))
     for dataset, entry in entries:
         display = Size(*dataset.description.display_size)
-        scores, picture = _sequence(method, dataset.frames(entry), walk(method, display), counts)
+        scores, image = _sequence(method, dataset.frames(entry), runner(method, display), counts)
         rows.append(scores)
-        pictures.append(picture)
-    psnr, tpsnr, shaded, hidden = (_mean([row[i] for row in rows]) for i in range(4))
-    kinds = {} if np.isnan(shaded + hidden) else {"psnr_shaded": shaded, "psnr_hidden": hidden}
+        images.append(image)
+    psnr, tpsnr, shaded, unshaded = (_mean([row[i] for row in rows]) for i in range(4))
+    kinds = {} if np.isnan(shaded + unshaded) else {"psnr_shaded": shaded, "psnr_unshaded": unshaded}
     overlap = {}
     if counts.any():
         overlap = {n: float(a / max(b, 1.0)) for n, a, b in zip(CLASS_NAMES, *counts, strict=True)}
-    return Validated(psnr, tpsnr, overlap, kinds, pictures[0])
+    return Validated(psnr, tpsnr, overlap, kinds, images[0])
 
 
 def _sequence(
-    method: Method, frames: Iterable[TrainingFrame], walk: Walk, counts: "np.ndarray"
+    method: Method, frames: Iterable[TrainingFrame], runner: SequenceRunner, counts: "np.ndarray"
 ) -> tuple[tuple[float, ...], Float32]:
-    squared: tuple[list[float], list[float]] = [], []  # of shaded frames, of hidden ones
-    changed, before, off_before = [], -1, None
-    picture = np.zeros((1, 1, 3), np.float32)
+    squared: tuple[list[float], list[float]] = [], []  # of shaded, of unshaded frames
+    changed, before, error_before = [], -1, None
+    image = np.zeros((1, 1, 3), np.float32)
     for index, frame in enumerate(frames):
-        image = walk.step(frame)
-        if image is None:
+        stepped = runner.step(frame)
+        if stepped is None:
             continue
-        shown = display_transform(image[0].permute(1, 2, 0).numpy(), frame.exposure)
-        truth = display_transform(walk.truth(frame).astype(np.float32), frame.exposure)
-        off = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
-        if np.isnan(off).any():  # a frame of a user's shot without a reference
+        shown = display_transform(stepped[0].permute(1, 2, 0).numpy(), frame.exposure)
+        truth = display_transform(runner.truth(frame).astype(np.float32), frame.exposure)
+        error = (shown - truth)[BORDER:-BORDER, BORDER:-BORDER]
+        if np.isnan(error).any():  # a frame of a user's shot without a reference
             continue
         if index >= WARM_UP:
-            squared[walk.hidden].append(_psnr(off))
-            if off_before is not None and before == index - 1 and not frame.reset:
-                changed.append(_psnr(off - off_before))
-        before, off_before, picture = index, off, np.concatenate([shown, truth])
+            squared[runner.unshaded].append(_psnr(error))
+            if error_before is not None and before == index - 1 and not frame.reset:
+                changed.append(_psnr(error - error_before))
+        before, error_before, image = index, error, np.concatenate([shown, truth])
         if "classes" in method.history:
-            _count(walk.history[list(method.history).index("classes")], frame, counts)
+            _count(runner.history[list(method.history).index("classes")], frame, counts)
     of = ([*squared[0], *squared[1]], changed, *squared)
-    return tuple(float(np.mean(values)) if values else float("nan") for values in of), picture
+    return tuple(float(np.mean(values)) if values else float("nan") for values in of), image
 
 
 def _count(classes: Tensor, frame: TrainingFrame, counts: "np.ndarray") -> None:
     """Add to the intersections and unions of each class, on every second pixel."""
     for group, truth in enumerate((frame.ghost, frame.alias)):
-        said = classes[0, 3 * group : 3 * group + 3].argmax(dim=0).numpy()
-        said = said if said.shape != truth.shape else said[::2, ::2]
+        inferred = classes[0, 3 * group : 3 * group + 3].argmax(dim=0).numpy()
+        inferred = inferred if inferred.shape != truth.shape else inferred[::2, ::2]
         true = truth[::2, ::2]
         for c in range(3):
-            a, b = said == c, true == c
+            a, b = inferred == c, true == c
             counts[:, 3 * group + c] += (a & b).sum(), (a | b).sum()
 
 
@@ -118,5 +118,5 @@ def _mean(values: list[float]) -> float:
     return float(np.mean(known)) if known else float("nan")
 
 
-def _psnr(off: Float32) -> float:
-    return decibels(float(np.square(off, dtype=np.float64).mean()))
+def _psnr(error: Float32) -> float:
+    return decibels(float(np.square(error, dtype=np.float64).mean()))

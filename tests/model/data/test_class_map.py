@@ -1,4 +1,4 @@
-"""Class maps as pictures: every class has its colour, the picture stays readable, the legend tells shares."""
+"""Class maps as pictures: every class has its colour, the image stays readable, the legend tells shares."""
 
 import numpy as np
 import pytest
@@ -6,7 +6,7 @@ from numpy.typing import NDArray
 
 from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
 from supersampler.errors import ArgumentError
-from supersampler_model.data.class_map import class_picture, masks_of, overlay, with_legend
+from supersampler_model.data.class_map import class_image, masks_of, overlay, with_legend
 from supersampler_model.data.labels import Labels
 
 NAMES = [
@@ -23,11 +23,11 @@ def labels(repeat: int = 1) -> Labels:
 
 
 def test_each_class_has_a_color_of_its_own() -> None:
-    picture = class_picture(labels())
-    assert picture.dtype == np.uint8
+    image = class_image(labels())
+    assert image.dtype == np.uint8
     for row, names in enumerate(NAMES):
         for column, name in enumerate(names):
-            assert tuple(picture[row, column]) == {**CLASS_COLORS, "nothing": NO_CLASS}[name]
+            assert tuple(image[row, column]) == {**CLASS_COLORS, "nothing": NO_CLASS}[name]
     assert len({*CLASS_COLORS.values(), NO_CLASS}) == len(CLASS_COLORS) + 1
     assert sum(masks_of(labels()).values()).max() == 1  # type: ignore[union-attr]
 
@@ -42,9 +42,9 @@ def test_classes_differ_for_colour_blind_eyes() -> None:
     assert apart.min() > 0.1
 
 
-@pytest.mark.parametrize("picture", [np.full((3, 3, 3), 255, np.uint8), np.ones((3, 3, 3), np.float32)])
-def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(picture: NDArray[np.generic]) -> None:
-    tinted = overlay(labels(), picture)
+@pytest.mark.parametrize("image", [np.full((3, 3, 3), 255, np.uint8), np.ones((3, 3, 3), np.float32)])
+def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(image: NDArray[np.generic]) -> None:
+    tinted = overlay(labels(), image)
     assert tuple(tinted[0, 0]) == (255, 255, 255)
     np.testing.assert_allclose(tinted[2, 0], 0.4 * 255 + 0.6 * np.array(CLASS_COLORS["shading"]), atol=1)
     red = np.zeros((3, 3, 3), np.uint8)
@@ -55,19 +55,19 @@ def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(picture: NDArray[np
 @pytest.mark.parametrize("width", [3, 90, 640, 1920])
 def test_a_legend_goes_under_the_picture_and_names_each_class_with_its_share(width: int) -> None:
     shown = labels(width // 3)
-    picture = class_picture(shown)
-    full = with_legend(picture, shown)
-    height = picture.shape[0]
-    np.testing.assert_array_equal(full[:height, : picture.shape[1]], picture)
+    image = class_image(shown)
+    full = with_legend(image, shown)
+    height = image.shape[0]
+    np.testing.assert_array_equal(full[:height, : image.shape[1]], image)
     legend = full[height:]
     for color in CLASS_COLORS.values():
         assert (legend == np.array(color)).all(axis=-1).sum() >= 36  # a swatch
-    other = with_legend(picture, Labels(np.zeros_like(shown.ghost), shown.alias))
+    other = with_legend(image, Labels(np.zeros_like(shown.ghost), shown.alias))
     assert other.shape == full.shape
     assert (other[height:] != legend).any()  # other shares
 
 
-@pytest.mark.parametrize("picture", [np.zeros((3, 4, 3), np.uint8), np.zeros((3, 3, 3), np.int32)])
-def test_a_picture_that_does_not_fit_is_named(picture: NDArray[np.generic]) -> None:
-    with pytest.raises(ArgumentError, match=r"picture is .*; want \(3, 3, 3\) uint8"):
-        overlay(labels(), picture)
+@pytest.mark.parametrize("image", [np.zeros((3, 4, 3), np.uint8), np.zeros((3, 3, 3), np.int32)])
+def test_a_picture_that_does_not_fit_is_named(image: NDArray[np.generic]) -> None:
+    with pytest.raises(ArgumentError, match=r"image is .*; want \(3, 3, 3\) uint8"):
+        overlay(labels(), image)

@@ -22,7 +22,7 @@ from supersampler_model.data.dataset import (
     read_training_frame,
     render_sequence,
 )
-from supersampler_model.data.dataset.description import shares
+from supersampler_model.data.dataset.description import class_fractions
 from supersampler_model.data.dataset.info import rows
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.renderer.renderer import Renderer
@@ -112,7 +112,7 @@ def test_another_ratio_is_not_drawn_of_scenes_that_have_changed(
     dataset, _ = rendered(tmp_path, small_renderer)
     at = dataset.at(4.0)
     monkeypatch.setattr(YardSequence, "scene", lambda _, index: Yard(2).scene(index + 20))
-    with pytest.raises(DatasetError, match="shows something else than is drawn now"):
+    with pytest.raises(DatasetError, match="shows something else than is rendered now"):
         render_sequence(at, at.entries()[0], small_renderer)
     assert at.complete(at.entries()[0]) == 0
 
@@ -126,7 +126,7 @@ def test_a_cut_is_visibility_ghosting_everywhere_and_the_frame_between_is_not(
     assert (last.ghost == 1).all()
     assert 0 < (between.ghost == 1).mean() < 0.5
     assert (between.alias > 0).any()
-    assert shares(dataset, [entry])["visibility"] == pytest.approx(
+    assert class_fractions(dataset, [entry])["visibility"] == pytest.approx(
         (between.ghost == 1).mean()
     )  # cuts say nothing
 

@@ -288,7 +288,7 @@ def test_any_two_frames_of_any_size_have_labels(seed: int, shape: tuple[int, ...
         assert map_.dtype == np.uint8
         assert map_.max() <= 2
     assert not labels.alias[labels.ghost == Ghost.SHADING].any()
-    shares = labels.shares()
+    shares = labels.class_fractions()
     assert list(shares) == ["visibility", "shading", "geometry", "texture"]
     assert shares["visibility"] + shares["shading"] == pytest.approx((labels.ghost > 0).mean())
     assert shares["geometry"] + shares["texture"] == pytest.approx((labels.alias > 0).mean())

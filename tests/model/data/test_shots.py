@@ -147,7 +147,7 @@ def test_the_plaza_moves_hides_and_changes_its_light() -> None:
     before, now = (renderer.render(plaza.scene(i), (160, 90), jitter=(0, 0)) for i in (26, 27))
     motion = np.hypot(now.display.motion[..., 0], now.display.motion[..., 1])
     assert 0.5 < np.median(motion) < 4.0  # the camera walks
-    shares = label(now.evidence(1.0), before.evidence(1.0)).shares()
+    shares = label(now.evidence(1.0), before.evidence(1.0)).class_fractions()
     assert shares["visibility"] > 0.01
     assert shares["shading"] > 0.01
     assert shares["geometry"] > 0.1

@@ -24,12 +24,12 @@ from supersampler_model.methods.extrapolation.joint import Extrapolate
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.training.crops import Place, Sample
 from supersampler_model.training.extrapolate_task import ExtrapolateTask
+from supersampler_model.training.sequence_runner import SequenceRunner
 from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.tasks import TASKS
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.unshaded_crops import RenderCut, hidden_set
+from supersampler_model.training.unshaded_crops import RenderGBufferRegion, unshaded_set
 from supersampler_model.training.validate import validate, validation_entries
-from supersampler_model.training.walk import Walk
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
 SIZE, PLAN = 32, Plan(steps=8, batch=2, frames=2, size=32, average=4, settle=0.0)
@@ -52,9 +52,9 @@ def frames(dataset: Dataset) -> list[TrainingFrame]:
 
 def samples(data: Dataset, hidden: int) -> list[Sample]:
     """A crop of which so many frames are hidden after each shaded one."""
-    cut = RenderCut(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
-    every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(hidden_set(data, (1.0, 3.0))))]
-    return [sample._replace(hidden=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
+    cut = RenderGBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
+    every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
+    return [sample._replace(unshaded=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
 
 
 def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
@@ -67,8 +67,8 @@ def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
 
 
 def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
-    frame = frames(hidden_set(data, (1.0, 3.0)))[2]
-    cut = RenderCut(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
+    frame = frames(unshaded_set(data, (1.0, 3.0)))[2]
+    cut = RenderGBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
     sample = cut.sample(frame, reset=False)
     assert all(not name.startswith("gbuffer_display") for name in sample.gbuffer)
     assert sample.gbuffer["gbuffer_base_color"].shape == sample.color.shape
@@ -87,16 +87,16 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
 
 def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
-    task, dataset = ExtrapolateTask(method), hidden_set(data, (1.0, 3.0))
-    walk, hidden = task.walk(method, Size(*DISPLAY)), list[bool]()
+    task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
+    runner, hidden = task.runner(method, Size(*DISPLAY)), list[bool]()
     sequence = frames(dataset)[:4]
     for frame in sequence:
-        image = walk.step(frame)
-        hidden.append(walk.hidden)
+        image = runner.step(frame)
+        hidden.append(runner.unshaded)
     assert hidden == [False, True, False, True]
-    cut = RenderCut(0, 0, 36, (2.0, 2.0))
+    cut = RenderGBufferRegion(0, 0, 36, (2.0, 2.0))
     crop = [
-        cut.sample(f, reset=i == 0)._replace(hidden=hides)
+        cut.sample(f, reset=i == 0)._replace(unshaded=hides)
         for i, (f, hides) in enumerate(zip(sequence, hidden, strict=True))
     ]
     with torch.no_grad():
@@ -123,7 +123,7 @@ def test_what_both_encoders_find_is_compared_on_shaded_frames_that_could_be_draw
     crop = samples(data, 1)[:3]
     made = [done.terms["features"].item() for done in stepped(task, crop)]
     assert made[:2] == [0.0, 0.0]  # nothing to draw from; hidden
-    task.method.net.begin_drawn_as_shaded()
+    task.method.net.copy_shaded_encoder()
     alike = stepped(task, crop)[2].terms["features"].item()
     assert 0.0 < alike < made[2]  # the colours differ
 
@@ -143,18 +143,18 @@ def test_crops_hide_no_one_or_two_frames_after_each_shaded_one(data: Dataset, ta
     crops, first = list[str](), task.stream([task.data(data)], size=SIZE, seed=[3])
     for sample in islice(first, 300):
         crops += [""] if sample.reset else []
-        crops[-1] += "u" if sample.hidden else "s" if sample.gbuffer else "-"
-    begun = {crop[:5] for crop in crops[:-1]}
-    assert begun == {"susus", "suusu", "-----"}
+        crops[-1] += "u" if sample.unshaded else "s" if sample.gbuffer else "-"
+    from_classifier = {crop[:5] for crop in crops[:-1]}
+    assert from_classifier == {"susus", "suusu", "-----"}
     again = task.stream([task.data(data)], size=SIZE, seed=[3])
     again.place = Place(1, 2)  # as a run that was stopped there goes on
-    assert [sample.hidden for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
+    assert [sample.unshaded for sample in islice(again, 3)] == [kind == "u" for kind in crops[1][2:5]]
 
 
 def test_a_set_without_g_buffers_of_render_size_is_refused(data: Dataset) -> None:
     with pytest.raises(ArgumentError, match=r"without G-buffers of render size.*--also 2"):
-        hidden_set(data, (2.5, 3.0))
-    assert [e.ratio for e in hidden_set(data, (1.0, 3.0)).entries("train")] == [2.0]
+        unshaded_set(data, (2.5, 3.0))
+    assert [e.ratio for e in unshaded_set(data, (1.0, 3.0)).entries("train")] == [2.0]
 
 
 def trainer(data: Dataset, folder: Path) -> Trainer:
@@ -169,18 +169,18 @@ def test_a_run_that_was_stopped_ends_with_the_same_weights(data: Dataset, tmp_pa
 
 def test_validation_tells_shaded_frames_from_hidden_ones(data: Dataset, task: ExtrapolateTask) -> None:
     entries = validation_entries([task.data(data)], task.method.ratios)
-    alternating = validate(task.method, entries, task.walk)
-    assert alternating.kinds.keys() == {"psnr_shaded", "psnr_hidden"}
+    alternating = validate(task.method, entries, task.runner)
+    assert alternating.kinds.keys() == {"psnr_shaded", "psnr_unshaded"}
     assert np.mean(list(alternating.kinds.values())) == pytest.approx(alternating.psnr)
     assert validate(task.method, entries).kinds == {}
-    plain = validate(Classifier(SMALL).eval(), entries, Walk)
+    plain = validate(Classifier(SMALL).eval(), entries, SequenceRunner)
     assert plain.kinds == {}
 
 
 def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> None:
     weights = load_trained(shipped_weights("classifier-small"))
-    begun = TASKS["extrapolate"](weights).method
-    assert begun.learned == weights.facts
+    from_classifier = TASKS["extrapolate"](weights).method
+    assert from_classifier.learned == weights.facts
     own = Trained("extrapolate", asdict(SMALL), {"steps": 3}, Extrapolate(SMALL).state_dict())
     assert TASKS["extrapolate"](own).method.learned == {"steps": 3}
     assert TASKS["extrapolate"](None).method.learned == {}
@@ -188,19 +188,19 @@ def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> Non
 
 @pytest.mark.parametrize("name", ["taau", "nothing"])
 def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
-    with pytest.raises(ArgumentError, match=r"drawing is '?(taau|nothing)'?; want one of guided-warp"):
-        ExtrapolateTask(Extrapolate(SMALL), drawing=name)
+    with pytest.raises(ArgumentError, match=r"extrapolator is '?(taau|nothing)'?; want one of guided-warp"):
+        ExtrapolateTask(Extrapolate(SMALL), extrapolator=name)
 
 
 def test_the_command_begins_with_the_weights_of_a_classifier_and_tells_both_kinds_apart(
     data: Dataset, tmp_path: Path
 ) -> None:
-    begun = str(shipped_weights("classifier"))
-    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", begun]
+    from_classifier = str(shipped_weights("classifier"))
+    made = ["--steps", "1", "--size", "24", "--batch", "1", "--frames", "1", "--init", from_classifier]
     done = CliRunner().invoke(
         app, ["train", "extrapolate", "--data", str(data.folder), "-o", str(tmp_path), *made]
     )
     assert done.exit_code == 0, done.output
     facts = load_trained(tmp_path / "weights.safetensors").facts
     assert facts["init"]["data"] == load_trained(shipped_weights("classifier")).facts["data"]
-    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_hidden"}
+    assert facts["validation"].keys() >= {"psnr_shaded", "psnr_unshaded"}

@@ -46,7 +46,7 @@ def test_training_on_shots_learns_from_the_frames_with_references(tmp_path: Path
     plan = Plan(steps=40, batch=2, frames=2, size=48, rate=2e-2, average=8)
     trainer = Trainer(ClassifierTask(Classifier()), [dataset], plan, tmp_path)
     before = validate(trainer.average.eval(), sequence).psnr
-    trainer.run(on_update=lambda update: losses.append(update.losses["picture"]))
+    trainer.run(on_update=lambda update: losses.append(update.losses["image"]))
     assert np.isfinite(losses).all()
     assert all(parameter.isfinite().all() for parameter in trainer.method.parameters())
     assert validate(trainer.average.eval(), sequence).psnr > before + 0.1

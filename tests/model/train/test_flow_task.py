@@ -164,7 +164,7 @@ def test_a_restarted_stream_goes_on_where_it_was(dataset: Dataset) -> None:
     stream = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
     for sample in islice(stream, 5):
         again = LightStream([dataset], lights, ratio=2, size=SIZE, seed=[4])
-        again.place = replace(stream.place, window=stream.place.window - 1)
+        again.place = replace(stream.place, crop=stream.place.crop - 1)
         assert torch.equal(next(iter(again)).light, sample.light)
 
 
@@ -209,15 +209,15 @@ def test_it_learns_how_a_shadow_moves() -> None:
 def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     task = FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
-    frames, walk = list(dataset.frames(entries[0][1])), task.walk(task.bar.eval(), Size(64, 36))
-    drawn = [walk.step(frame) for frame in frames]
+    frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), Size(64, 36))
+    drawn = [runner.step(frame) for frame in frames]
     assert [i for i, image in enumerate(drawn) if image is not None] == [1, 3, 5, 7, 9]
     for frame, image in zip(frames, drawn, strict=True):
-        assert image is None or image.shape[2:] == walk.truth(frame).shape[:2] == (18, 32)
-    found = validate(task.bar.eval(), entries, task.walk)
+        assert image is None or image.shape[2:] == runner.truth(frame).shape[:2] == (18, 32)
+    found = validate(task.baseline.eval(), entries, task.runner)
     assert list(found.scores) == ["psnr"]
     assert found.psnr > 25.0  # all light is even there
-    assert validate(GuidedFlow().eval(), entries, task.walk).psnr == pytest.approx(found.psnr)
+    assert validate(GuidedFlow().eval(), entries, task.runner).psnr == pytest.approx(found.psnr)
 
 
 def test_a_run_writes_weights_and_says_how_it_compares(
@@ -232,7 +232,7 @@ def test_a_run_writes_weights_and_says_how_it_compares(
     with (tmp_path / "run" / "log.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     assert [row["step"] for row in rows] == ["1.0", "2.0"]
-    assert {"picture", "psnr", "psnr_guided-warp"} <= rows[0].keys()
+    assert {"image", "psnr", "psnr_guided-warp"} <= rows[0].keys()
     assert "tpsnr" not in rows[0]
     trained = load_trained(tmp_path / "run" / "weights.safetensors")
     assert TASKS["guided-flow"](trained).method.learned["steps"] == 2

@@ -7,8 +7,8 @@ import torch
 from torch import Tensor
 
 from supersampler_model.ops.color import tone
-from supersampler_model.training.class_loss import ClassifierWeights, class_loss, shares_of
-from supersampler_model.training.losses import PictureWeights, picture_loss, shown
+from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
+from supersampler_model.training.losses import ImageWeights, image_loss, shown
 from supersampler_model.training.structure import dissimilarity
 
 CLASSES = ClassifierWeights()
@@ -57,38 +57,38 @@ def test_a_rare_class_weighs_by_the_root_of_its_rarity_up_to_a_bound(rare: int, 
 
 def test_a_quad_of_two_classes_is_shared_by_them() -> None:
     ghost = torch.tensor([[[0, 1], [1, 2]]])
-    assert shares_of(ghost)[0, :, 0, 0].tolist() == [0.25, 0.5, 0.25]
+    assert class_fractions(ghost)[0, :, 0, 0].tolist() == [0.25, 0.5, 0.25]
 
 
 def test_the_same_error_in_fewer_pixels_costs_more_by_its_root_mean_square() -> None:
     spread, gathered = torch.full((2, 3, 8, 8), 0.1), torch.zeros(2, 3, 8, 8)
     gathered[..., ::4] = 0.4
-    weights = PictureWeights(rms=2.0, change=0.0)
-    costs = [float(picture_loss(off, None, 1.0, weights)) for off in (spread, gathered)]
+    weights = ImageWeights(rms=2.0, change=0.0)
+    costs = [float(image_loss(off, None, 1.0, weights)) for off in (spread, gathered)]
     assert costs[0] == pytest.approx(0.1 + 2.0 * math.sqrt(0.1**2 + 1e-6), rel=1e-5)
     assert costs[1] == pytest.approx(0.1 + 2.0 * math.sqrt(0.4**2 / 4.0 + 1e-6), rel=1e-5)
-    assert PictureWeights().rms > 0.0
-    assert ClassifierWeights().rms > PictureWeights().rms
+    assert ImageWeights().rms > 0.0
+    assert ClassifierWeights().rms > ImageWeights().rms
 
 
 def test_root_mean_squares_are_of_each_crop_and_their_mean_counts() -> None:
     off = torch.zeros(2, 3, 8, 8)
     off[0] = 0.4
-    cost = float(picture_loss(off, None, 1.0, PictureWeights(rms=1.0, change=0.0)))
+    cost = float(image_loss(off, None, 1.0, ImageWeights(rms=1.0, change=0.0)))
     assert cost == pytest.approx(0.2 + 0.5 * (math.sqrt(0.16 + 1e-6) + 1e-3), rel=1e-5)
 
 
 def test_a_change_of_the_error_costs_by_its_weight_and_not_by_the_pixels() -> None:
     off, before = torch.full((1, 3, 8, 8), 0.1), torch.full((1, 3, 8, 8), 0.4)
     heavy = torch.full((1, 1, 8, 8), 2.0)
-    cost = float(picture_loss(off, before, heavy, PictureWeights(rms=0.0, change=0.5)))
+    cost = float(image_loss(off, before, heavy, ImageWeights(rms=0.0, change=0.5)))
     assert cost == pytest.approx(2.0 * 0.1 + 0.5 * 0.3, rel=1e-5)
 
 
 def test_pixels_without_truth_are_not_counted() -> None:
     off = torch.full((1, 3, 8, 8), 0.2)
     off[..., 4:] = torch.nan
-    cost = float(picture_loss(off, None, 1.0, PictureWeights(rms=1.0)))
+    cost = float(image_loss(off, None, 1.0, ImageWeights(rms=1.0)))
     assert cost == pytest.approx(0.2 + math.sqrt(0.04 + 1e-6), rel=1e-5)
 
 

@@ -3,15 +3,15 @@
 import pytest
 import torch
 
-from supersampler_model.training.class_loss import ClassifierWeights, class_loss, shares_of
-from supersampler_model.training.losses import picture_loss
+from supersampler_model.training.class_loss import ClassifierWeights, class_fractions, class_loss
+from supersampler_model.training.losses import image_loss
 
 WEIGHTS = ClassifierWeights()
 EVEN = torch.ones(1, 1, 8, 8)
 
 
 def loss(off: torch.Tensor, before: torch.Tensor | None = None, weight: torch.Tensor = EVEN) -> float:
-    return picture_loss(off, before, weight, WEIGHTS).item()
+    return image_loss(off, before, weight, WEIGHTS).item()
 
 
 def test_an_error_that_comes_and_goes_costs_more_than_one_that_stays() -> None:
@@ -34,7 +34,7 @@ def test_what_has_no_truth_costs_nothing_and_pulls_nowhere() -> None:
     holes = torch.zeros(1, 1, 8, 8, dtype=torch.bool)
     holes[:, :, 2:5] = True
     known = torch.where(holes, torch.nan, off)
-    picture_loss(known, known.detach(), EVEN, WEIGHTS).backward()  # type: ignore[no-untyped-call]
+    image_loss(known, known.detach(), EVEN, WEIGHTS).backward()  # type: ignore[no-untyped-call]
     assert off.grad is not None
     assert off.grad.isfinite().all()
     assert not off.grad[:, :, 2:5].any()
@@ -46,7 +46,7 @@ def test_pixels_of_no_known_class_are_left_out(unknown: int) -> None:
     logits = torch.randn(1, 6, 4, 4)
     known = class_loss(logits, ghost, ghost, WEIGHTS)
     ghost[:, :4] = unknown
-    assert not shares_of(ghost)[:, :, :2].any()
+    assert not class_fractions(ghost)[:, :, :2].any()
     upper = logits.clone()
     upper[:, :, :2] = 100.0 * torch.randn(1, 6, 2, 4)
     torch.testing.assert_close(

@@ -17,7 +17,7 @@ from supersampler_model.methods.base import Method
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.frame_inputs import frame_inputs
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
-from supersampler_model.training.losses import PictureWeights
+from supersampler_model.training.losses import ImageWeights
 from supersampler_model.training.task import State, Stepped, Task
 from supersampler_model.training.trainer import Plan, Trainer
 from supersampler_model.training.validate import validate, validation_entries
@@ -58,7 +58,7 @@ class MixtureTask(Task[Sample]):
 
     def __init__(self) -> None:
         self.method: Mixture = Mixture()
-        self.losses = PictureWeights(change=0.25)
+        self.losses = ImageWeights(change=0.25)
 
     @property
     def config(self) -> dict[str, Any]:
@@ -106,7 +106,7 @@ def test_it_learns_and_validation_feeds_it_what_its_step_names(dataset: Dataset,
     after = validate(run.average.eval(), entries)
     assert after.psnr > before.psnr + 1.0
     assert after.overlap == {}
-    assert terms == [["picture", "rough"]] * PLAN.steps
+    assert terms == [["image", "rough"]] * PLAN.steps
 
 
 def test_it_stops_and_goes_on_exactly(dataset: Dataset, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""Training sets on disk: rendered sequences with truth and labels, resumable, read by memory map.
+"""Training sets on disk: rendered sequences with references and labels, resumable, read by memory map.
 
 Described by a file of scene specs; crops are taken by `training`.
 """

@@ -1,4 +1,4 @@
-"""dataset.json: which sequences a training set is made of, and which of them are for what."""
+"""dataset.json: the sequences of a training set and their splits."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ from typing import Any, Literal
 from supersampler.errors import ShotError
 from supersampler.io.atomic import is_there, replacing
 from supersampler.io.shot.json_keys import read_json
-from supersampler_model.data.dataset.frame_file import TrainingFrame, read_drawn, read_training_frame
+from supersampler_model.data.dataset.frame_file import TrainingFrame, read_rerendered, read_training_frame
 from supersampler_model.data.errors import DatasetError
 from supersampler_model.data.sequences import SequenceSpec
 
@@ -23,9 +23,9 @@ class SequenceEntry:
     """One sequence of a training set.
 
     Attributes:
-        spec: draws the same sequence again.
+        spec: generates the sequence.
         ratio: display size over render size.
-        split: what it is for.
+        split: its use.
     """
 
     spec: SequenceSpec
@@ -34,7 +34,7 @@ class SequenceEntry:
 
     @property
     def folder(self) -> str:
-        """Where its frames are, below the set's folder."""
+        """Folder of its frames, relative to the data set."""
         return f"{self.split}/{self.spec.family}-{self.spec.seed}"
 
     def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
@@ -44,13 +44,13 @@ class SequenceEntry:
 
 @dataclass(frozen=True, kw_only=True)
 class Description:
-    """What a set is to hold; two runs with the same description draw the same pictures on one driver.
+    """Content of a data set; two runs with the same description render the same images on one driver.
 
     Attributes:
         display_size: (width, height) of references and labels.
-        samples: a pixel of the reference.
+        samples: per pixel of the reference.
         gbuffers: whether display-size G-buffers are kept.
-        seed: what the plan was drawn from.
+        seed: of the random plan.
         sequences: all of them.
     """
 
@@ -66,7 +66,7 @@ class Description:
 
     @classmethod
     def from_json(cls, content: Mapping[str, Any]) -> "Description":
-        """Inverse of `to_json`; KeyError or TypeError where it is none."""
+        """Inverse of `to_json`; raises KeyError or TypeError on other data."""
         entries = tuple(
             SequenceEntry(spec=SequenceSpec(**e["spec"]), ratio=e["ratio"], split=e["split"])
             for e in content["sequences"]
@@ -85,10 +85,10 @@ class Dataset:
     """A training set on disk, as far as it is rendered.
 
     Args:
-        folder: where it is.
-        description: what it is to hold.
-        own: the set whose references and labels this one shares, its sequences drawn anew at another ratio;
-            None draws its own.
+        folder: of the set.
+        description: its content.
+        own: the set whose references and labels this one shares, with the sequences rendered a second time at
+            another ratio; None: its own.
     """
 
     def __init__(self, folder: Path, description: Description, *, own: "Dataset | None" = None) -> None:
@@ -100,19 +100,19 @@ class Dataset:
         return Dataset(self.folder, replace(self.description, sequences=sequences), own=self)
 
     def path(self, entry: SequenceEntry, index: int) -> Path:
-        """File of one frame, there or not."""
+        """File of one frame, which may not exist."""
         return self.folder / entry.folder / f"{index:04d}.safetensors"
 
-    def drawn_path(self, entry: SequenceEntry, index: int) -> Path | None:
-        """File of what was drawn anew; None where nothing was."""
+    def rerendered_path(self, entry: SequenceEntry, index: int) -> Path | None:
+        """File of a frame's second rendering; None for a set's own frames."""
         suffix = f".{entry.ratio:g}x.safetensors"
         return None if self.own is None else self.path(entry, index).with_suffix(suffix)
 
     def complete(self, entry: SequenceEntry) -> int:
-        """How many frames from the first on are there."""
+        """Number of existing frames from the first on."""
         for index in range(entry.spec.frames):
-            drawn = self.drawn_path(entry, index)
-            if not self.path(entry, index).exists() or not (drawn is None or drawn.exists()):
+            rerendered = self.rerendered_path(entry, index)
+            if not self.path(entry, index).exists() or not (rerendered is None or rerendered.exists()):
                 return index
         return entry.spec.frames
 
@@ -124,23 +124,22 @@ class Dataset:
         """Map one frame into memory.
 
         Raises:
-            DatasetError: it is not there, or damaged.
+            DatasetError: the frame is missing or damaged.
         """
-        frame, drawn = read_training_frame(self.path(entry, index)), self.drawn_path(entry, index)
-        return frame if drawn is None else replace(frame, **read_drawn(drawn)._asdict())
+        frame, rerendered = read_training_frame(self.path(entry, index)), self.rerendered_path(entry, index)
+        return frame if rerendered is None else replace(frame, **read_rerendered(rerendered)._asdict())
 
     def frames(self, entry: SequenceEntry) -> Iterator[TrainingFrame]:
-        """The frames of a sequence that are there, in order."""
+        """Yield the existing frames of a sequence, in order."""
         for index in range(self.complete(entry)):
             yield self.read(entry, index)
 
 
 def create_dataset(folder: Path, description: Description) -> Dataset:
-    """Begin a set, or take up one of the same description.
+    """Create a data set, or open one of the same description.
 
     Raises:
-        DatasetError: a set of another description is there, or one drawn from files that have changed; or
-            folders of no set are in the way.
+        DatasetError: the folder holds a set of another description or of changed files, or folders of no set.
     """
     path = folder / FILE_NAME
     if is_there(path):
@@ -189,15 +188,15 @@ def _check_same(path: Path, there: Description, wanted: Description) -> None:
 
 
 def _digests(description: Description) -> dict[str, str]:
-    """Return the SHA-256 of all files that a set is drawn from, by path."""
+    """Return the SHA-256 of all asset files of a data set, by path."""
     specs = [entry.spec for entry in description.sequences]
     return {f"{spec.folder}/{name}": digest for spec in specs for name, digest in spec.files}
 
 
-def shares(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
-    """Share of each class over the pixels of some sequences: visibility, shading, geometry, texture.
+def class_fractions(dataset: Dataset, entries: Sequence[SequenceEntry]) -> dict[str, float]:
+    """Fraction of each class over the pixels of some sequences: visibility, shading, geometry, texture.
 
-    The first frames after cuts are left out: all that they show was hidden. Without any frame, all are NaN.
+    First frames after cuts are skipped: all of their pixels are disoccluded. NaN without frames.
     """
     counts = {"visibility": 0, "shading": 0, "geometry": 0, "texture": 0}
     pixels = 0

@@ -1,4 +1,4 @@
-"""One frame of a training set in one file: safetensors, read by memory map, so that a crop costs a crop."""
+"""One frame of a training set in one safetensors file, memory-mapped so that reading a crop reads no more."""
 
 import json
 from collections.abc import Mapping
@@ -20,14 +20,19 @@ _AGAIN = "Delete it and render again: what is complete is kept."
 _TYPES = {"F16": np.float16, "F32": np.float32, "U8": np.uint8}
 _STORED = {"color": "F16", "depth": "F32", "motion": "F16", "reference": "F16", "ghost": "U8", "alias": "U8"}
 _DISPLAY, _RENDER = "display.", "render."
-_BYTES = ("base_color", "roughness", "metallic", "specular")  # in [0, 1]; eight bits, as engines store them
+_BYTES = (
+    "base_color",
+    "roughness",
+    "metallic",
+    "specular",
+)  # in [0, 1]; stored with eight bits, as in engines
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class TrainingFrame:
-    """What a method is fed in one frame, and what it should have made of it.
+    """Inputs of a method in one frame, and the reference.
 
-    Arrays that were read are views into the file, not to be written to: slice them before converting them.
+    Arrays that were read are read-only views into the file: slice them before converting them.
 
     Attributes:
         color: (h, w, 3) float16 linear RGB, at pixel centre + jitter.
@@ -40,7 +45,7 @@ class TrainingFrame:
         ghost, alias: (H, W) uint8 classes, `labels.Ghost` and `labels.Alias`.
         gbuffer_display: at display size, by name: `normal` float16, `depth` float32, the others uint8 of
             [0, 1]; None where the set has none.
-        gbuffer: the same at render size, without depth; None where the frame was not drawn anew at a ratio.
+        gbuffer: the same at render size, without depth; None unless the frame was rendered a second time.
     """
 
     color: NDArray[np.float16]
@@ -56,7 +61,7 @@ class TrainingFrame:
     gbuffer: dict[str, NDArray[Any]] | None = None
 
     def frame(self) -> Frame:
-        """Return the `Frame` that an `Upscaler` steps on."""
+        """Return the input of an `Upscaler`."""
         return Frame(
             color=self.color,
             depth=self.depth,
@@ -70,17 +75,17 @@ class TrainingFrame:
 
 
 def unit_range(buffers: dict[str, NDArray[Any]] | None) -> dict[str, NDArray[Any]] | None:
-    """Return bytes as the numbers in [0, 1] that they stand for."""
+    """Convert uint8 buffers to [0, 1]."""
     if buffers is None:
         return None
     return {n: a.astype(np.float32) / 255.0 if n in _BYTES else a for n, a in buffers.items()}
 
 
 def write_training_frame(path: Path, frame: TrainingFrame) -> None:
-    """Write one frame, in one piece or not at all.
+    """Write one frame atomically.
 
     Raises:
-        OSError: the disk refused.
+        OSError: writing failed.
     """
     tensors = {name: getattr(frame, name) for name in _STORED}
     tensors |= _rounded(_DISPLAY, frame.gbuffer_display or {})
@@ -88,7 +93,7 @@ def write_training_frame(path: Path, frame: TrainingFrame) -> None:
 
 
 def read_training_frame(path: Path) -> TrainingFrame:
-    """Map one frame into memory; pages are read when they are touched.
+    """Memory-map one frame.
 
     Raises:
         DatasetError: the file is missing, cut off, or lacks a tensor.
@@ -120,8 +125,8 @@ def _check(frame: TrainingFrame) -> None:
         raise ValueError(f"reset is {frame.reset!r}, exposure {frame.exposure!r}")
 
 
-class Drawn(NamedTuple):
-    """What differs of a frame that is drawn at another ratio; see `TrainingFrame`."""
+class Rerendered(NamedTuple):
+    """The inputs of a frame rendered a second time at another ratio; see `TrainingFrame`."""
 
     color: NDArray[np.float16]
     depth: NDArray[np.float32]
@@ -130,18 +135,18 @@ class Drawn(NamedTuple):
     gbuffer: dict[str, NDArray[Any]]
 
 
-def write_drawn(path: Path, drawn: Drawn) -> None:
-    """Write what differs, in one piece or not at all.
+def write_rerendered(path: Path, rerendered: Rerendered) -> None:
+    """Write a second rendering atomically.
 
     Raises:
-        OSError: the disk refused.
+        OSError: writing failed.
     """
-    tensors = {name: getattr(drawn, name) for name in ("color", "depth", "motion")}
-    _write(path, tensors | _rounded(_RENDER, drawn.gbuffer), {"jitter": drawn.jitter})
+    tensors = {name: getattr(rerendered, name) for name in ("color", "depth", "motion")}
+    _write(path, tensors | _rounded(_RENDER, rerendered.gbuffer), {"jitter": rerendered.jitter})
 
 
-def read_drawn(path: Path) -> Drawn:
-    """Map what differs into memory.
+def read_rerendered(path: Path) -> Rerendered:
+    """Memory-map a second rendering.
 
     Raises:
         DatasetError: the file is missing, cut off, or lacks a tensor.
@@ -149,13 +154,13 @@ def read_drawn(path: Path) -> Drawn:
     tensors, numbers = _read(path)
     gbuffer = _split_off(_RENDER, tensors)
     try:
-        return Drawn(**tensors, **numbers, gbuffer=gbuffer)  # type: ignore[arg-type]
+        return Rerendered(**tensors, **numbers, gbuffer=gbuffer)  # type: ignore[arg-type]
     except TypeError as error:
         raise _damaged(path, error) from error
 
 
 def _split_off(prefix: str, tensors: dict[str, NDArray[Any]]) -> dict[str, NDArray[Any]]:
-    """Take the tensors whose names begin so out of `tensors`."""
+    """Remove and return the tensors with a prefix."""
     return {n.removeprefix(prefix): tensors.pop(n) for n in list(tensors) if n.startswith(prefix)}
 
 
@@ -171,7 +176,7 @@ def _write(path: Path, tensors: dict[str, NDArray[Any]], numbers: dict[str, Any]
 
 
 def _read(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any]]:
-    """Tensors, mapped, and the numbers beside them."""
+    """Memory-map the tensors, and read the numbers."""
     try:
         tensors, metadata = open_safetensors(path)
         numbers = json.loads(metadata["frame"])

@@ -1,21 +1,27 @@
-"""What `supersampler info DATASET` says."""
+"""The output of `supersampler info DATASET`."""
 
 from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
 from supersampler.io.images import write_png
-from supersampler_model.data.dataset.description import Dataset, SequenceEntry, Split, open_dataset, shares
+from supersampler_model.data.dataset.description import (
+    Dataset,
+    SequenceEntry,
+    Split,
+    class_fractions,
+    open_dataset,
+)
 from supersampler_model.data.dataset.sheet import contact_sheet
 
 _SPLITS: tuple[Split, ...] = ("train", "validation", "test")
 
 
 def rows(folder: Path) -> dict[str, str]:
-    """Return name and text of each line, and write the contact sheet beside the set.
+    """Return name and text of each line, and write a contact sheet to the set's folder.
 
     Raises:
-        DatasetError: it is no training set, or a frame is damaged.
+        DatasetError: the folder is no training set, or a frame is damaged.
     """
     dataset = open_dataset(folder)
     description = dataset.description
@@ -62,10 +68,10 @@ def _classes(dataset: Dataset) -> Iterator[str]:
         if not entries:
             yield f"{split}: nothing rendered"
             continue
-        yield f"{split}: {_shares(dataset, entries)}"
+        yield f"{split}: {_fractions(dataset, entries)}"
         for family in sorted({entry.spec.family for entry in entries}):
-            yield f"  {family}: {_shares(dataset, [e for e in entries if e.spec.family == family])}"
+            yield f"  {family}: {_fractions(dataset, [e for e in entries if e.spec.family == family])}"
 
 
-def _shares(dataset: Dataset, entries: list[SequenceEntry]) -> str:
-    return ", ".join(f"{name} {share:.2%}" for name, share in shares(dataset, entries).items())
+def _fractions(dataset: Dataset, entries: list[SequenceEntry]) -> str:
+    return ", ".join(f"{name} {share:.2%}" for name, share in class_fractions(dataset, entries).items())

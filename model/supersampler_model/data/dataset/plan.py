@@ -1,4 +1,4 @@
-"""Which sequences to render: families in turn, files, ratios and seeds drawn from one number."""
+"""The plan of a data set: families in turn; files, ratios and seeds drawn from one seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -19,7 +19,7 @@ _VALIDATION_EVERY = 8  # one sequence in eight is kept for validation; of other 
 
 @dataclass(frozen=True, kw_only=True)
 class RenderPlan:
-    """What is asked for on the command line; sizes are (width, height).
+    """Options of the command line; sizes are (width, height).
 
     Attributes:
         gltf: folder of files to compose sequences of; None is procedural families alone.
@@ -88,7 +88,7 @@ def _check(plan: RenderPlan) -> None:
 
 
 class _RatioTurns:
-    """Deals each family its ratios by their shares, evenly however few sequences it has."""
+    """Gives each family its ratios with fixed frequencies, evenly even for few sequences."""
 
     def __init__(self, ratios: Sequence[float], random: np.random.Generator) -> None:
         shares = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
@@ -113,7 +113,7 @@ def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
 
 
 def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Split]:
-    """Return procedural sequence `index`, and what it is for."""
+    """Return procedural sequence `index`, and its split."""
     family = plan.families[index % len(plan.families)]
     spec = SequenceSpec(family=family, seed=seed, frames=plan.frames, frame_rate=plan.frame_rate)
     if family in TEST_FAMILIES:
@@ -124,7 +124,7 @@ def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Spli
 def _composition(
     plan: RenderPlan, folders: tuple[Folder, Folder | None], index: int, seed: int
 ) -> tuple[SequenceSpec, Split]:
-    """Return glTF sequence `index`, and what it is for."""
+    """Return glTF sequence `index`, and its split."""
     training, validation = folders
     if _split(index) == "validation" and validation is not None:
         return validation.spec(seed, plan.frames, plan.frame_rate), "validation"

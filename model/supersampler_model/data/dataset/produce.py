@@ -1,4 +1,4 @@
-"""Render one sequence of a set, frame by frame; a run that is stopped goes on after the last whole frame."""
+"""Render one sequence of a set, frame by frame; a stopped run resumes after the last complete frame."""
 
 from collections.abc import Callable
 
@@ -7,9 +7,9 @@ import numpy as np
 from supersampler import halton_jitter
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.dataset.frame_file import (
-    Drawn,
+    Rerendered,
     TrainingFrame,
-    write_drawn,
+    write_rerendered,
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
@@ -19,7 +19,7 @@ from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
 
 SAME = 0.01
-"""Mean difference, of the mean, of two drivers' pictures of one frame: rasterisers round differently."""
+"""Maximum mean difference, relative to the mean, between two drivers' images of one frame."""
 
 
 def render_sequence(
@@ -30,32 +30,34 @@ def render_sequence(
     thresholds: LabelThresholds | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Render the frames of `entry` that are not there yet.
+    """Render the missing frames of `entry`.
 
-    Of a set at one ratio (`Dataset.at`), what differs is drawn beside the frames, which must be there.
+    For a set at one ratio (`Dataset.at`), write the second renderings beside the existing frames.
 
     Args:
-        dataset: where they go.
-        entry: which sequence.
+        dataset: the data set.
+        entry: the sequence.
         renderer: of the set's display size and samples.
         thresholds: of the labels.
-        on_frame: called after each frame that was written.
+        on_frame: called after each written frame.
 
     Raises:
-        OSError: the disk refused; all frames before are whole.
-        DatasetError: the scenes have changed since what is there was drawn.
+        OSError: writing failed; all earlier frames are complete.
+        DatasetError: the scenes have changed since the existing frames were rendered.
     """
     first = dataset.complete(entry)
     if first == entry.spec.frames:
         return
     if dataset.own is not None:
-        _draw_again(dataset, entry, renderer, on_frame)
+        _rerender(dataset, entry, renderer, on_frame)
         return
     sequence = make_sequence(entry.spec)
-    before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))  # by an earlier run, if at all
+    before = _rendered(
+        dataset, entry, sequence, renderer, max(first - 1, 0)
+    )  # rendered again if an earlier run stopped
     for index in range(first, entry.spec.frames):
         rendered = before if index == 0 else _rendered(dataset, entry, sequence, renderer, index)
-        exposure = rendered.exposure  # of both: a change of exposure is no change of light
+        exposure = rendered.exposure  # of both frames: a change of exposure is no change of lighting
         evidence = rendered.evidence(exposure), before.evidence(exposure)
         labels = label(*evidence, thresholds or LabelThresholds())
         frame = TrainingFrame(
@@ -75,34 +77,34 @@ def render_sequence(
         on_frame()
 
 
-def _draw_again(
+def _rerender(
     dataset: Dataset, entry: SequenceEntry, renderer: Renderer, on_frame: Callable[[], None]
 ) -> None:
-    """Draw what differs at the ratio of `entry`, after the frames that are there."""
+    """Render the sequence a second time at the ratio of `entry`, from the first missing frame on."""
     sequence, size = make_sequence(entry.spec), entry.render_size(dataset.description.display_size)
-    _check_same_pictures(dataset, entry, sequence, renderer)
+    _check_same_images(dataset, entry, sequence, renderer)
     for index in range(dataset.complete(entry), entry.spec.frames):
         jitter = halton_jitter(index, entry.ratio)
         color, surfaces = renderer.frame(sequence.scene(index), size, jitter=jitter)
         motion = surfaces.motion.astype(np.float16)
-        path = dataset.drawn_path(entry, index)
-        assert path is not None  # noqa: S101 - the caller has seen to it
-        write_drawn(path, Drawn(color, surfaces.depth, motion, jitter, surfaces.gbuffer()))
+        path = dataset.rerendered_path(entry, index)
+        assert path is not None  # noqa: S101 - checked by the caller
+        write_rerendered(path, Rerendered(color, surfaces.depth, motion, jitter, surfaces.gbuffer()))
         on_frame()
 
 
-def _check_same_pictures(
+def _check_same_images(
     dataset: Dataset, entry: SequenceEntry, sequence: Sequence, renderer: Renderer
 ) -> None:
-    """Raise a DatasetError where the references that are there are not of what is drawn now."""
-    assert dataset.own is not None  # noqa: S101 - the caller has seen to it
+    """Raise a DatasetError where the existing references show other images than are rendered now."""
+    assert dataset.own is not None  # noqa: S101 - checked by the caller
     own = next(e for e in dataset.own.entries() if e.folder == entry.folder)
     size = own.render_size(dataset.description.display_size)
     there = dataset.own.read(own, 0).color.astype(np.float32)
     now, _ = renderer.frame(sequence.scene(0), size, jitter=halton_jitter(0, own.ratio))
     if float(np.abs(now - there).mean()) > SAME * float(there.mean()):
         hint = "Render a new set: scenes, or what draws them, have changed since this one was rendered."
-        raise DatasetError(dataset.path(own, 0), "shows something else than is drawn now", hint)
+        raise DatasetError(dataset.path(own, 0), "shows something else than is rendered now", hint)
 
 
 def _rendered(

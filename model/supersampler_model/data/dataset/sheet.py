@@ -1,4 +1,4 @@
-"""What a training set looks like: a contact sheet, and its class maps as pictures."""
+"""Overviews of a training set: a contact sheet, and class maps."""
 
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from supersampler_model.data.class_map import overlay, with_legend
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry
 from supersampler_model.data.labels import Labels
 
-Picture = NDArray[np.uint8]
-_ACROSS, _WIDTH = 6, 240  # pictures a row, pixels each at most
+Image = NDArray[np.uint8]
+_ACROSS, _WIDTH = 6, 240  # images per row, maximum width of each
 
 
 def write_sheet(dataset: Dataset, folder: Path) -> None:
@@ -24,26 +24,26 @@ def write_sheet(dataset: Dataset, folder: Path) -> None:
         if complete:
             frame = dataset.read(entry, complete // 2)
             labels = Labels(ghost=np.array(frame.ghost), alias=np.array(frame.alias))
-            picture = overlay(labels, _shown(frame.reference, frame.exposure))
+            image = overlay(labels, _shown(frame.reference, frame.exposure))
             name = f"{entry.spec.family}-{entry.spec.seed}.png"
-            write_png(folder / name, with_legend(picture, labels))
+            write_png(folder / name, with_legend(image, labels))
 
 
-def contact_sheet(dataset: Dataset) -> Picture:
-    """(h, w, 3) sRGB: the middle frame of each sequence, as far as it is rendered, row by row."""
-    pictures = [_small(dataset, entry) for entry in dataset.entries() if dataset.complete(entry)]
-    if not pictures:
+def contact_sheet(dataset: Dataset) -> Image:
+    """(h, w, 3) sRGB: the middle frame of each sequence, row by row."""
+    images = [_small(dataset, entry) for entry in dataset.entries() if dataset.complete(entry)]
+    if not images:
         return np.zeros((1, 1, 3), np.uint8)
-    height, width = pictures[0].shape[:2]
-    rows = -(-len(pictures) // _ACROSS)
-    sheet = np.zeros((rows * height, min(len(pictures), _ACROSS) * width, 3), np.uint8)
-    for index, picture in enumerate(pictures):
+    height, width = images[0].shape[:2]
+    rows = -(-len(images) // _ACROSS)
+    sheet = np.zeros((rows * height, min(len(images), _ACROSS) * width, 3), np.uint8)
+    for index, image in enumerate(images):
         y, x = index // _ACROSS * height, index % _ACROSS * width
-        sheet[y : y + height, x : x + width] = picture
+        sheet[y : y + height, x : x + width] = image
     return sheet
 
 
-def _small(dataset: Dataset, entry: SequenceEntry) -> Picture:
+def _small(dataset: Dataset, entry: SequenceEntry) -> Image:
     frame = dataset.read(entry, dataset.complete(entry) // 2)
     step = -(-frame.reference.shape[1] // _WIDTH)
     height, width = (n // step * step for n in frame.reference.shape[:2])
@@ -52,5 +52,5 @@ def _small(dataset: Dataset, entry: SequenceEntry) -> Picture:
     return _shown(mean, frame.exposure)
 
 
-def _shown(color: NDArray[Any], exposure: float) -> Picture:
+def _shown(color: NDArray[Any], exposure: float) -> Image:
     return to_uint8(display_transform(color, exposure))

@@ -21,24 +21,24 @@ def render_dataset(
     workers: int = 1,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
-    """Render all frames that are not there yet.
+    """Render all missing frames.
 
     Args:
-        dataset: what to complete.
-        ratio: at which all sequences are drawn anew; None draws the set itself.
-        workers: processes; software OpenGL draws with cores / workers threads in each.
+        dataset: the data set.
+        ratio: of a second rendering of all sequences; None: the set itself.
+        workers: processes; software OpenGL uses cores / workers threads in each.
         on_frame: called after each frame, in this process.
 
     Raises:
-        DataError: a worker failed (a full disk, no OpenGL, a file that has changed); what is complete
-            stays, and a next run goes on.
+        DataError: a worker failed (a full disk, no OpenGL, a file that has changed); complete
+            frames stay, and the next run resumes.
     """
     folders = [entry.folder for entry in dataset.entries()]
     remove_partial_files(dataset.folder, _FRAMES, folders)
     at = dataset if ratio is None else dataset.at(ratio)
     todo = [index for index, entry in enumerate(at.entries()) if at.complete(entry) < entry.spec.frames]
-    shares = [todo[k::workers] for k in range(min(workers, len(todo)))]
-    run_parts([partial(_render, dataset.folder, ratio, share) for share in shares], on_frame=on_frame)
+    indices = [todo[k::workers] for k in range(min(workers, len(todo)))]
+    run_parts([partial(_render, dataset.folder, ratio, share) for share in indices], on_frame=on_frame)
 
 
 def _render(folder: Path, ratio: float | None, indices: Sequence[int], on_frame: OnFrame) -> None:

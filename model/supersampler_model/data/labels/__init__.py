@@ -1,4 +1,4 @@
-"""Classes of pixels, made automatically from many samples: what temporal upscalers get wrong, and where.
+"""Automatic labels of pixels: where history is invalid (ghosting) and where one sample aliases.
 
 >>> labels = label(now, before)  # two `Evidence`: statistics, motion, expected previous depth
 >>> labels.ghost, labels.alias   # (H, W) uint8 each

@@ -1,13 +1,14 @@
 """The rules that make classes: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
 
-Where the supplement is silent or contradicts itself, what was chosen is said at the line:
+Choices where the supplement is silent or contradicts itself:
 
-- Equation 1 as printed compares with the depth at the same place on the screen; the sentence before it asks
-  for the point's own. Here it is the reversed depth which the point had one frame ago.
+- Equation 1 as printed uses the depth at the same screen position; the text uses the point's own depth. Here
+it
+  is the reversed depth that the point had one frame ago.
 - Velocity is motion in display pixels a frame.
 - Equations 5 and 9 hold for any channel. Equation 5 is taken absolute: shadows arrive as well as leave.
 - Opening is idempotent, so "twice" is read as two erosions, then two dilations.
-- What was off screen has no valid history and counts as hidden.
+- Off-screen pixels have no valid history and count as occluded.
 """
 
 from collections.abc import Iterator
@@ -28,15 +29,15 @@ Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 
 
 class Ghost(IntEnum):
-    """Why the past is of no use in a pixel."""
+    """Why the history of a pixel is invalid."""
 
     NONE = 0
-    VISIBILITY = 1  # it was hidden, off screen, or before a cut
-    SHADING = 2  # its light has changed
+    VISIBILITY = 1  # occluded, off screen, or before a cut
+    SHADING = 2  # the lighting changed
 
 
 class Alias(IntEnum):
-    """Why one sample does not tell a pixel's colour."""
+    """Why one sample does not represent a pixel's colour."""
 
     NONE = 0
     GEOMETRY = 1  # edges of surfaces
@@ -48,18 +49,19 @@ class LabelThresholds:
     """Thresholds of the rules; the paper's where it gives them.
 
     Attributes:
-        depth_ghost: T_D^G of equations 1 and 3, part of the closer reversed depth.
+        depth_ghost: T_D^G of equations 1 and 3, fraction of the closer reversed depth.
         velocity: T_V^G of equations 2 and 4, square of display pixels a frame.
         color_change: T_I^G of equation 5, toned colour in [0, 1). Not in the paper; calibrated on 16 samples.
         color_overlap: T_IoU^G of equation 6. Not in the paper either.
         box_padding: moves every face of equation 6's boxes outwards, toned colour: flat pixels need volume.
-        openings: erosions, then as many dilations, by 3x3, of what (5) and (6) say.
-        depth_alias: T_D^A of equation 7, part of the closer reversed depth.
+        openings: number of 3x3 erosions, then dilations, of the mask of (5) and (6).
+        depth_alias: T_D^A of equation 7, fraction of the closer reversed depth.
         normal: T_N^A of equation 8, L1 distance of unit vectors.
-        color_range: T_I^A of equation 9, part of the brightest sample, of linear colour.
-        darkest: equation 9 leaves out channels with nothing brighter, toned colour: ratios explode in blacks.
-        slope_aware: in the depth tests (1), (3) and (7), let pass what a plane's slope explains. The paper's
-            tests (False) take every plane at a grazing angle for an edge.
+        color_range: T_I^A of equation 9, fraction of the brightest sample, of linear colour.
+        darkest: equation 9 ignores channels with no brighter sample, toned colour: ratios are unstable near
+            black.
+        slope_aware: allow for the slope of planes in the depth tests (1), (3) and (7). The paper's tests
+            (False) take every plane at a grazing angle for an edge.
     """
 
     depth_ghost: float = 0.01
@@ -85,8 +87,8 @@ class Labels:
     ghost: ClassMap
     alias: ClassMap
 
-    def shares(self) -> dict[str, float]:
-        """Return which part of the pixels each class has: visibility, shading, geometry, texture."""
+    def class_fractions(self) -> dict[str, float]:
+        """Return the fraction of pixels of each class: visibility, shading, geometry, texture."""
         counted = ((self.ghost, Ghost), (self.alias, Alias))
         return {c.name.lower(): float(np.mean(map_ == c)) for map_, classes in counted for c in classes if c}
 
@@ -104,48 +106,50 @@ def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = 
     """
     geometry, aliased = aliasing(now.pixels, thresholds)
     if before is None or now.cut:
-        hidden, relit = np.ones_like(geometry), np.zeros_like(geometry)
+        occluded, relit = np.ones_like(geometry), np.zeros_like(geometry)
     else:
         if before.pixels.shape != now.pixels.shape:
             want = f"{now.pixels.shape}, as the frame after it"
             raise ArgumentError("before", got=before.pixels.shape, want=want)
-        hidden = visibility_ghosting(now, before, thresholds)
+        occluded = visibility_ghosting(now, before, thresholds)
         relit = shading_ghosting(now, before, thresholds) & ~aliased
-    # The paper's "shading ghosting label correction": what is hidden or aliased is not relit.
-    ghost = np.where(hidden, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
+    # The paper's "shading ghosting label correction": occluded and aliased pixels are not relit.
+    ghost = np.where(occluded, Ghost.VISIBILITY, np.where(relit, Ghost.SHADING, Ghost.NONE))
     alias = np.where(geometry, Alias.GEOMETRY, np.where(aliased, Alias.TEXTURE, Alias.NONE))
     return Labels(ghost.astype(np.uint8), alias.astype(np.uint8))
 
 
 def visibility_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """R_G, (H, W): what is seen now was hidden by something closer of another velocity, or off screen."""
-    past, on_screen = reprojected(now.motion)
-    there = before.pixels.depth_max[past]
-    slope = _allowance(before.pixels, thresholds)[past]  # half for the samples' spread, half for the rounding
-    hidden = _closer(there, now.depth_before, slope, thresholds.depth_ghost)  # (1)
-    hidden &= _apart(now.motion, before.motion[past], thresholds.velocity)  # (2)
-    return _dilated(hidden | ~on_screen, now, thresholds)
+    """R_G, (H, W): the surface was occluded by a closer one of another velocity, or off screen."""
+    previous, on_screen = reprojected(now.motion)
+    there = before.pixels.depth_max[previous]
+    slope = _allowance(before.pixels, thresholds)[
+        previous
+    ]  # half for the samples' spread, half for the rounding
+    occluded = _closer(there, now.depth_before, slope, thresholds.depth_ghost)  # (1)
+    occluded &= _differs(now.motion, before.motion[previous], thresholds.velocity)  # (2)
+    return _dilated(occluded | ~on_screen, now, thresholds)
 
 
 def _dilated(ghosts: Mask, now: Evidence, thresholds: LabelThresholds) -> Mask:
     """Spread to each of 8 neighbours that is behind the labelled pixel and moves otherwise.
 
-    Upscalers dilate motion, so such a neighbour fetches its history where the labelled surface was.
+    Upscalers dilate motion: such a neighbour reads its history where the labelled surface was.
     """
     depth, slope = now.pixels.depth_max, _allowance(now.pixels, thresholds)
     spread = ghosts.copy()
     for source, target in _neighbours():
         behind = _closer(depth[source], depth[target], slope[source], thresholds.depth_ghost)  # (3)
-        moves = _apart(now.motion[source], now.motion[target], thresholds.velocity)  # (4)
+        moves = _differs(now.motion[source], now.motion[target], thresholds.velocity)  # (4)
         spread[target] |= ghosts[source] & behind & moves
     return spread
 
 
 def shading_ghosting(now: Evidence, before: Evidence, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """R_S before its correction, (H, W): on screen a frame ago, in another light, and not just a speck."""
-    past, on_screen = reprojected(now.motion)
+    """R_S before its correction, (H, W): on screen one frame ago, under other lighting, and not isolated."""
+    previous, on_screen = reprojected(now.motion)
     low, high = now.pixels.color_min, now.pixels.color_max
-    low_before, high_before = before.pixels.color_min[past], before.pixels.color_max[past]
+    low_before, high_before = before.pixels.color_min[previous], before.pixels.color_max[previous]
     changed = _any_channel(np.abs(high - high_before) > thresholds.color_change)  # (5)
     overlap = box_overlap(low, high, low_before, high_before, thresholds.box_padding)
     return opened(on_screen & changed & (overlap < thresholds.color_overlap), thresholds.openings)  # (6)
@@ -173,7 +177,7 @@ def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS
 def reprojected(motion: Float32) -> tuple[Places, Mask]:
     """Return (rows, columns) of the nearest pixel one frame ago, and where that is on screen, (H, W) each.
 
-    Off screen, and where the motion is no number, the place is row 0, column 0.
+    Off screen, and where the motion is NaN, the position is row 0, column 0.
     """
     height, width = motion.shape[:2]
     x = np.arange(width) + 0.5 + motion[..., 0]
@@ -184,7 +188,7 @@ def reprojected(motion: Float32) -> tuple[Places, Mask]:
 
 
 def plane_slope(pixels: PixelStatistics) -> Float32:
-    """(H, W) by how much a plane's reversed depth differs over one pixel: |dD/dx| + |dD/dy|.
+    """(H, W) change of a plane's reversed depth over one pixel: |dD/dx| + |dD/dy|.
 
     A plane's reversed depth is linear on the screen, so its ranges step evenly from pixel to pixel and this
     is exact. Edges are kept out by the smallest of four steps along each axis (to both sides; of the closest
@@ -214,7 +218,7 @@ def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padd
 def opened(mask: Mask, times: int) -> Mask:
     """Erode `times` times by 3x3, then dilate as often: removes what is narrower than 2 `times` + 1 pixels.
 
-    What is beyond the screen's border neither erodes nor dilates.
+    Pixels beyond the border neither erode nor dilate.
     """
     for _ in range(times):
         mask = ~_grown(~mask)
@@ -247,7 +251,7 @@ def _closer(front: Float32, back: Float32, slope: Float32, threshold: float) -> 
     return np.asarray(front - back - slope > threshold * front)
 
 
-def _apart(velocity: Float32, other: Float32, threshold: float) -> Mask:
+def _differs(velocity: Float32, other: Float32, threshold: float) -> Mask:
     """(..., 2) each to (...): where the velocities' squared distance is above `threshold`."""
     apart = np.square(velocity - other)
     return np.asarray(apart[..., 0] + apart[..., 1] > threshold)

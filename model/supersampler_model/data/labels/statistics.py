@@ -1,7 +1,7 @@
-"""What the labels are made from: per-pixel statistics over many samples, and the motion between two frames.
+"""Inputs of the label rules: per-pixel statistics over many samples, and the motion between two frames.
 
-A renderer that draws many samples a pixel keeps only these (its resolve pass computes them on the GPU);
-`statistics_of` computes the same from samples in numpy, with no renderer.
+A renderer with many samples per pixel keeps only these statistics (computed on the GPU). `statistics_of`
+computes the same from samples in numpy.
 """
 
 from collections.abc import Iterable
@@ -15,11 +15,11 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
 
 Values = NDArray[np.floating[Any]]
-BRIGHTEST = 65504.0  # what half floats hold; more than that is a firefly
+BRIGHTEST = 65504.0  # maximum of half floats; brighter samples are fireflies
 
 
 class Sample(NamedTuple):
-    """One sample of every pixel. Several of them, each somewhere else in its pixel, make the statistics."""
+    """One sample of every pixel, at some position in the pixel."""
 
     color: Values  # (H, W, 3) linear scene RGB, >= 0
     depth: Values  # (H, W) reversed, 0 at the sky
@@ -41,7 +41,7 @@ class PixelStatistics:
         depth_max: (H, W) float32, largest reversed depth: the closest sample.
         color_min: (H, W, 3) float32, smallest toned value of each channel, [0, 1).
         color_max: (H, W, 3) float32, largest.
-        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference picture. No label reads it.
+        color_mean: (H, W, 3) float32, mean linear scene RGB: the reference image. No label reads it.
         normal_spread: (H, W) float32, largest L1 distance from the first sample's normal, [0, 2 sqrt(3)],
             without normal maps.
         normal_mapped_spread: (H, W) float32, the same with normal maps.
@@ -83,7 +83,7 @@ class PixelStatistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence:
-    """All that the labels need to know of one frame, at display size (W, H).
+    """Inputs of the label rules for one frame, at display size (W, H).
 
     Attributes:
         pixels: ranges over the samples of each pixel.
@@ -91,7 +91,7 @@ class Evidence:
             pixel's centre sees. On a cut: as if the camera of now had stood still.
         depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
             pixel's centre sees had one frame ago, whether or not it was in sight then.
-        cut: True on the first frame after a cut: there is no past.
+        cut: True on the first frame after a cut, which has no history.
 
     Raises:
         ArgumentError: an array has the wrong shape or type.

@@ -1,4 +1,4 @@
 """The renderer: forward shading on OpenGL 4.5, without a window, on a GPU or in software.
 
-It draws samples, truth and G-buffers of a scene; it chooses no scene and no jitter.
+It renders samples, references and G-buffers of a scene; scenes and jitter come from the caller.
 """

@@ -19,7 +19,7 @@ COVERAGE_ERROR = 0.15  # relative, of what passes the alpha test in a mip
 
 
 class Assets:
-    """What has been uploaded to one context."""
+    """The assets uploaded to one context."""
 
     def __init__(self, gl: Any) -> None:
         self._gl = gl
@@ -116,9 +116,10 @@ def _once(made: Any, source: Any, make: Callable[[Any], Any]) -> Any:
 
 
 def _keep_coverage(texture: Any, pixels: NDArray[np.uint8], cutoff: float) -> None:
-    """Scale the opacity of each mip so that as much passes the test as in `pixels`: else far fences vanish.
+    """Scale the opacity of each mip so that as much passes the test as in `pixels`; otherwise far fences
+    vanish.
 
-    Mips too small for that are left out: there holes alias, as they do in a game, but keep their share.
+    Mips too small for that are dropped: there holes alias, as in a game.
     """
     threshold = 255.0 * cutoff
     covered = float((pixels[..., 3] >= threshold).mean())

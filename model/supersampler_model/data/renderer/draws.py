@@ -12,7 +12,7 @@ from supersampler_model.data.scenes.scene import Instance, Scene
 
 
 class Draws:
-    """All instances of a scene, in the order in which they are best drawn."""
+    """All instances of a scene, in drawing order."""
 
     def __init__(self, gl: Any, assets: Assets, scene: Scene) -> None:
         self._gl, self._assets = gl, assets
@@ -52,7 +52,7 @@ class Draws:
 
 
 def _order(instance: Instance, scene: Scene) -> tuple[bool, float]:
-    """Holes last, as they delay the depth test; else front to back, so that what is hidden is not shaded."""
+    """Holes last, as they delay the depth test; else front to back, to skip shading of occluded surfaces."""
     center = instance.model @ np.append(instance.mesh.center(), 1.0)
     distance = float(np.linalg.norm(center[:3] - scene.camera.position))
     return instance.material.alpha_cutoff is not None, distance

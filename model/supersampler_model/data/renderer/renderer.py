@@ -1,7 +1,7 @@
-"""Draws scenes: jittered frames, G-buffers, and references of many samples a pixel with their statistics.
+"""Renders scenes: jittered frames, G-buffers, and references of many samples per pixel with their statistics.
 
-Forward shading in one pass into several targets. All samples of a pixel of the reference are drawn at once,
-as one large picture, part by part so that it fits into memory, and averaged on the GPU.
+Forward shading in one pass into several targets. The samples of a reference are rendered as one large image,
+tile by tile so that it fits into memory, and averaged on the GPU.
 """
 
 from collections.abc import Iterator
@@ -22,7 +22,7 @@ from supersampler_model.data.renderer.uniforms import SHADOW_SIZE, Raster, colum
 from supersampler_model.data.scenes.scene import Particles, Scene
 
 Size = tuple[int, int]
-LARGEST = 4096  # samples a side of what is drawn at once for a reference: 0.5 GB
+LARGEST = 4096  # maximum samples a side of a tile of a reference: 0.5 GB
 _SURFACES = ((4, "f4"), (4, "f2"), (4, "f2"), (4, "f2"))
 _FORMATS = {
     "COLOR_AND_SURFACES": (*_SURFACES, (4, "f2")),
@@ -34,7 +34,7 @@ _RESOLVED = ((4, "f4"), (4, "f4"), (4, "f4"), (1, "f4"))
 
 
 class Programs(NamedTuple):
-    """What draws one kind of target."""
+    """Shader programs for one kind of target."""
 
     rigid: Any
     skinned: Any
@@ -43,7 +43,7 @@ class Programs(NamedTuple):
 
 
 class Renderer:
-    """Draws one moment of a scene after the other; use it from the thread that made it.
+    """Renders scenes; use it from the thread that created it.
 
     >>> renderer = Renderer((640, 360))
     >>> rendered = renderer.render(scene, (320, 180), jitter=(0.25, -0.1))
@@ -91,7 +91,7 @@ class Renderer:
     def render(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float], reset: bool = False
     ) -> Rendered:
-        """Draw all of one frame."""
+        """Render one frame with its display-size surfaces and reference."""
         color, surfaces = self.frame(scene, render_size, jitter=jitter)
         return Rendered(
             color=color,
@@ -106,10 +106,10 @@ class Renderer:
     def frame(
         self, scene: Scene, render_size: Size, *, jitter: tuple[float, float]
     ) -> tuple[Float16, Surfaces]:
-        """Draw the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
+        """Render the input of an upscaler: colour (h, w, 3) and surfaces, at pixel centre + jitter.
 
         Args:
-            scene: what is seen.
+            scene: the scene.
             render_size: (width, height), at most the display size.
             jitter: (x, y) render pixels.
         """
@@ -121,12 +121,12 @@ class Renderer:
             return _part(target.read(4), slice(3)), _surfaces(target)
 
     def display(self, scene: Scene) -> Surfaces:
-        """Draw the surfaces at display size, at pixel centres."""
+        """Render the surfaces at display size, at pixel centres."""
         with self._gl:
             return _surfaces(self._draw(scene, "SURFACES", "display", Raster.of_frame(self.display_size)))
 
     def reference(self, scene: Scene) -> Reference:
-        """Draw the truth at display size."""
+        """Render the reference at display size."""
         width, height = self.display_size
         mean, least, most = (np.empty((height, width, 4), np.float32) for _ in range(3))
         spread = np.empty((height, width, 1), np.float32)
@@ -147,7 +147,7 @@ class Renderer:
         )
 
     def _parts(self) -> Iterator[tuple[tuple[slice, slice], Raster]]:
-        """Yield parts of the reference, no larger than LARGEST samples a side, and where they go."""
+        """Yield the tiles of the reference, at most LARGEST samples a side, and their places in it."""
         (width, height), side = self.display_size, self._side
         across, down = (_even_step(extent, LARGEST // side) for extent in (width, height))
         for top in range(0, height, down):

@@ -18,12 +18,12 @@ SHADOW_SIZE = 2048  # texels a side, of the sun's map; the spot's has half as ma
 
 @dataclass(frozen=True, slots=True)
 class Raster:
-    """Which samples of the picture are drawn: a grid of them over a part of it.
+    """A grid of samples over a part of the image.
 
     Attributes:
         size: samples (x, y).
-        corner, extent: the part, in units of the picture: (0, 0) is its top left corner, (1, 1) the other.
-        pixels: size of the picture in which motion is counted.
+        corner, extent: the part, in units of the image: (0, 0) is its top left corner, (1, 1) the other.
+        pixels: size of the image in which motion is counted.
         filter_width: of textures, in samples of this grid: as wide as a display pixel.
     """
 
@@ -41,7 +41,7 @@ class Raster:
         return cls(size, (jitter[0] / size[0], jitter[1] / size[1]), (1.0, 1.0), size, filter_width)
 
     def window(self) -> list[float]:
-        """Scale x, y and offset x, y that bring this part's clip space to [-1, 1]."""
+        """Scale x, y and offset x, y that map this part of clip space to [-1, 1]."""
         scale = [1.0 / extent for extent in self.extent]
         middles = [
             2.0 * corner + extent - 1.0 for corner, extent in zip(self.corner, self.extent, strict=True)
@@ -60,7 +60,7 @@ def rows(*vectors: Any) -> bytes:
 
 
 def view_block(scene: Scene, aspect: float, raster: Raster) -> bytes:
-    """Return block View: the camera now and before, and what part of its picture is drawn."""
+    """Return block View: the camera now and before, and the rendered part of the image."""
     camera, view = scene.camera, scene.camera.view()
     projection = camera.projection(aspect)
     before = scene.camera_before.projection(aspect) @ scene.camera_before.view()

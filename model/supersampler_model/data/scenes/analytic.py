@@ -2,7 +2,7 @@
 
 A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
 at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
-over that area. The size of a picture in pixels is chosen when it is drawn, so 1 unit is 1 pixel at 64 x 36
+over that area. The size of an image is chosen when it is rendered: 1 unit is 1 pixel at 64 x 36
 and 2 pixels at 128 x 72.
 
 >>> scene = Plane(zone_plate)
@@ -33,7 +33,7 @@ FAR, NEAR = 0.01, 0.1  # reversed depth of the background and of what is before 
 
 
 class Surface(NamedTuple):
-    """What is seen at some places."""
+    """Surfaces at some positions."""
 
     color: Values  # (..., 3) linear RGB
     depth: Values  # (...) reversed
@@ -44,10 +44,10 @@ class Surface(NamedTuple):
 
 
 class Scene:
-    """Base of the scenes: they say what is seen where, and this draws it."""
+    """Base of the scenes: subclasses define surfaces, this class samples them."""
 
     def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return what is seen at (x, y) units in frame `index`."""
+        """Return the surfaces at (x, y) units in frame `index`."""
         raise NotImplementedError
 
     def cut(self, index: int) -> bool:
@@ -55,7 +55,7 @@ class Scene:
         return index == 0
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return where what is seen in frame `index` was in sight one frame ago, at its motion's end."""
+        """Return where the surfaces of frame `index` were visible one frame ago."""
         motion = self.surface(index, x, y).motion
         x, y = x + motion[..., 0], y + motion[..., 1]
         inside = (x > 0) & (x < EXTENT[0]) & (y > 0) & (y < EXTENT[1])
@@ -82,7 +82,7 @@ class Scene:
         return (total / samples**2).astype(np.float32)
 
     def disoccluded(self, index: int, size: Size) -> Mask:
-        """(H, W), True where a pixel's centre sees what was hidden or off screen one frame ago."""
+        """(H, W), True where the surface at a pixel's centre was occluded or off screen one frame ago."""
         return ~self.visible_before(index, *places(size))
 
     def samples(self, index: int, size: Size, samples: int = 8) -> Iterator[Sample]:
@@ -92,7 +92,7 @@ class Scene:
             yield Sample(surface.color, surface.depth, surface.normal, surface.normal_mapped)
 
     def evidence(self, index: int, size: Size, samples: int = 8) -> Evidence:
-        """Gather what the labels are made from, at exposure 1, by samples x samples regular ones a pixel."""
+        """Return the inputs of the label rules, at exposure 1, from a samples x samples grid per pixel."""
         centers = self.surface(index, *places(size))
         return Evidence(
             pixels=statistics_of(self.samples(index, size, samples)),
@@ -257,7 +257,7 @@ class DiscOverPlane(Scene):
     def surface(self, index: int, x: Values, y: Values) -> Surface:
         """Return the disc where it is, else the background."""
         behind = Plane(self.pattern, self.background_velocity).surface(index, x, y)
-        inside = self.covers(index, x, y)
+        inside = self.contains(index, x, y)
         rings = 0.5 + 0.5 * np.cos(2.0 * self.distance(index, x, y))
         depth = np.where(inside, NEAR, FAR)
         return behind._replace(
@@ -272,15 +272,15 @@ class DiscOverPlane(Scene):
         middle = np.array(self.start) + index * np.array(self.velocity)
         return np.asarray(np.hypot(x - middle[0], y - middle[1]))
 
-    def covers(self, index: int, x: Values, y: Values) -> Mask:
+    def contains(self, index: int, x: Values, y: Values) -> Mask:
         """Return where the disc is in frame `index`."""
         return self.distance(index, x, y) < self.radius
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return where the disc hid nothing and the screen's border neither."""
+        """Return where neither the disc nor the screen's border occluded the surface."""
         x_before, y_before = x - self.background_velocity[0], y - self.background_velocity[1]
-        hidden = ~self.covers(index, x, y) & self.covers(index - 1, x_before, y_before)
-        return super().visible_before(index, x, y) & ~hidden
+        occluded = ~self.contains(index, x, y) & self.contains(index - 1, x_before, y_before)
+        return super().visible_before(index, x, y) & ~occluded
 
 
 @dataclass(frozen=True)
@@ -297,11 +297,11 @@ class ShadingStep(Scene):
         return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return what the scene says: light hides nothing."""
+        """Return the visibility of the scene; light occludes nothing."""
         return self.scene.visible_before(index, x, y)
 
     def cut(self, index: int) -> bool:
-        """Return what the scene says."""
+        """See `Scene.cut`."""
         return self.scene.cut(index)
 
 
@@ -314,11 +314,11 @@ class Cut(Scene):
     at: int
 
     def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return the scene that is on."""
+        """Return the surfaces of the current scene."""
         return self.shown(index).surface(index, x, y)
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return what the scene that is on says, and nothing on the cut."""
+        """Return the visibility of the current scene; nothing on the cut."""
         return self.shown(index).visible_before(index, x, y) & (not self.cut(index))
 
     def cut(self, index: int) -> bool:

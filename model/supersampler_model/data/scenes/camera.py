@@ -43,7 +43,7 @@ class Camera:
         """Return view to clip: reversed depth in [0, 1], infinite far, y downwards so that row 0 is on top.
 
         Args:
-            aspect: width / height of the picture.
+            aspect: width / height of the image.
         """
         f = 1.0 / np.tan(np.radians(self.fov_y) / 2.0)
         return np.array(

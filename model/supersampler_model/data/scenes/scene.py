@@ -1,4 +1,4 @@
-"""What is drawn: one moment of a scene, with all that has to be known of the moment before.
+"""One moment of a scene, with the state one frame ago that motion vectors need.
 
 Plain arrays, no file, no GL. Space is right-handed with y up, in metres. Matrices are (4, 4), row-major,
 acting on column vectors: world = model @ local. Colours are linear RGB; lights and the environment are in the
@@ -101,10 +101,10 @@ class Instance:
 
     Attributes:
         model: (4, 4) local to world, now.
-        model_before: the same one frame ago; None is "it stood still".
+        model_before: the same one frame ago; None: no motion.
         palette: (joints, 4, 4) of a skinned mesh: bind pose to posed, now; it is applied before `model`.
-        palette_before: the same one frame ago; None is "it stood still".
-        emission: multiplies the material's emissive colour; what flickers is this.
+        palette_before: the same one frame ago; None: no motion.
+        emission: multiplies the material's emissive colour; flickering lights vary it.
         casts_shadow: False keeps it out of the shadow maps.
     """
 
@@ -145,7 +145,7 @@ class Instance:
 class Particles:
     """Soft round sprites that face the camera. As in an engine they are in the colour and nowhere else.
 
-    They are drawn after all opaque surfaces, hidden by them, and write neither depth nor motion.
+    They are drawn after all opaque surfaces, depth-tested, and write neither depth nor motion.
 
     Attributes:
         centers: (n, 3) world.
@@ -166,7 +166,7 @@ class Particles:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """All that one frame shows.
+    """The scene of one frame.
 
     Attributes:
         camera_before: where the camera was one frame ago; on the first frame after a cut, `camera` itself.

@@ -1,13 +1,14 @@
 """`classifier`: temporal supersampling guided by a classifier (Guo et al. 2022), the default method.
 
-A small network at half display size says of each pixel why its past may be of no use (it was hidden; its
-light has changed) and why one sample does not tell its colour (an edge; fine detail). A compositor then
-weighs what there is: the past warped by the motion of what is in front, the same cut to this frame's colours
-(Salvi 2016), the past warped by the pixel's own motion, this frame's nearest sample and this frame smoothly
-upsampled. With a network that says nothing the result is the running mean of all samples.
+A small network at half display size classifies each pixel: why its history may be invalid (disocclusion; a
+change of lighting) and why one sample may alias (an edge; fine detail). A compositor then blends up to six
+colours: the history warped by the dilated motion, the same clipped to the colours of this frame (Salvi 2016),
+the history warped by the pixel's own motion, the nearest samples of this frame, this frame smoothly
+upsampled, and this frame under a learned kernel. With a network output of zeros the result is the running
+mean of all samples.
 
-Light ten stops over white, where there was none near, is shown, but leaves no past: the running mean begins
-anew after it, until there is such light for a third frame in a row.
+Light ten stops over white (GLARING) that was not there before is shown, but not accumulated: the running mean
+restarts after it, until such light is there for a third frame in a row.
 """
 
 from collections.abc import Mapping
@@ -23,14 +24,15 @@ from supersampler_model.methods.base import (
     display_size_of,
     render_size_of,
 )
-from supersampler_model.methods.classifier.buffers import Finished, Gathered, History, Present, Remembered
-from supersampler_model.methods.classifier.network import (
-    ClassifierNetwork,
-    pack,
-    shares,
-    unpack,
+from supersampler_model.methods.classifier.buffers import (
+    CurrentFrame,
+    Finished,
+    Gathered,
+    History,
+    WarpedHistory,
 )
-from supersampler_model.methods.classifier.network_inputs import around_of, inputs_of
+from supersampler_model.methods.classifier.network import ClassifierNetwork, class_probabilities, pack, unpack
+from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import (
     CONFIRMED,
@@ -47,13 +49,13 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.motion import (
-    Past,
-    covered,
+    Reprojection,
     dilate_motion_2x2,
+    disocclusion,
     morphological_opening,
-    past_of,
     read,
     read_cubic,
+    reproject,
     usable_depth,
     usable_motion,
 )
@@ -65,19 +67,19 @@ from supersampler_model.ops.sampling import (
     extreme,
     gaussian,
     local_moments,
-    neighbours,
+    neighbourhood_samples,
+    neighbours_3x3,
     normalised,
     pick,
     pick_first,
     sum_of,
     upsample,
     weighed,
-    window_of,
 )
 
-TONED = 1.0 - 1e-4  # most of a toned colour
-SHARPEST = 2.0  # most that is added of what the cubic has sharpened
-SIDE = 0.01  # weight of a neighbour in the cross on the past, at first
+TONED = 1.0 - 1e-4  # maximum of a toned colour
+SHARPEST = 2.0  # maximum factor of the detail that is added
+SIDE = 0.01  # initial weight of a neighbour in the learned cross on the history
 
 
 class Classifier(LearnedMethod):
@@ -91,12 +93,14 @@ class Classifier(LearnedMethod):
         self.net = self.make_network()
 
     def make_network(self) -> nn.Module:
-        """Return the network, untrained."""
+        """Return the untrained network."""
         c = self.config
-        return ClassifierNetwork(c.network, packed=4 * c.planes, carried=c.carried, mixing=c.blend_parameters)
+        return ClassifierNetwork(
+            c.network, packed=4 * c.planes, carried=c.carried, blend_parameters=c.blend_parameters
+        )
 
     def fused(self) -> Fused | None:
-        """Classifier and compositor, on packed pixels."""
+        """Classifier and compositor, on packed pixels; tensor names are those of released graphs."""
         c = self.config
         inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
         return Fused(
@@ -127,20 +131,22 @@ class Classifier(LearnedMethod):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> tuple[Tensor, ...]:
-        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display = display_size_of(display_size)
         now = View(display, render_size_of(color), jitter)
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        logits, mixing = self.net(*self.seen(gathered))
-        return self.left(gathered, logits, mixing, jitter)
+        logits, blend = self.net(*self.network_inputs(gathered))
+        return self.step_outputs(gathered, logits, blend, jitter)
 
-    def left(self, gathered: Gathered, logits: Tensor, mixing: Tensor, jitter: Tensor) -> tuple[Tensor, ...]:
-        """Return what `forward` does, of what the network has said."""
-        done = self.finish(gathered, logits, mixing)
-        left = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
-        return (done.image, *left, done.weight)
+    def step_outputs(
+        self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor
+    ) -> tuple[Tensor, ...]:
+        """Finish the step and return the results of `forward`."""
+        done = self.finish(gathered, logits, blend)
+        history = (done.image, done.state, done.classes, gathered.surfaces, jitter * 1.0, gathered.followed)
+        return (done.image, *history, done.weight)
 
     def gather(
         self,
@@ -152,7 +158,7 @@ class Classifier(LearnedMethod):
         now: View,
         before: View,
     ) -> Gathered:
-        """Bring this frame and the past to display size."""
+        """Resample this frame and the history at the display pixels."""
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history.exposure)
         exposure = followed.abs()
@@ -160,21 +166,21 @@ class Classifier(LearnedMethod):
         surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
         motion, grid = usable_motion(motion), now.grid(render_size_of(color))
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        there = past_of(closest[:, 1:], now.display, now.extent)
-        own = past_of(pick(motion, grid), now.display, now.extent)
+        front = reproject(closest[:, 1:], now.display, now.extent)
+        own = reproject(pick(motion, grid), now.display, now.extent)
         exposed = color * exposure
         glare = pick(extreme(glaring(exposed, usable), torch.maximum), grid)
-        present = self.gather_present(self.toned(exposed) * usable, usable, depth, glare, now, grid)
-        past = self.gather_past(history, there, own, closest[:, :1], before, exposure)
-        return Gathered(present, past, there, closest[:, :1], surfaces, exposure, followed)
+        current = self.gather_current(self.toned(exposed) * usable, usable, depth, glare, now, grid)
+        warped = self.gather_history(history, front, own, closest[:, :1], before, exposure)
+        return Gathered(current, warped, front, closest[:, :1], surfaces, exposure, followed)
 
     def toned(self, color: Tensor) -> Tensor:
-        """Exposed linear RGB to the space that it is weighed in."""
+        """Exposed linear RGB to the space in which colours are blended."""
         return TONES[self.config.tone_space].tone(color)
 
-    def gather_present(
+    def gather_current(
         self, toned: Tensor, usable: Tensor, depth: Tensor, glare: Tensor, view: View, grid: Grid
-    ) -> Present:
+    ) -> CurrentFrame:
         """Upsample the usable samples of this frame."""
         c = self.config
         ratio = view.display.width / view.extent.width, view.display.height / view.extent.height
@@ -185,33 +191,41 @@ class Classifier(LearnedMethod):
         smooth = from_ycocg(first)
         closest, farthest = extreme(depth, torch.maximum), extreme(depth, torch.minimum)
         edge = (closest - farthest.clamp(min=0.0)) / closest.clamp(min=1e-12)
-        whole = (sharp[:, 3:4] > 0.9).float()  # some of its weights are negative: of no use where many miss
-        return Present(
+        whole = (sharp[:, 3:4] > 0.9).float()  # with missing samples the negative weights dominate
+        return CurrentFrame(
             frame=(smooth + whole * (normalised(sharp) - smooth)).clamp(0.0, TONED),
             sample=normalised(near).clamp(0.0, TONED),
             confidence=near[:, 3:4].clamp(max=1.0),
             first=first,
             second=second,
-            window=window_of(samples, grid, c.kernel_sigma),
+            window=neighbourhood_samples(samples, grid, c.kernel_sigma),
             edge=pick(edge.clamp(0.0, 1.0), grid),
             glare=glare,
         )
 
-    def gather_past(
-        self, history: History, past: Past, own: Past, depth: Tensor, before: View, exposure: Tensor
-    ) -> Remembered:
+    def gather_history(
+        self,
+        history: History,
+        front: Reprojection,
+        own: Reprojection,
+        depth: Tensor,
+        before: View,
+        exposure: Tensor,
+    ) -> WarpedHistory:
         """Warp the history."""
-        c, on = self.config, past.on_screen  # off screen is as before a first frame: 0
-        x, y = before.to_render(past.x, past.y)
-        hidden = covered(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
-        there = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
-        difference = (there - depth) / torch.maximum(there, depth).clamp(min=1e-12)  # equation 10
-        state = on * read(history.state, past.x, past.y)
+        c, on = self.config, front.on_screen  # zeros off screen, as before a first frame
+        x, y = before.to_render(front.x, front.y)
+        occluded = disocclusion(depth, history.depth[:, 1:2], x, y, c.depth_margin, c.depth_ramp)
+        depth_before = on * read(history.depth[:, :1], (x + 0.5).floor(), (y + 0.5).floor(), mode="nearest")
+        difference = (depth_before - depth) / torch.maximum(depth_before, depth).clamp(
+            min=1e-12
+        )  # equation 10
+        state = on * read(history.state, front.x, front.y)
         most, glare = without_glare(state[:, 2:3])
-        linear = self.toned(sanitize(read(history.color, past.x, past.y), 0.0) * exposure) * on
-        cubic = sanitize(read_cubic(history.color, past.x, past.y, c.history_sharpness), 0.0)
+        linear = self.toned(sanitize(read(history.color, front.x, front.y), 0.0) * exposure) * on
+        cubic = sanitize(read_cubic(history.color, front.x, front.y, c.history_sharpness), 0.0)
         color = self.toned(cubic * exposure) * on
-        return Remembered(
+        return WarpedHistory(
             color=color,
             detail=color - linear,
             own=self.toned(sanitize(read(history.color, own.x, own.y), 0.0) * exposure),
@@ -219,74 +233,82 @@ class Classifier(LearnedMethod):
             range=torch.cat([state[:, 1:2], most], dim=1),
             glare=glare,
             difference=difference.clamp(-1.0, 1.0) * (depth >= 0.0),
-            surface=on * (1.0 - 2.0 * hidden).clamp(min=0.0),
+            surface=on * (1.0 - 2.0 * occluded).clamp(min=0.0),
             classes=on[:, :, ::2, ::2]
-            * read(history.classes, 0.5 * past.x[:, :, ::2, ::2], 0.5 * past.y[:, :, ::2, ::2]),
+            * read(history.classes, 0.5 * front.x[:, :, ::2, ::2], 0.5 * front.y[:, :, ::2, ::2]),
         )
 
-    def seen(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
-        """What the network sees: of pixels, packed, and at half size."""
+    def network_inputs(self, gathered: Gathered) -> tuple[Tensor, Tensor]:
+        """Return the network inputs: packed pixels, and channels at half display size."""
         c = self.config
-        pixels = inputs_of(gathered.present, gathered.past, gathered.there, c.count_code)
-        around = around_of(pixels)
-        classes = gathered.past.classes[:, : CLASSES * c.recurrent]
+        pixels = pixel_inputs(gathered.current, gathered.warped, gathered.reprojection, c.count_code)
+        around = neighbourhood_inputs(pixels)
+        classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
         packed = pack(torch.cat([pixels[name] for name in c.inputs], dim=1))
         return packed, torch.cat([classes, *(around[name] for name in c.around)], dim=1)
 
-    def pasts(self, gathered: Gathered, sharpness: Tensor, cross: Tensor) -> list[tuple[Tensor, Tensor]]:
-        """Colours of the past, and the weights of a running mean, which the network multiplies."""
-        present, past = gathered.present, gathered.past
-        moved = past.color
-        if self.config.corrected:  # a mean: with negative weights the recursion could amplify what it meets
+    def history_colors(
+        self, gathered: Gathered, sharpness: Tensor, cross: Tensor
+    ) -> list[tuple[Tensor, Tensor]]:
+        """Return the history colours and their initial weights, those of a running mean."""
+        current, warped = gathered.current, gathered.warped
+        moved = warped.color
+        if self.config.corrected:  # positive weights: negative ones could amplify errors recursively
             sides = [SIDE * cross[:, i : i + 1].exp() for i in range(4)]
-            beside = zip(sides, neighbours(past.color)[1::2], strict=True)
+            beside = zip(sides, neighbours_3x3(warped.color)[1::2], strict=True)
             moved = sum_of([moved, *(w * color for w, color in beside)]) / (1.0 + sum_of(sides))
-        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * past.detail).clamp(0.0, TONED)
-        known = (past.samples > 0.0).float()  # without a past its colour is no colour, whatever is said of it
-        found = [(sharpened, known * (past.samples * past.surface + 1e-3))]
-        other = known * (0.1 * past.samples + 1e-3)
+        sharpened = (moved + sharpness.clamp(0.0, SHARPEST) * warped.detail).clamp(0.0, TONED)
+        known = (warped.samples > 0.0).float()  # without history the weight is 0 whatever the network infers
+        found = [(sharpened, known * (warped.samples * warped.surface + 1e-3))]
+        other = known * (0.1 * warped.samples + 1e-3)
         if self.config.rectified:
-            box = variance_box(present.first, present.second, self.config.gamma)
+            box = variance_box(current.first, current.second, self.config.gamma)
             found.append((from_ycocg(clip_to_center(ycocg(sharpened), box)).clamp(0.0, TONED), other))
         if self.config.own_motion:
-            found.append((past.own, other))
+            found.append((warped.own, other))
         return found
 
-    def finish(self, gathered: Gathered, logits: Tensor, mixing: Tensor) -> Finished:
-        """Compose, count, and go back to linear RGB."""
-        present, past = gathered.present, gathered.past
-        h, w = present.frame.shape[2], present.frame.shape[3]
+    def finish(self, gathered: Gathered, logits: Tensor, blend: Tensor) -> Finished:
+        """Blend, update count, luma range and classes, and return to linear RGB."""
+        current, warped = gathered.current, gathered.warped
+        h, w = current.frame.shape[2], current.frame.shape[3]
         parts = (self.config.candidates, *self.config.filters)
-        said, sharpness, cross, kernel = (
-            unpack(mixing, h, w).clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
+        factors, sharpness, cross, kernel = (
+            unpack(blend, h, w).clamp(-16.0, 16.0).split_with_sizes(parts, dim=1)
         )
-        pasts = self.pasts(gathered, sharpness, cross)
-        kernel = weighed(present.window, kernel, present.frame)
-        there = (sum_of([sample[:, 3:] for sample in present.window]) > 0.0).float()
-        sampled = there * (present.confidence + 1e-3)
-        presents = [(present.sample, sampled), (present.frame, 0.05 * there), (kernel, 0.05 * there)]
-        begun = [weight for _, weight in (*pasts, *presents)]
-        weights = [b * said[:, i : i + 1].exp() for i, b in enumerate(begun)]
-        kept, new = sum_of(weights[: len(pasts)]), sum_of(weights[len(pasts) :])
-        total = (kept + new).clamp(min=1e-12)  # 0 where nothing is known: black
-        color = sum_of([w / total * c for w, (c, _) in zip(weights, (*pasts, *presents), strict=True)])
+        history_colors = self.history_colors(gathered, sharpness, cross)
+        kernel = weighed(current.window, kernel, current.frame)
+        sampled_here = (sum_of([sample[:, 3:] for sample in current.window]) > 0.0).float()
+        sampled = sampled_here * (current.confidence + 1e-3)
+        current_colors = [
+            (current.sample, sampled),
+            (current.frame, 0.05 * sampled_here),
+            (kernel, 0.05 * sampled_here),
+        ]
+        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
+        weights = [b * factors[:, i : i + 1].exp() for i, b in enumerate(initial_weights)]
+        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
+        total = (history_weight + new).clamp(min=1e-12)  # 0 without any sample: black
+        color = sum_of(
+            [w / total * c for w, (c, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
+        )
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
-        classes = torch.cat([shares(logits[:, :3]), shares(logits[:, 3:])], dim=1)
+        classes = torch.cat([class_probabilities(logits[:, :3]), class_probabilities(logits[:, 3:])], dim=1)
         odds = (
-            kept / new.clamp(min=1e-12) * sum_of(begun[len(pasts) :])
-        )  # samples that the past was taken for
-        count = torch.minimum(odds, past.samples).clamp(max=self.config.samples) + present.confidence
-        luma = luminance(present.sample)
-        held = (4.0 * odds / past.samples.clamp(min=1e-6)).clamp(max=1.0) * (past.samples > 0.0)
-        rate = present.confidence * self.config.contraction
-        low, high = past.range[:, :1], past.range[:, 1:2]
+            history_weight / new.clamp(min=1e-12) * sum_of(initial_weights[len(history_colors) :])
+        )  # effective number of samples in the history
+        count = torch.minimum(odds, warped.samples).clamp(max=self.config.samples) + current.confidence
+        luma = luminance(current.sample)
+        trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
+        rate = current.confidence * self.config.contraction
+        low, high = warped.range[:, :1], warped.range[:, 1:2]
         low = torch.minimum(low, luma) + rate * (luma - low).clamp(min=0.0)
         high = torch.maximum(high, luma) - rate * (high - luma).clamp(min=0.0)
-        range_ = luma + held * (torch.cat([low, high], dim=1) - luma)
-        unconfirmed = (present.glare > 0.0) & (past.glare < CONFIRMED - 1.0)
-        unconfirmed = unconfirmed & ((past.samples > 0.0) | (past.glare > 0.0))
+        range_ = luma + trust * (torch.cat([low, high], dim=1) - luma)
+        unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
+        unconfirmed = unconfirmed & ((warped.samples > 0.0) | (warped.glare > 0.0))
         count = torch.where(unconfirmed, torch.zeros_like(count), count)
-        glared = torch.where(unconfirmed, past.glare + 1.0, CONFIRMED * present.glare)
+        glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
-        return Finished(image, state, classes, kept / total)
+        return Finished(image, state, classes, history_weight / total)

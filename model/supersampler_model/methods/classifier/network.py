@@ -1,7 +1,7 @@
 """The classifier and compositor of Guo et al. 2022 (supplement, section 1), on tensors at half display size.
 
-Every display pixel's channels come packed, four pixels in one: the first 1x1 convolution then sees what the
-paper's sees after its SpaceToDepth, and nothing in the network is larger than half the display.
+The channels of 2x2 display pixels are packed into one. The first 1x1 convolution then has the inputs that the
+paper's has after SpaceToDepth, and no tensor of the network is larger than half the display.
 """
 
 import itertools
@@ -16,7 +16,7 @@ ALIGNED = 8  # the deepest level is at 1/8 of the packed size
 
 
 class Pointwise(nn.Sequential):
-    """1x1 convolution, batch normalisation and, but for the last of a network, ReLU."""
+    """1x1 convolution, batch normalisation and, unless it is the last layer, ReLU."""
 
     def __init__(self, channels: int, out: int, *, rectified: bool = True) -> None:
         layers = [nn.Conv2d(channels, out, 1, bias=False), nn.BatchNorm2d(out)]
@@ -32,9 +32,9 @@ class Block(nn.Sequential):
 
 
 class Encoder(nn.Module):
-    """Four levels; each hands one half of its channels to the next, at half size, and one to the decoder.
+    """Four levels; half of each level's channels go to the next level at half size, half to the decoder.
 
-    The deepest hands all to the decoder: 16 + 8 + 4 + 4 channels, once pixels are shuffled into place.
+    All channels of the deepest level go to the decoder: 16 + 8 + 4 + 4 channels after pixel shuffling.
     """
 
     def __init__(self, channels: int, levels: tuple[int, ...]) -> None:
@@ -46,7 +46,7 @@ class Encoder(nn.Module):
 
     def forward(self, x: Tensor) -> Tensor:
         """(n, channels, h, w) to (n, out_channels, h, w); h and w are multiples of ALIGNED."""
-        seen = []
+        outputs = []
         for level, block in enumerate(self.blocks):
             x = block(x)
             if level + 1 < len(self.blocks):
@@ -54,48 +54,49 @@ class Encoder(nn.Module):
                 kept, x = x[:, :half], F.max_pool2d(x[:, half:], 2)
             else:
                 kept = x
-            seen.append(F.pixel_shuffle(kept, 2**level) if level else kept)
-        return torch.cat(seen, dim=1)
+            outputs.append(F.pixel_shuffle(kept, 2**level) if level else kept)
+        return torch.cat(outputs, dim=1)
 
 
 class ClassifierNetwork(nn.Module):
-    """Which class each packed pixel is of, and how each of its four pixels is to be composed.
+    """Classifies each packed pixel, and infers the blend parameters of its four display pixels.
 
     Args:
         config: widths.
         packed: channels of the packed input.
-        carried: channels at half size that come beside them (the classes of the frame before).
-        mixing: what the compositor says of each pixel.
+        carried: channels of the input at half display size.
+        blend_parameters: number of them per display pixel. Their layer is called `mixing` in released
+            weights.
     """
 
-    def __init__(self, config: NetworkConfig, *, packed: int, carried: int, mixing: int) -> None:
+    def __init__(self, config: NetworkConfig, *, packed: int, carried: int, blend_parameters: int) -> None:
         super().__init__()
         self.encoder = Encoder(packed + carried, config.levels)
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = nn.Conv2d(config.decoder, CLASSES, 1)
         self.hidden = Pointwise(packed + config.decoder, config.hidden)
-        self.mixing = nn.Conv2d(config.hidden, 4 * mixing, 1)
+        self.mixing = nn.Conv2d(config.hidden, 4 * blend_parameters, 1)
         for parameter in self.mixing.parameters():
-            nn.init.zeros_(parameter)  # begins as the running mean that the blend takes it for
+            nn.init.zeros_(parameter)  # zeros: the blend is then a running mean
 
     def forward(self, packed: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
-        """Classify and weigh.
+        """Infer classes and blend parameters.
 
         Args:
-            packed: (n, 4 c, h, w), as `pack` makes it.
-            carried: (n, d, h, w).
+            packed: (n, 4 c, h, w) from `pack`.
+            carried: (n, d, h, w) inputs at half display size.
 
         Returns:
-            Logits of CLASSES (n, 6, h, w), and (n, 4 m, h, w), packed, of the pixels.
+            Logits of CLASSES (n, 6, h, w) and packed blend parameters (n, 4 m, h, w).
         """
         return self.decode(packed, encode(self.encoder, packed, carried))
 
     def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
-        """Say the same of what an encoder has found."""
+        """Return the results of `forward` from the encoder's features."""
         features = self.decoder(features)
-        mixing = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
-        return self.classes(features), mixing
+        blend = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
+        return self.classes(features), blend
 
 
 def padded(image: Tensor, aligned: int = ALIGNED) -> Tensor:
@@ -118,7 +119,7 @@ def encode(encoder: nn.Module, *inputs: Tensor) -> Tensor:
 
 
 def pack(image: Tensor) -> Tensor:
-    """Four pixels in one, the last row and column repeated if odd: (n, c, H, W) -> (n, 4 c, H / 2, W / 2)."""
+    """Pack 2x2 pixels into one; an odd last row or column repeats: (n, c, H, W) -> (n, 4 c, H / 2, W / 2)."""
     h, w = image.shape[2], image.shape[3]
     rows = torch.arange((h + 1) // 2 * 2, device=image.device).clamp(max=h - 1)
     columns = torch.arange((w + 1) // 2 * 2, device=image.device).clamp(max=w - 1)
@@ -130,7 +131,7 @@ def unpack(packed: Tensor, h: int, w: int) -> Tensor:
     return F.pixel_shuffle(packed, 2)[:, :, :h, :w]
 
 
-def shares(logits: Tensor) -> Tensor:
-    """Softmax of three channels, in operators that all providers have alike."""
+def class_probabilities(logits: Tensor) -> Tensor:
+    """Softmax of three channels, in operators that all providers implement alike."""
     likely = (logits.clamp(-30.0, 30.0)).exp()
     return likely / (likely[:, :1] + likely[:, 1:2] + likely[:, 2:3])

@@ -1,4 +1,4 @@
-"""`classifier-small`: the `classifier` at half the width, for processors."""
+"""`classifier-small`: `classifier` at half the width, for CPUs."""
 
 from typing import ClassVar
 
@@ -7,6 +7,6 @@ from supersampler_model.methods.classifier.model import Classifier
 
 
 class SmallClassifier(Classifier):
-    """Classify, then compose, with less."""
+    """`Classifier` with a smaller network and fewer blended colours."""
 
     spec: ClassVar = CLASSIFIER_SMALL

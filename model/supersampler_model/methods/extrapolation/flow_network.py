@@ -1,9 +1,9 @@
 """FRNet, the flow network of Wu et al. 2023 (ExtraSS, section 4.3), on tensors of half the render size.
 
-The paper calls it light and leaves its layers to a supplement; its loss is that of IFRNet (Kong et al.
-2022), whose pyramid this is: features of both pictures by one encoder and, from the coarsest level up, a
-decoder that refines the flow and hands features on. One flow in place of two, as both pictures are of the
-past, and depthwise convolutions between 1x1 ones.
+The paper leaves its layers to a supplement; its loss is that of IFRNet (Kong et al. 2022), whose pyramid this
+network follows: one encoder for both images and, from the coarsest level up, a decoder that refines the flow
+and passes features on. It infers one flow instead of two, as both images are of previous frames, and uses
+depthwise convolutions between 1x1 ones.
 """
 
 import torch
@@ -15,44 +15,44 @@ from supersampler_model.methods.classifier.network import Block, cut_to, padded
 from supersampler_model.methods.gbuffer.network import doubled
 from supersampler_model.ops.motion import read
 
-PICTURE = 4  # channels of a picture: toned light, roughness
-FLOW, GAIN, SHARE = 2, 1, 1  # what is said of a pixel
-AGO = 3.0  # frames since the earlier picture, for one since the later: where every second frame is shaded
+LIGHT = 4  # channels of an input: toned light, roughness
+FLOW, GAIN, SHARE = 2, 1, 1  # output channels per pixel
+AGO = 3.0  # age of the earlier input over that of the later one, where every second frame is shaded
 
 
 class Decoder(nn.Module):
-    """One level: refines the flow, and hands features to the level above.
+    """One level: refines the flow and passes features to the next finer level.
 
     Args:
         width: of the level's features.
-        above: of those of the level above; None at the finest, which says gain and share in their place.
-        deepest: whether no level has handed anything to this one.
+        above: width of the next finer level; None at the finest, which infers gain and share instead.
+        deepest: whether this is the coarsest level, without features from another.
     """
 
     def __init__(self, width: int, above: int | None, *, deepest: bool) -> None:
         super().__init__()
-        seen = 2 * width if deepest else 3 * width + FLOW
-        self.blocks = nn.Sequential(Block(seen, width), Block(width, width))
+        joined = 2 * width if deepest else 3 * width + FLOW
+        self.blocks = nn.Sequential(Block(joined, width), Block(width, width))
         self.flow = nn.Conv2d(width, 4 * (FLOW if above else FLOW + GAIN + SHARE), 1)
         self.features = nn.Conv2d(width, 4 * above, 1) if above else None
         for parameter in self.flow.parameters():
-            nn.init.zeros_(parameter)  # begins as light that stays on its surface
+            nn.init.zeros_(parameter)  # zeros: no flow
 
-    def forward(self, seen: Tensor) -> tuple[Tensor, Tensor | None]:
-        """(n, c, h, w) to what is said, in pixels, and features, both of twice the size."""
-        inner = self.blocks(seen)
-        said = F.pixel_shuffle(self.flow(inner).float(), 2)
-        return said, None if self.features is None else F.pixel_shuffle(self.features(inner), 2)
+    def forward(self, joined: Tensor) -> tuple[Tensor, Tensor | None]:
+        """(n, c, h, w) to flow (and gain and share) in pixels, and features, both at twice the size."""
+        inner = self.blocks(joined)
+        flow_gain_share = F.pixel_shuffle(self.flow(inner).float(), 2)
+        return flow_gain_share, None if self.features is None else F.pixel_shuffle(self.features(inner), 2)
 
 
 class FlowNetwork(nn.Module):
-    """Where light is to be read that was last shaded elsewhere, and how much brighter it is."""
+    """Infers where the light of each pixel is to be read in the last shaded frame, and its gain."""
 
     def __init__(self, config: FlowNetworkConfig) -> None:
         super().__init__()
         self.config = config
         widths = config.levels
-        inputs = [4 * PICTURE, *widths[:-1]]
+        inputs = [4 * LIGHT, *widths[:-1]]
         self.encoder = nn.ModuleList(Block(a, b) for a, b in zip(inputs, widths, strict=True))
         aboves = [None, *widths[:-1]]
         self.decoder = nn.ModuleList(
@@ -61,25 +61,25 @@ class FlowNetwork(nn.Module):
         )
 
     def forward(self, later: Tensor, earlier: Tensor) -> tuple[Tensor]:
-        """Compare two pictures (n, PICTURE, h, w), in [0, 1], as light was in two shaded frames.
+        """Infer the flow from the light of two shaded frames, (n, LIGHT, h, w) in [0, 1].
 
         Returns:
-            (n, FLOW + GAIN + SHARE, h, w): how far off light is to be read in the later one, pixels of it;
-            its gain; and the logit of the share that it takes.
+            (n, FLOW + GAIN + SHARE, h, w): offset to read the later input at, in its pixels; gain; logit of
+            the share of the moved light.
         """
         n = later.shape[0]
         pyramid = self.features(torch.cat([later, earlier]))  # in one pass
-        said, features = self.decoder[-1](torch.cat([pyramid[-1][:n], pyramid[-1][n:]], dim=1))
+        flow_gain_share, features = self.decoder[-1](torch.cat([pyramid[-1][:n], pyramid[-1][n:]], dim=1))
         for both, decoder in zip(reversed(pyramid[:-1]), reversed(self.decoder[:-1]), strict=True):
-            flow = said
-            seen = [features, moved(both[:n], flow), moved(both[n:], AGO * flow), flow.to(both.dtype)]
-            more, features = decoder(torch.cat(seen, dim=1))
-            said = torch.cat([2.0 * doubled(flow) + more[:, :FLOW], more[:, FLOW:]], dim=1)
-        return (cut_to(said, later),)
+            flow = flow_gain_share
+            joined = [features, moved(both[:n], flow), moved(both[n:], AGO * flow), flow.to(both.dtype)]
+            more, features = decoder(torch.cat(joined, dim=1))
+            flow_gain_share = torch.cat([2.0 * doubled(flow) + more[:, :FLOW], more[:, FLOW:]], dim=1)
+        return (cut_to(flow_gain_share, later),)
 
-    def features(self, pictures: Tensor) -> list[Tensor]:
-        """Features of pictures (n, PICTURE, h, w), from the finest level, of whole pixels of the coarsest."""
-        x = F.pixel_unshuffle(padded(pictures, 2 ** len(self.config.levels)), 2)
+    def features(self, lights: Tensor) -> list[Tensor]:
+        """Features of inputs (n, LIGHT, h, w), finest level first, padded to whole pixels of the coarsest."""
+        x = F.pixel_unshuffle(padded(lights, 2 ** len(self.config.levels)), 2)
         pyramid: list[Tensor] = []
         for block in self.encoder:
             x = block(F.max_pool2d(x, 2) if pyramid else x)
@@ -88,9 +88,10 @@ class FlowNetwork(nn.Module):
 
 
 def moved(image: Tensor, flow: Tensor) -> Tensor:
-    """Read an image (n, c, h, w) at `flow` (n, 2, h, w) pixels from each of its own; beyond it, its border.
+    """Sample an image (n, c, h, w) at `flow` (n, 2, h, w) pixels from each of its pixels, clamped at the
+    border.
 
-    Places are in single precision whatever the image is in: halves tell no pixels apart beyond 2048.
+    Positions are float32 whatever the image is: half floats cannot represent pixel positions beyond 2048.
     """
     x = torch.arange(image.shape[3], device=image.device) + flow[:, :1]
     y = torch.arange(image.shape[2], device=image.device)[:, None] + flow[:, 1:]

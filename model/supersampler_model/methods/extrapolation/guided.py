@@ -1,9 +1,9 @@
-"""What methods have in common that light this frame's surfaces as like ones were lit before.
+"""Guided light: this frame's surfaces are lit as similar surfaces were in a shaded frame.
 
-Wu et al. 2023 (ExtraSS), section 4.2. A shaded frame's colours are divided by its base colours; each pixel
-of this frame looks where it was in that frame and, among 33 samples around, from near to far, takes the four
-that are most like its own surface. What was hidden or off screen then is lit as a like surface nearby is, not
-as what hid it.
+Wu et al. 2023 (ExtraSS), section 4.2. The colours of a shaded frame are divided by its base colours. Each
+pixel of this frame is reprojected into that frame and takes, among 33 samples around, from near to far, the
+four most similar to its own surface. Disoccluded and off-screen surfaces are then lit like a similar surface
+nearby, not like their occluder.
 """
 
 from collections.abc import Sequence
@@ -20,36 +20,36 @@ from supersampler_model.ops.motion import FAR, UNKNOWN_DEPTH, read, usable_depth
 from supersampler_model.ops.sampling import sum_of
 
 AROUND = ((0, -1), (-1, 0), (1, 0), (0, 1), (-1, -1), (1, -1), (-1, 1), (1, 1))
-"""The neighbours of a pixel, (x, y), nearer ones first."""
+"""Offsets (x, y) of the neighbours of a pixel, nearest first."""
 FARTHEST = 1e-30  # depth of the sky, for its logarithm
-NOWHERE = 1e4  # where samples of no use are, standard deviations of depth away from all others
+NOWHERE = 1e4  # depth of invalid samples, in standard deviations: far from all others
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
-"""Of a key: steps of -log weight, as many of them as a float counts beside a number, and these."""
+"""Layout of a sort key: steps per unit of -log weight, maximum of steps, range of indices."""
 
 
 class Surface(NamedTuple):
-    """What G-buffers say of a frame; every value a number in its range."""
+    """The sanitized G-buffers of a frame."""
 
     base_color: Tensor  # (1, 3, h, w)
     normal: Tensor  # (1, 3, h, w)
-    depth: Tensor  # (1, 1, h, w) UNKNOWN_DEPTH where the sample is of no use
+    depth: Tensor  # (1, 1, h, w) UNKNOWN_DEPTH where the sample is invalid
 
 
 class Shaded(NamedTuple):
-    """A frame that light is taken from."""
+    """A shaded frame, the source of light."""
 
-    color: Tensor  # (1, 3, h', w') linear RGB, none that is no number in its range
+    color: Tensor  # (1, 3, h', w') linear RGB, sanitized
     surface: Surface
     jitter: Tensor  # (1, 2)
 
 
 class Guide(NamedTuple):
-    """What samples are chosen by."""
+    """The features that samples are chosen by."""
 
-    own: Tensor  # (h w, 7) what the surface of each pixel is told from
-    samples: Tensor  # (h' w', 7) the same of the shaded frame's
+    own: Tensor  # (h w, 7) surface features of the pixels
+    samples: Tensor  # (h' w', 7) surface features of the shaded frame
     size: Size  # of that frame
-    x: Tensor  # (h w) where each pixel was in it; 0 is the first sample's place
+    x: Tensor  # (h w) position of each pixel in it; 0 is the first sample
     y: Tensor
 
 
@@ -57,35 +57,35 @@ class Chosen(NamedTuple):
     """A sample of the shaded frame for each pixel."""
 
     at: Tensor  # (h w) int64, row by row
-    off: Tensor  # (h w) -log of its weight
+    cost: Tensor  # (h w) -log of its weight
 
 
 def shaded_of(color: Tensor, base_color: Tensor, normal: Tensor, depth: Tensor, jitter: Tensor) -> Shaded:
-    """Return a shaded frame as light is taken from it."""
+    """Sanitize a shaded frame."""
     surface = surface_of(base_color, normal, depth, valid(color))
     return Shaded(sanitize(color, 0.0), surface, jitter)
 
 
 def light_of(color: Tensor, surface: Surface, config: GuidedWarpConfig) -> Tensor:
-    """(1, 3, h, w) what falls on surfaces that are seen in a colour."""
+    """(1, 3, h, w) light: colour over reflectance."""
     return color / reflectance(surface, config)
 
 
 def reflectance(surface: Surface, config: GuidedWarpConfig) -> Tensor:
-    """(1, 3, h, w) what colours are divided by: base colour; one at the sky."""
+    """(1, 3, h, w) reflectance: base colour plus `least`; 1 at the sky."""
     sky = sum_of([surface.normal[:, i : i + 1] ** 2 for i in range(3)]) < 0.1
     return torch.where(sky, torch.ones_like(surface.base_color), surface.base_color + config.least)
 
 
 def guided_light(now: Surface, then: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Tensor:
-    """(1, 3, h, w) light on this frame's surfaces, of the samples of a shaded frame that are most like them.
+    """(1, 3, h, w) light on this frame's surfaces, from the most similar samples of a shaded frame.
 
     Args:
         now: surfaces (h, w), of all pixels of this frame or of some.
         then: the shaded frame.
-        x: (1, 1, h, w) where they were in it, see `samples_at`; off screen is at the border.
-        y: the same, down.
-        config: see there.
+        x: (1, 1, h, w) their positions in it, see `samples_at`; clamped to the screen.
+        y: the same, vertically.
+        config: constants.
     """
     guide = _guide(now, then, x, y, config)
     return _mean(_chosen(guide, config), _rows(light_of(then.color, then.surface, config)), now)
@@ -99,24 +99,26 @@ def _guide(now: Surface, then: Shaded, x: Tensor, y: Tensor, config: GuidedWarpC
 
 
 def _columns(surface: Surface, config: GuidedWarpConfig) -> Tensor:
-    """(h w, 7) what surfaces are told from, each in standard deviations: base colour, normal, depth."""
+    """(h w, 7) surface features in standard deviations: base colour, normal, logarithm of depth."""
     shades = torch.cat([surface.base_color, surface.normal], dim=1) / config.surface_sigma
-    distance = surface.depth.clamp(min=FARTHEST).log() / config.depth_sigma  # whose differences are shares
+    distance = (
+        surface.depth.clamp(min=FARTHEST).log() / config.depth_sigma
+    )  # differences of logarithms are relative
     distance = torch.where(surface.depth < 0.0, torch.full_like(distance, NOWHERE), distance)
     return _rows(torch.cat([shades, distance], dim=1))
 
 
 def _chosen(guide: Guide, config: GuidedWarpConfig) -> list[Chosen]:
-    """Choose the samples that weigh most: joint bilateral (equation 2)."""
+    """Choose the samples of largest weight: joint bilateral (equation 2)."""
     rings = [(float(stride * x), float(stride * y)) for stride in config.strides for x, y in AROUND]
     places = [(0.0, 0.0), *rings]  # from near to far
-    numbers = numbers_of_least([_sample(guide, *place, config).off for place in places], config.taps)
+    numbers = indices_of_least([_sample(guide, *place, config).cost for place in places], config.taps)
     across, down = (torch.tensor(axis, device=guide.x.device) for axis in zip(*places, strict=True))
     return [_sample(guide, across.index_select(0, n), down.index_select(0, n), config) for n in numbers]
 
 
 def _sample(guide: Guide, across: Tensor | float, down: Tensor | float, config: GuidedWarpConfig) -> Chosen:
-    """Look at the samples so far, (h w) or one for all, from where the pixels were."""
+    """Return the samples at an offset, (h w) or one for all, from the pixels' positions, and their costs."""
     x, y = (guide.x + 0.5).floor() + across, (guide.y + 0.5).floor() + down
     column = x.clamp(0.0, guide.size.width - 1.0).long()
     row = y.clamp(0.0, guide.size.height - 1.0).long()
@@ -128,18 +130,18 @@ def _sample(guide: Guide, across: Tensor | float, down: Tensor | float, config: 
 
 def _mean(chosen: Sequence[Chosen], light: Tensor, now: Surface) -> Tensor:
     """(1, 3, h, w) mean of chosen samples of `light`, (h' w', 3) (equation 3)."""
-    least = reduce(torch.minimum, [sample.off for sample in chosen])
-    shares = [(least - sample.off).exp()[:, None] for sample in chosen]
-    lit = [light.index_select(0, s.at) * share for s, share in zip(chosen, shares, strict=True)]
-    mean = sum_of(lit) / sum_of(shares)
+    least = reduce(torch.minimum, [sample.cost for sample in chosen])
+    weights = [(least - sample.cost).exp()[:, None] for sample in chosen]
+    lit = [light.index_select(0, s.at) * share for s, share in zip(chosen, weights, strict=True)]
+    mean = sum_of(lit) / sum_of(weights)
     size = render_size_of(now.depth)
     return mean.reshape(1, size.height, size.width, 3).permute(0, 3, 1, 2)
 
 
 def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor | None = None) -> Surface:
-    """Return a frame's G-buffers in their ranges.
+    """Sanitize the G-buffers of a frame.
 
-    Depth is UNKNOWN_DEPTH where one of them is no number, or the sample is not `usable`, (1, 1, h, w) 0 or 1.
+    Depth is UNKNOWN_DEPTH where one of them is invalid, or the sample is not `usable`, (1, 1, h, w) 0 or 1.
     """
     depth = usable_depth(depth)
     known = torch.cat([base_color, normal], dim=1).abs() <= MAX_HALF
@@ -149,14 +151,14 @@ def surface_of(base_color: Tensor, normal: Tensor, depth: Tensor, usable: Tensor
 
 
 def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before: Tensor) -> Tensor:
-    """(1, 2, h, w) motion of this frame and, from where that leads, of the frame before to the shaded one.
+    """(1, 2, h, w) motion of this frame back to the last shaded one, chained through the previous frame.
 
     Args:
         motion: (1, 2, h, w) of this frame, its own pixels.
         jitter: (1, 2) of this frame.
-        before: (1, 2, h'', w'') of the frame before back to the last shaded one, that frame's pixels; zeros
-            where it was that.
-        jitter_before: (1, 2) of the frame before.
+        before: (1, 2, h'', w'') of the previous frame back to the last shaded one, its own pixels; zeros if
+            the previous frame was shaded.
+        jitter_before: (1, 2) of the previous frame.
     """
     motion = usable_motion(motion)
     render, previous = render_size_of(motion), render_size_of(before)
@@ -167,7 +169,7 @@ def back_to_shaded(motion: Tensor, jitter: Tensor, before: Tensor, jitter_before
 
 
 def samples_at(motion: Tensor, jitter: Tensor, then: Size, jitter_then: Tensor) -> tuple[Tensor, Tensor]:
-    """Where motion leads, (1, 1, h, w) each, in another frame; 0 is the place of its first sample.
+    """Positions, (1, 1, h, w) each, that motion points to in another frame; 0 is its first sample.
 
     Args:
         motion: (1, 2, h, w), pixels of its own frame, which its jitter is not in.
@@ -181,12 +183,12 @@ def samples_at(motion: Tensor, jitter: Tensor, then: Size, jitter_then: Tensor) 
     return x * then.width / w - (jitter_then[0, 0] + 0.5), y * then.height / h - (jitter_then[0, 1] + 0.5)
 
 
-def numbers_of_least(values: Sequence[Tensor], count: int) -> list[Tensor]:
-    """Return which of some values, (n) each and >= 0, are the least: `count` of (n) int64.
+def indices_of_least(values: Sequence[Tensor], count: int) -> list[Tensor]:
+    """Return the indices of the `count` smallest values, of (n) int64 each.
 
-    Values are compared in steps of 1 / STEPS, from 0 to MOST steps; of equals the first are taken. By
-    comparing and exchanging, as TopK is not the same with all providers. What is exchanged is one float that
-    holds both, the steps and the number: two operators, where a value and its number would take five.
+    Values, (n) each and >= 0, are compared in steps of 1 / STEPS, up to MOST steps; the first of equal values
+    wins. Sorted by comparison and exchange, as TopK differs between providers. Steps and index are exchanged
+    as one float: two operators in place of five.
     """
     least: list[Tensor] = []
     for number, value in enumerate(values):
@@ -199,5 +201,5 @@ def numbers_of_least(values: Sequence[Tensor], count: int) -> list[Tensor]:
 
 
 def _rows(planes: Tensor) -> Tensor:
-    """(1, c, h, w) as (h w, c): what a pixel has lies together."""
+    """(1, c, h, w) to (h w, c): the channels of a pixel are contiguous."""
     return planes[0].permute(1, 2, 0).reshape(-1, planes.shape[1])

@@ -1,9 +1,9 @@
-"""`guided-flow`: `guided-warp`, whose light is then moved and brightened where it did so by itself.
+"""`guided-flow`: `guided-warp` with a learned motion and gain of the light.
 
-Light that is taken from like surfaces of the last shaded frame is where it was on them: shadows, reflections
-and the light of lamps that move are left behind. A small network compares the light of the last two shaded
-frames, both brought to this frame's surfaces, at half size, and says how that of the last one is to be moved.
-Light of full size follows, as far as surfaces are alike and the network is sure (Wu et al. 2023, section
+The light of the last shaded frame, taken from similar surfaces, stays where it was on them: moving shadows,
+reflections and lamps lag behind. A small network compares the light of the last two shaded frames, both
+resampled on this frame's surfaces at half size, and infers how the light of the last one moved. Light at full
+size is moved accordingly where surfaces are similar and the network is confident (Wu et al. 2023, section
 4.3).
 """
 
@@ -28,7 +28,7 @@ from supersampler_model.methods.base import (
 from supersampler_model.methods.extrapolation.flow_network import (
     FLOW,
     GAIN,
-    PICTURE,
+    LIGHT,
     SHARE,
     FlowNetwork,
     moved,
@@ -49,39 +49,39 @@ from supersampler_model.ops.color import bounded, finite, measured_exposure, ton
 from supersampler_model.ops.motion import read, usable_motion
 from supersampler_model.ops.sampling import sum_of
 
-TONED = 1.0 - 1e-4  # most of a toned colour
+TONED = 1.0 - 1e-4  # maximum of a toned colour
 
 
-class Past(NamedTuple):
-    """The history, told apart; each of the two frames as light is taken from it."""
+class FlowHistory(NamedTuple):
+    """The history tensors, grouped; both shaded frames are sanitized."""
 
     last: Shaded
     earlier: Shaded
-    motion: Tensor  # (1, 2, h'', w'') from the frame before back to the last shaded one
+    motion: Tensor  # (1, 2, h'', w'') from the previous frame back to the last shaded one
     motion_jitter: Tensor  # (1, 2)
     shaded_motion: Tensor  # (1, 2, h', w') of the last shaded frame
     between: Tensor  # (1, 2, ., .) from the frame before that back to the earlier shaded one
     between_jitter: Tensor  # (1, 2)
 
 
-class Pictures(NamedTuple):
-    """What the network sees of a frame."""
+class Lights(NamedTuple):
+    """The network inputs."""
 
     later: Tensor  # (1, PICTURE, h / 2, w / 2) light of the last shaded frame, toned, and roughness
     earlier: Tensor  # the same of the one before
 
 
 class Gathered(NamedTuple):
-    """What is known of a frame before the network speaks."""
+    """Results of the gather stage."""
 
     surface: Surface
-    light: Tensor  # (1, 3, h, w) guided, of the last shaded frame
-    pictures: Pictures
+    light: Tensor  # (1, 3, h, w) guided light of the last shaded frame
+    lights: Lights
     motion: Tensor  # (1, 2, h, w) back to the last shaded frame
 
 
 class Step(NamedTuple):
-    """The image and what the next frame needs."""
+    """The image and the next history."""
 
     image: Tensor
     history_color: Tensor
@@ -102,10 +102,10 @@ class Step(NamedTuple):
 
 
 class GuidedFlow(LearnedMethod):
-    """Light each pixel as like surfaces were lit, then move light as it has moved before.
+    """Light each pixel like similar surfaces, then extrapolate the motion of light.
 
-    Untrained it draws what `guided-warp` draws. A shaded frame takes no step, see `after_shaded`; after the
-    first, which is its own earlier one, no light has moved.
+    Untrained it computes the images of `guided-warp`. It takes no step on shaded frames, see `after_shaded`;
+    the first shaded frame is also the earlier one, so that no light has moved.
     """
 
     spec: ClassVar = GUIDED_FLOW
@@ -125,8 +125,8 @@ class GuidedFlow(LearnedMethod):
         return cls(GuidedFlowConfig(network=network, warp=GuidedWarpConfig(**warp), **settings))
 
     def fused(self) -> Fused | None:
-        """All of FRNet."""
-        inputs = dict.fromkeys(("later", "earlier"), (1, PICTURE, *HALF))
+        """All of FRNet; tensor names are those of released graphs."""
+        inputs = dict.fromkeys(("later", "earlier"), (1, LIGHT, *HALF))
         return Fused(self.net, inputs, {"said": (1, FLOW + GAIN + SHARE, *HALF)}, ratio=1)
 
     def forward(
@@ -153,8 +153,8 @@ class GuidedFlow(LearnedMethod):
         history_earlier_motion: Tensor,
         history_earlier_motion_jitter: Tensor,  # (1, 2)
     ) -> Step:
-        """Return the image (1, 3, h, w), linear RGB >= 0, and the history."""
-        past = past_of(
+        """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
+        history = flow_history(
             history_color,
             history_base_color,
             history_normal,
@@ -172,93 +172,98 @@ class GuidedFlow(LearnedMethod):
             history_earlier_motion_jitter,
         )
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
-        gathered = self.gather(now, gbuffer_roughness, motion, jitter, past)
-        (said,) = self.net(*gathered.pictures)
-        image = self.finish(gathered, said)
-        return Step(image, *self.left(gathered.motion, jitter, past))
+        gathered = self.gather(now, gbuffer_roughness, motion, jitter, history)
+        (flow,) = self.net(*gathered.lights)
+        image = self.finish(gathered, flow)
+        return Step(image, *self.next_history(gathered.motion, jitter, history))
 
-    def gather(self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, past: Past) -> Gathered:
-        """Bring the light of both shaded frames to this frame's surfaces, of the earlier one at half size."""
+    def gather(
+        self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, history: FlowHistory
+    ) -> Gathered:
+        """Compute the guided light of both shaded frames, of the earlier one at half size."""
         c = self.config.warp
-        total, long_ago = motions_of(motion, jitter, past)
-        x, y = samples_at(total, jitter, render_size_of(past.last.color), past.last.jitter)
-        light = guided_light(now, past.last, x, y, c)
-        x, y = samples_at(long_ago, jitter, render_size_of(past.earlier.color), past.earlier.jitter)
+        total, total_earlier = motions_of(motion, jitter, history)
+        x, y = samples_at(total, jitter, render_size_of(history.last.color), history.last.jitter)
+        light = guided_light(now, history.last, x, y, c)
+        x, y = samples_at(
+            total_earlier, jitter, render_size_of(history.earlier.color), history.earlier.jitter
+        )
         few = Surface(*map(halved, now))
-        lights = [halved(light), guided_light(few, past.earlier, halved(x), halved(y), c)]
+        lights = [halved(light), guided_light(few, history.earlier, halved(x), halved(y), c)]
         exposure, _ = measured_exposure(lights[0], torch.ones_like(few.depth))
         rough = halved(finite(roughness).clamp(0.0, 1.0))
         later, earlier = (torch.cat([tone(one * exposure).clamp(max=TONED), rough], dim=1) for one in lights)
-        return Gathered(now, light, Pictures(later, earlier), total)
+        return Gathered(now, light, Lights(later, earlier), total)
 
-    def finish(self, gathered: Gathered, said: Tensor) -> Tensor:
-        """(1, 3, h, w) the picture, of what the network says."""
+    def finish(self, gathered: Gathered, flow: Tensor) -> Tensor:
+        """Return the image (1, 3, h, w) from the network's output."""
         surface = gathered.surface
-        light = self.refined(gathered.light, self.guides(surface), said)
+        light = self.refined(gathered.light, self.guides(surface), flow)
         return bounded(light * reflectance(surface, self.config.warp))
 
     def guides(self, surface: Surface) -> Tensor:
-        """(1, 4, h, w) what tells surfaces apart over which light moves: normal and depth, in deviations."""
+        """(1, 4, h, w) surface features in standard deviations: normal and logarithm of depth."""
         c = self.config
-        distance = surface.depth.clamp(min=FARTHEST).log()  # whose differences are shares
+        distance = surface.depth.clamp(min=FARTHEST).log()  # differences of logarithms are relative
         return torch.cat([surface.normal / c.turned, distance / c.apart], dim=1)
 
-    def refined(self, light: Tensor, guides: Tensor, said: Tensor) -> Tensor:
-        """Light that is moved and made brighter or darker, where the network is sure of it.
+    def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:
+        """Move the light and apply the gain, weighted by the share that the network infers.
 
-        The mask of IFRNet, which the network says, is in the place of the thresholds of equations 5 and 6.
+        The mask of IFRNet replaces the thresholds of equations 5 and 6.
 
         Args:
             light: (n, 3, h, w) guided.
             guides: (n, 4, h, w) of the surfaces.
-            said: (n, FLOW + GAIN + SHARE, h / 2, w / 2) by the network.
+            flow: (n, FLOW + GAIN + SHARE, h / 2, w / 2) from the network.
         """
         c = self.config
-        said = between(said, render_size_of(light))
-        flow, gain, sure = said[:, :FLOW], said[:, FLOW : FLOW + GAIN], said[:, FLOW + GAIN :]
+        flow = between(flow, render_size_of(light))
+        flow, gain, sure = flow[:, :FLOW], flow[:, FLOW : FLOW + GAIN], flow[:, FLOW + GAIN :]
         there = moved(torch.cat([light, guides], dim=1), (2.0 * flow).clamp(-c.farthest, c.farthest))
-        off = there[:, 3:] - guides
-        alike = (-0.5 * sum_of([off[:, i : i + 1] ** 2 for i in range(4)])).exp()
+        difference = there[:, 3:] - guides
+        alike = (-0.5 * sum_of([difference[:, i : i + 1] ** 2 for i in range(4)])).exp()
         brighter = (gain.clamp(-1.0, 1.0) * (c.stops * 0.6931472)).exp()
         refined = (light + alike * (there[:, :3] - light)) * brighter
         return light + sure.sigmoid() * (refined - light)
 
-    def left(self, motion: Tensor, jitter: Tensor, past: Past) -> list[Tensor]:
-        """What is left to the next frame, in the order of `history`; `motion` goes to the last shaded one."""
+    def next_history(self, motion: Tensor, jitter: Tensor, history: FlowHistory) -> list[Tensor]:
+        """Return the next history, in the order of `history`; `motion` points to the last shaded frame."""
         return [
-            *(past.last.color, *past.last.surface, past.last.jitter * 1.0),
-            *(motion, jitter * 1.0, usable_motion(past.shaded_motion)),
-            *(past.earlier.color, *past.earlier.surface, past.earlier.jitter * 1.0),
-            *(usable_motion(past.between), past.between_jitter * 1.0),
+            *(history.last.color, *history.last.surface, history.last.jitter * 1.0),
+            *(motion, jitter * 1.0, usable_motion(history.shaded_motion)),
+            *(history.earlier.color, *history.earlier.surface, history.earlier.jitter * 1.0),
+            *(usable_motion(history.between), history.between_jitter * 1.0),
         ]
 
 
-def past_of(*history: Tensor) -> Past:
-    """Return the history, in the order of `GuidedFlow.history`, told apart."""
+def flow_history(*history: Tensor) -> FlowHistory:
+    """Group and sanitize the history tensors, given in the order of `GuidedFlow.history`."""
     color, base_color, normal, depth, jitter, motion, motion_jitter, shaded_motion, *earlier = history
     *frame, between, between_jitter = earlier
     last = shaded_of(color, base_color, normal, depth, jitter)
-    return Past(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
+    return FlowHistory(last, shaded_of(*frame), motion, motion_jitter, shaded_motion, between, between_jitter)
 
 
-def motions_of(motion: Tensor, jitter: Tensor, past: Past) -> tuple[Tensor, Tensor]:
-    """(1, 2, h, w) each: back to the last shaded frame, and to the earlier one."""
-    total = back_to_shaded(motion, jitter, past.motion, past.motion_jitter)
-    before = back_to_shaded(past.shaded_motion, past.last.jitter, past.between, past.between_jitter)
-    return total, back_to_shaded(total, jitter, before, past.last.jitter)
+def motions_of(motion: Tensor, jitter: Tensor, history: FlowHistory) -> tuple[Tensor, Tensor]:
+    """Motion, (1, 2, h, w) each, back to the last shaded frame and to the earlier one."""
+    total = back_to_shaded(motion, jitter, history.motion, history.motion_jitter)
+    before = back_to_shaded(
+        history.shaded_motion, history.last.jitter, history.between, history.between_jitter
+    )
+    return total, back_to_shaded(total, jitter, before, history.last.jitter)
 
 
 def halved(image: Tensor) -> Tensor:
-    """The upper left of each four pixels: (1, c, h, w) -> (1, c, h / 2, w / 2), rounded up.
+    """Keep the upper left of each 2x2 pixels: (1, c, h, w) -> (1, c, h / 2, w / 2), rounded up.
 
-    One of the four as it is, not their mean, which would be of no surface, and for which the earlier frame's
-    light would have to be found for all.
+    Not their mean, which would belong to no surface, and would need the earlier frame's light at full size.
     """
     return image[:, :, ::2, ::2]
 
 
 def between(image: Tensor, size: Size) -> Tensor:
-    """What the upper left of each four pixels has, (n, c, h / 2, w / 2), between these, too: linear."""
+    """Interpolate linearly between the upper left of each 2x2 pixels: (n, c, h / 2, w / 2) to all pixels."""
     every = torch.zeros((image.shape[0], 1, size.height, size.width), device=image.device)
     x = every + 0.5 * torch.arange(size.width, device=image.device)
     y = every + 0.5 * torch.arange(size.height, device=image.device)[:, None]

@@ -1,8 +1,8 @@
-"""`guided-warp`: the colour of a frame that was not shaded, from the last one that was.
+"""`guided-warp`: the colour of an unshaded frame, from the last shaded one.
 
-Textures and surfaces of this frame are known from its G-buffers; only the light on them is not. It is taken
-from like surfaces of the last shaded frame (`methods/guided.py`), and each pixel's own base colour is lit by
-it. The picture has this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
+The surfaces of this frame are known from its G-buffers; only the light is not. It is taken from similar
+surfaces of the last shaded frame (`guided.py`) and multiplied by each pixel's own base colour. The image has
+this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
 """
 
 from typing import ClassVar, NamedTuple
@@ -23,7 +23,7 @@ from supersampler_model.ops.color import bounded
 
 
 class Step(NamedTuple):
-    """The image and what the next frame needs."""
+    """The image and the next history."""
 
     image: Tensor
     history_color: Tensor
@@ -36,11 +36,11 @@ class Step(NamedTuple):
 
 
 class GuidedWarp(Method):
-    """Light each pixel as like surfaces were lit in the last shaded frame.
+    """Light each pixel like similar surfaces of the last shaded frame.
 
-    A shaded frame takes no step: what it leaves is itself, see `after_shaded`. Without one, which is a
-    history of zeros, the image is black. A sample of which colour, surface or depth is no number in its range
-    is not taken where there is another.
+    It takes no step on shaded frames: the history after one is that frame, see `after_shaded`. With a history
+    of zeros the image is black. Samples with invalid colour, surface or depth are used only where there is no
+    other.
     """
 
     spec: ClassVar = GUIDED_WARP
@@ -64,7 +64,7 @@ class GuidedWarp(Method):
         history_motion: Tensor,  # (1, 2, h'', w'')
         history_motion_jitter: Tensor,  # (1, 2)
     ) -> Step:
-        """Return the image (1, 3, h, w), linear RGB >= 0, and the history."""
+        """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         then = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
         total = back_to_shaded(motion, jitter, history_motion, history_motion_jitter)

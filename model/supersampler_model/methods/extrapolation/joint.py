@@ -1,9 +1,9 @@
-"""`extrapolate`: upscales shaded frames and frames whose colour was drawn, on one history (Wu et al. 2023).
+"""`extrapolate`: upscales shaded and extrapolated frames on one history (Wu et al. 2023).
 
-All around the network is the `classifier`'s, and so is the network, but that there are two encoders: one sees
-shaded frames, the other drawn ones, whose base colour it sees as well. Drawn samples lie where shaded ones
-would, and are wrong in other ways: an encoder of their own learns how far to trust them (section 4.4). The
-paper's second one sees the warped colour and the refined one apart; ours sees what equation 5 makes of both.
+Everything but the network is that of `classifier`. The network has two encoders: one for shaded frames, one
+for extrapolated frames, which also reads their base colour. Extrapolated samples lie where shaded ones would,
+but have other errors; their own encoder learns how far to trust them (section 4.4). The paper's second
+encoder reads the warped and the refined colour; ours reads the combination of both by equation 5.
 """
 
 from typing import ClassVar, Self
@@ -25,33 +25,37 @@ from supersampler_model.ops.color import finite
 from supersampler_model.ops.sampling import View, pick
 
 SURFACE = 3
-"""Channels of a drawn pixel's surface that the network sees: base colour."""
+"""Channels of an extrapolated pixel's surface in the network inputs: base colour."""
 
 
 class TwoEncoders(Classifier):
-    """The weights that both kinds of frames are stepped on with."""
+    """The network and weights of both kinds of frames."""
 
     net: ExtraSSNetwork
 
     def make_network(self) -> nn.Module:
-        """Return the network, untrained."""
+        """Return the untrained network."""
         c = self.config
         return ExtraSSNetwork(
-            c.network, packed=4 * c.planes, carried=c.carried, surface=4 * SURFACE, mixing=c.blend_parameters
+            c.network,
+            packed=4 * c.planes,
+            carried=c.carried,
+            surface=4 * SURFACE,
+            blend_parameters=c.blend_parameters,
         )
 
 
 class Extrapolate(TwoEncoders):
-    """Steps on shaded frames; `on_extrapolated` returns what steps on the others."""
+    """Steps on shaded frames; `on_extrapolated` returns the method for extrapolated ones."""
 
     spec: ClassVar = EXTRAPOLATE
 
     @classmethod
-    def begun(cls, trained: Trained) -> Self:
-        """Return the method as it is before any training: it draws what a classifier draws, of either kind.
+    def from_classifier(cls, trained: Trained) -> Self:
+        """Return the method before its training: both encoders compute what the classifier's does.
 
         Args:
-            trained: weights of `classifier` or `classifier-small`, whose width the method then has.
+            trained: weights of `classifier` or `classifier-small`, whose widths the method takes.
 
         Raises:
             ArgumentError: they are of another method.
@@ -61,25 +65,25 @@ class Extrapolate(TwoEncoders):
             raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {' or '.join(names)}")
         method = cls.configured(trained.config)
         method.load_state_dict(trained.tensors, strict=False)
-        method.net.begin_drawn_as_shaded()
+        method.net.copy_shaded_encoder()
         method.learned = trained.facts
         return method.eval()
 
-    def on_extrapolated(self) -> "DrawnExtrapolate":
-        """Return what steps on drawn frames, with these weights."""
-        drawn = DrawnExtrapolate(self.config)
-        drawn.load_state_dict(self.state_dict())
-        drawn.learned = dict(self.learned)
-        return drawn.eval()
+    def on_extrapolated(self) -> "UnshadedExtrapolate":
+        """Return the method for extrapolated frames, with these weights."""
+        unshaded = UnshadedExtrapolate(self.config)
+        unshaded.load_state_dict(self.state_dict())
+        unshaded.learned = dict(self.learned)
+        return unshaded.eval()
 
 
-class DrawnExtrapolate(TwoEncoders):
-    """Steps on frames whose colour was drawn: `extrapolate` with its other encoder."""
+class UnshadedExtrapolate(TwoEncoders):
+    """Steps on extrapolated frames: `extrapolate` with its other encoder."""
 
     spec: ClassVar = EXTRAPOLATE_UNSHADED
 
     def fused(self) -> Fused:
-        """See `Classifier`; the third input is base colour, packed."""
+        """See `Classifier`; the third input is packed base colour."""
         c = self.config
         inputs = {
             "packed": (1, 4 * c.planes, *HALF),
@@ -90,9 +94,9 @@ class DrawnExtrapolate(TwoEncoders):
             self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
         )
 
-    def forward(  # type: ignore[override]  # it asks for one input more
+    def forward(  # type: ignore[override]  # one more input
         self,
-        color: Tensor,  # (1, 3, h, w) linear RGB, drawn
+        color: Tensor,  # (1, 3, h, w) linear RGB, extrapolated
         depth: Tensor,  # (1, 1, h, w) reversed
         motion: Tensor,  # (1, 2, h, w) render pixels, previous minus current
         jitter: Tensor,  # (1, 2) render pixels
@@ -106,22 +110,22 @@ class DrawnExtrapolate(TwoEncoders):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> tuple[Tensor, ...]:
-        """Return what `Classifier.forward` does."""
+        """Return the results of `Classifier.forward`."""
         display = display_size_of(display_size)
         now = View(display, render_size_of(color), jitter)
         before = View(display, render_size_of(history_depth), history_jitter)
         history = History(history_color, history_state, history_classes, history_depth, history_exposure)
         gathered = self.gather(color, depth, motion, exposure, history, now, before)
-        logits, mixing = self.net(*self.seen(gathered), surface_of(gbuffer_base_color, now))
-        return self.left(gathered, logits, mixing, jitter)
+        logits, blend = self.net(*self.network_inputs(gathered), packed_base_color(gbuffer_base_color, now))
+        return self.step_outputs(gathered, logits, blend, jitter)
 
 
-def surface_of(base_color: Tensor, view: View) -> Tensor:
-    """(1, 4 SURFACE, H / 2, W / 2) base colour of each pixel's nearest sample, its square root, packed.
+def packed_base_color(base_color: Tensor, view: View) -> Tensor:
+    """(1, 4 SURFACE, H / 2, W / 2) square root of the nearest sample's base colour, packed.
 
     Args:
-        base_color: (1, 3, h, w), of which what is no number counts as black.
-        view: where its samples lie.
+        base_color: (1, 3, h, w); NaN and Inf count as black.
+        view: of the display.
     """
     known = finite(base_color).clamp(0.0, 1.0)
     return pack(pick(known, view.grid(render_size_of(base_color))).sqrt())

@@ -1,17 +1,17 @@
-"""What the stages of `gbuffer` hand to one another."""
+"""Tensors that the stages of `gbuffer` pass to each other."""
 
 from typing import NamedTuple
 
 from torch import Tensor
 
-from supersampler_model.methods.gbuffer.network import Seen
+from supersampler_model.methods.gbuffer.network import NetworkInputs
 from supersampler_model.ops.sampling import View
 
-PAST_NORMAL = slice(13, 16)  # of what is seen beside a frame of the past
+PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.beside`
 
 
 class Surfaces(NamedTuple):
-    """What is seen at each pixel, of either size."""
+    """G-buffers, at render or display size."""
 
     base_color: Tensor  # (1, 3, h, w) in [0, 1]
     normal: Tensor  # (1, 3, h, w) unit length; 0 at the sky
@@ -24,12 +24,12 @@ class Surfaces(NamedTuple):
 class Samples(NamedTuple):
     """This frame's samples around each display pixel: nine, row by row."""
 
-    colors: list[Tensor]  # of (1, 3, H, W), what they show over what their surface reflects, toned
-    weights: list[Tensor]  # of (1, 1, H, W), by distance and by how like the pixel's surface theirs is
-    likeness: Tensor  # (1, 1, H, W) sum of the weights, about 1 where a surface like the pixel's was hit
+    colors: list[Tensor]  # of (1, 3, H, W), colour over reflectance, toned
+    weights: list[Tensor]  # of (1, 1, H, W), by distance and similarity of the surfaces
+    likeness: Tensor  # (1, 1, H, W) sum of the weights, about 1 where a similar surface was sampled
 
 
-class Present(NamedTuple):
+class CurrentFrame(NamedTuple):
     """This frame."""
 
     toned: Tensor  # (1, 3, h, w) exposed colour; 0 where it is not usable
@@ -39,27 +39,27 @@ class Present(NamedTuple):
     display: Surfaces
     reflectance: Tensor  # (1, 3, H, W) of the display pixels' surfaces
     samples: Samples
-    guided: Tensor  # (1, 3, H, W) their mean on each pixel's surface, toned
-    smooth: Tensor  # (1, 3, H, W) their mean by distance alone, toned
-    near: Tensor  # (1, 3, H, W) those nearest, toned: what edges are made of, frame after frame
-    confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]
+    guided: Tensor  # (1, 3, H, W) their mean times the pixel's reflectance, toned
+    smooth: Tensor  # (1, 3, H, W) mean colour by distance alone, toned
+    near: Tensor  # (1, 3, H, W) mean of the samples near the pixel, toned: accumulated, it gives the edges
+    confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     view: View
     exposure: Tensor  # (1,) > 0
-    followed: Tensor  # (1,) the same for the history, see `exposure_for`
+    followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
 
 
-class Remembered(NamedTuple):
-    """The warped past at display size, toned RGB."""
+class WarpedHistory(NamedTuple):
+    """The warped history at display size, toned RGB."""
 
-    color: Tensor  # (1, 3, H, W) by the motion of what is in front
+    color: Tensor  # (1, 3, H, W) by the dilated motion
     own: Tensor  # (1, 3, H, W) by the pixel's own motion
-    relit: Tensor  # (1, 3, H, W) the same, with what this frame's surface reflects
-    counted: Tensor  # (1, 1, H, W) how many samples it is made of; 0 where there is no past
-    surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
+    relit: Tensor  # (1, 3, H, W) the same, divided by the old and multiplied by the new reflectance
+    counted: Tensor  # (1, 1, H, W) number of accumulated samples; 0 without history
+    surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
 
 
 class History(NamedTuple):
-    """What the frame before left; shapes as in `GBuffer.history`."""
+    """The history tensors; shapes as in `GBuffer.history`."""
 
     color: Tensor
     reflectance: Tensor
@@ -73,22 +73,22 @@ class History(NamedTuple):
 
 
 class Gathered(NamedTuple):
-    """All that is known before the network speaks."""
+    """Results of the gather stage."""
 
-    seen: Seen
-    present: Present
-    past: Remembered
+    inputs: NetworkInputs
+    current: CurrentFrame
+    warped: WarpedHistory
     frame: Tensor  # (1, FRAME, h, w) this frame, for the history
 
     @property
-    def past_normal(self) -> Tensor:
-        """(1, 3, h, w) of the frame before, warped; 0 where it is of no use."""
-        return self.seen.beside[:, PAST_NORMAL]
+    def previous_normal(self) -> Tensor:
+        """(1, 3, h, w) normals of the previous frame, warped; 0 where they are masked."""
+        return self.inputs.beside[:, PREVIOUS_NORMAL]
 
 
 class Finished(NamedTuple):
-    """What a step draws and remembers."""
+    """Results of the finish stage."""
 
     image: Tensor  # (1, 3, H, W) linear RGB
     history: History
-    weight: Tensor  # (1, 1, H, W) share of the past in the image
+    weight: Tensor  # (1, 1, H, W) weight of the history in the image

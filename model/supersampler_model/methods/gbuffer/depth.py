@@ -1,4 +1,4 @@
-"""`gbuffer-depth`: `gbuffer-small` where of all G-buffers depth alone is drawn, as in forward renderers."""
+"""`gbuffer-depth`: `gbuffer-small` for forward renderers, with depth as the only G-buffer."""
 
 from collections.abc import Mapping
 from typing import ClassVar
@@ -14,11 +14,11 @@ from supersampler_model.ops.sampling import View
 
 
 class DepthGBuffer(GBuffer):
-    """Of G-buffers, depth at display size alone, which a depth prepass of a forward renderer gives."""
+    """`GBuffer` with depth at display size, from a depth prepass, as the only G-buffer."""
 
     spec: ClassVar = GBUFFER_DEPTH
 
-    def forward(  # type: ignore[override]  # the signature is the contract: it asks for less
+    def forward(  # type: ignore[override]  # the signature is the contract: fewer inputs
         self,
         color: Tensor,
         depth: Tensor,
@@ -51,9 +51,11 @@ class DepthGBuffer(GBuffer):
             history_exposure,
         )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        return self.drawn(self.gather(color, motion, exposure, render, display, history, view), history)
+        return self.step_outputs(
+            self.gather(color, motion, exposure, render, display, history, view), history
+        )
 
     @staticmethod
     def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Surfaces of which depth alone is known."""
+        """Return surfaces of which only depth is known."""
         return matte(depth), matte(gbuffer["gbuffer_display_depth"])

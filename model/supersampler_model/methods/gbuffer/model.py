@@ -1,10 +1,10 @@
 """`gbuffer`: supersampling with G-buffers of display size (Wang et al. 2025).
 
-What a surface reflects is known of every display pixel; what light it reflects, of a few samples. Samples
-are divided by what their own surface reflects, brought to the display pixels whose surface is like theirs,
-and multiplied by what those reflect: textures and edges are there in the first frame. The paper's network,
-which reads the G-buffers, this frame and two of the past, then says how that is weighed against its
-neighbours and against the picture of the frame before, which smooths what one sample a pixel cannot tell.
+The reflectance of every display pixel is known from the G-buffers; the light is known at a few samples.
+Samples are divided by the reflectance of their own surface, resampled at display pixels with similar
+surfaces, and multiplied by the reflectance there: textures and edges are complete in the first frame. The
+paper's network reads the G-buffers, this frame and two previous frames, and infers how to blend that with its
+neighbours and with the previous image, which reduces the noise of one sample per pixel.
 """
 
 from collections.abc import Mapping
@@ -21,12 +21,12 @@ from supersampler_model.methods.base import (
     render_size_of,
 )
 from supersampler_model.methods.gbuffer.buffers import (
+    CurrentFrame,
     Finished,
     Gathered,
     History,
-    Present,
-    Remembered,
     Surfaces,
+    WarpedHistory,
 )
 from supersampler_model.methods.gbuffer.network import (
     BESIDE,
@@ -36,15 +36,15 @@ from supersampler_model.methods.gbuffer.network import (
     SAMPLES,
     SURFACES,
     GBufferNetwork,
-    Seen,
+    NetworkInputs,
 )
-from supersampler_model.methods.gbuffer.network_inputs import seen_of
+from supersampler_model.methods.gbuffer.network_inputs import network_inputs
 from supersampler_model.methods.gbuffer.surfaces import (
     LEAST,
     Nearest,
     changed_light,
     motion_of_surface,
-    nearest_past,
+    read_nearest,
     reflectance,
     samples_of,
     usable_surfaces,
@@ -53,19 +53,19 @@ from supersampler_model.methods.gbuffer.surfaces import (
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
 from supersampler_model.ops.motion import (
-    Past,
-    covered,
+    Reprojection,
     dilate_motion_2x2,
-    past_of,
+    disocclusion,
     read,
     read_cubic,
+    reproject,
     usable_motion,
 )
 from supersampler_model.ops.sampling import (
     View,
     channels_of,
     gaussian,
-    neighbours,
+    neighbours_3x3,
     normalised,
     pick,
     pick_first,
@@ -73,12 +73,22 @@ from supersampler_model.ops.sampling import (
     upsample,
 )
 
-TONED = 1.0 - 1e-4  # most of a toned colour
-AROUND = (0.03, 0.12, 0.03, 0.12, 1.0, 0.12, 0.03, 0.12, 0.03)  # weights of neighbours, at first
+TONED = 1.0 - 1e-4  # maximum of a toned colour
+AROUND = (
+    0.03,
+    0.12,
+    0.03,
+    0.12,
+    1.0,
+    0.12,
+    0.03,
+    0.12,
+    0.03,
+)  # initial weights of a pixel and its neighbours
 
 
 class GBuffer(LearnedMethod):
-    """Bring samples to where their surfaces are, then weigh."""
+    """Resample light by surface similarity, then blend with the history."""
 
     spec: ClassVar = GBUFFER
 
@@ -86,17 +96,17 @@ class GBuffer(LearnedMethod):
         super().__init__()
         self.config: GBufferConfig = config or self.spec.config()
         c = self.config
-        self.net = GBufferNetwork(c.network, ratio=c.ratio, mixing=sum(c.parts))
+        self.net = GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
 
     def fused(self) -> Fused | None:
-        """All of figure 2."""
+        """All of figure 2; tensor names are those of released graphs."""
         of_display = {"surfaces": SURFACES, "gradients": GRADIENTS, "colors": COLORS}
         of_render = {"samples": SAMPLES, "beside": BESIDE, "beside_earlier": BESIDE}
         inputs: dict[str, Shape] = {
             name: (1, of_display[name], *DISPLAY)
             if name in of_display
             else (1, of_render.get(name, CURRENT), *RENDER)
-            for name in Seen._fields
+            for name in NetworkInputs._fields
         }
         outputs = {"said": (1, sum(self.config.parts), *DISPLAY)}
         return Fused(self.net, inputs, outputs, self.config.ratio)
@@ -138,7 +148,7 @@ class GBuffer(LearnedMethod):
         history_jitter_before: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> tuple[Tensor, ...]:
-        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         render = Surfaces(
             gbuffer_base_color, gbuffer_normal, gbuffer_roughness, gbuffer_metallic, gbuffer_specular, depth
         )
@@ -162,17 +172,19 @@ class GBuffer(LearnedMethod):
             history_exposure,
         )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        return self.drawn(self.gather(color, motion, exposure, render, display, history, view), history)
+        return self.step_outputs(
+            self.gather(color, motion, exposure, render, display, history, view), history
+        )
 
-    def drawn(self, gathered: Gathered, history: History) -> tuple[Tensor, ...]:
-        """Return what `forward` does, of what was gathered."""
-        (said,) = self.net(*gathered.seen)
-        done = self.finish(gathered, said, history)
+    def step_outputs(self, gathered: Gathered, history: History) -> tuple[Tensor, ...]:
+        """Finish the step and return the results of `forward`."""
+        (blend,) = self.net(*gathered.inputs)
+        done = self.finish(gathered, blend, history)
         return (done.image, *done.history, done.weight)
 
     @staticmethod
     def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:
-        """Surfaces of render size and of display size, of inputs by name."""
+        """Return the surfaces at render and at display size, from inputs by name."""
         of_display = {name: gbuffer[f"gbuffer_display_{name}"] for name in Surfaces._fields}
         of_render = {name: gbuffer[f"gbuffer_{name}"] for name in Surfaces._fields if name != "depth"}
         return Surfaces(**of_render, depth=depth), Surfaces(**of_display)
@@ -187,18 +199,18 @@ class GBuffer(LearnedMethod):
         history: History,
         view: View,
     ) -> Gathered:
-        """Bring this frame and the past to where they are needed."""
+        """Resample this frame and the history for the network and the blend."""
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history.exposure)
         render, display, motion = usable_surfaces(render), usable_surfaces(display), usable_motion(motion)
-        present = self.gather_present(color, usable, motion, render, display, view, followed)
-        before = nearest_past(history.frame, motion, view.jitter - history.jitter)
-        past = self.gather_past(present, history, self.gather_change(present, color, before))
+        current = self.gather_current(color, usable, motion, render, display, view, followed)
+        before = read_nearest(history.frame, motion, view.jitter - history.jitter)
+        warped = self.gather_history(current, history, self.gather_change(current, color, before))
         frame = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
-        seen = seen_of(present, past, before, history, masked=self.config.masked)
-        return Gathered(seen, present, past, frame)
+        inputs = network_inputs(current, warped, before, history, masked=self.config.masked)
+        return Gathered(inputs, current, warped, frame)
 
-    def gather_present(
+    def gather_current(
         self,
         color: Tensor,
         usable: Tensor,
@@ -207,8 +219,8 @@ class GBuffer(LearnedMethod):
         display: Surfaces,
         view: View,
         followed: Tensor,
-    ) -> Present:
-        """Bring the samples of this frame to the surfaces of the display."""
+    ) -> CurrentFrame:
+        """Resample this frame at display pixels by surface similarity."""
         c, grid, exposure = self.config, view.grid(render_size_of(color)), followed.abs()
         toned, reflected = tone(color * exposure) * usable, reflectance(display)
         light = tone(color * exposure / reflectance(render))
@@ -216,7 +228,7 @@ class GBuffer(LearnedMethod):
         marked = torch.cat([toned, usable], dim=1)
         near = upsample(marked, grid, gaussian(c.sample_sigma), (float(c.ratio), float(c.ratio)))
         smooth = normalised(upsample(marked, grid, gaussian(c.smooth_sigma))).clamp(0.0, TONED)
-        return Present(
+        return CurrentFrame(
             toned=toned,
             usable=usable,
             motion=motion,
@@ -233,99 +245,107 @@ class GBuffer(LearnedMethod):
             followed=followed,
         )
 
-    def gather_change(self, present: Present, color: Tensor, before: Nearest) -> Tensor:
-        """(1, 1, H, W) 1 where this frame's light says that the past is of no use, else 0."""
-        known = present.usable * before.found[:, FRAME - 1 :] * before.on_screen
-        past = sanitize(before.found[:, :3], 0.0)
-        changed = changed_light(color * present.exposure, past * present.exposure, known)
-        return pick(changed, present.view.grid(render_size_of(color)))
+    def gather_change(self, current: CurrentFrame, color: Tensor, before: Nearest) -> Tensor:
+        """(1, 1, H, W) 1 where the lighting changed so much that the history is invalid, else 0."""
+        known = current.usable * before.found[:, FRAME - 1 :] * before.on_screen
+        color_before = sanitize(before.found[:, :3], 0.0)
+        changed = changed_light(color * current.exposure, color_before * current.exposure, known)
+        return pick(changed, current.view.grid(render_size_of(color)))
 
-    def gather_past(self, present: Present, history: History, changed: Tensor) -> Remembered:
-        """Warp the picture of the frame before; where light has `changed` there is none."""
-        c, view, depth, motion = self.config, present.view, present.render.depth, present.motion
+    def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
+        """Warp the previous image; its count is 0 where the light has `changed`."""
+        c, view, depth, motion = self.config, current.view, current.render.depth, current.motion
         render = render_size_of(depth)
         grid = view.grid(render)
-        moved = motion_of_surface(depth, motion, present.display.depth, grid)
-        own = past_of(moved, view.display, render)
+        moved = motion_of_surface(depth, motion, current.display.depth, grid)
+        own = reproject(moved, view.display, render)
         front = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        there = past_of(front[:, 1:], view.display, render)
+        front_place = reproject(front[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
-        hidden = covered(present.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp)
-        before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
-        plain = sanitize(read(history.color, own.x, own.y), 0.0)
-        relit = self._warped(history.color, own) / before * present.reflectance
-        past = Remembered(
-            color=_shown(self._warped(history.color, there) * present.exposure, there),
-            own=_shown(plain * present.exposure, own),
-            relit=_shown(relit * present.exposure, own),
-            counted=read(history.counted, there.x, there.y) * there.on_screen * (1.0 - changed),
-            surface=own.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0),
+        occluded = disocclusion(
+            current.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
         )
-        return past if c.blended else Remembered(*map(torch.zeros_like, past))
+        reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * LEAST)
+        plain = sanitize(read(history.color, own.x, own.y), 0.0)
+        relit = self._warped(history.color, own) / reflectance_before * current.reflectance
+        warped = WarpedHistory(
+            color=_shown(self._warped(history.color, front_place) * current.exposure, front_place),
+            own=_shown(plain * current.exposure, own),
+            relit=_shown(relit * current.exposure, own),
+            counted=read(history.counted, front_place.x, front_place.y)
+            * front_place.on_screen
+            * (1.0 - changed),
+            surface=own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
+        )
+        return warped if c.blended else WarpedHistory(*map(torch.zeros_like, warped))
 
-    def _warped(self, image: Tensor, past: Past) -> Tensor:
-        sharp = read_cubic(image, past.x, past.y, self.config.history_sharpness)
+    def _warped(self, image: Tensor, place: Reprojection) -> Tensor:
+        sharp = read_cubic(image, place.x, place.y, self.config.history_sharpness)
         return sanitize(sharp, 0.0)
 
-    def finish(self, gathered: Gathered, said: Tensor, history: History) -> Finished:
-        """Weigh, count, and go back to linear RGB."""
-        past, present, c = gathered.past, gathered.present, self.config
-        weights, around, kernel = said.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
-        known = (past.counted > 0.0).float()
-        kept = past.counted * past.surface
-        relit = _lit(weighed_mean(present.samples, kernel), present.reflectance)
-        confidence = present.confidence
-        pasts = [
-            (past.color, known * (kept + 1e-3)),
-            (past.relit, known * (0.3 * kept + 1e-3)),
-            (past.own, known * (0.1 * kept + 1e-3)),
+    def finish(self, gathered: Gathered, blend: Tensor, history: History) -> Finished:
+        """Blend, update the count, and return to linear RGB."""
+        warped, current, c = gathered.warped, gathered.current, self.config
+        factors, around, kernel = blend.clamp(-12.0, 12.0).split_with_sizes(c.parts, dim=1)
+        known = (warped.counted > 0.0).float()
+        kept = warped.counted * warped.surface
+        relit = _lit(weighed_mean(current.samples, kernel), current.reflectance)
+        confidence = current.confidence
+        history_colors = [
+            (warped.color, known * (kept + 1e-3)),
+            (warped.relit, known * (0.3 * kept + 1e-3)),
+            (warped.own, known * (0.1 * kept + 1e-3)),
         ]
-        presents = [
-            (_smoothed(present.guided, around), confidence + 0.3),
-            (present.smooth, 0.1 * confidence + 0.01),
+        current_colors = [
+            (_smoothed(current.guided, around), confidence + 0.3),
+            (current.smooth, 0.1 * confidence + 0.01),
             (relit, 0.2 * confidence + 0.05),
-            (present.near, 0.2 * confidence + 1e-3),
+            (current.near, 0.2 * confidence + 1e-3),
         ]
-        begun = [weight for _, weight in (*pasts, *presents)]
-        shares = [b * factor for b, factor in zip(begun, channels_of(weights.exp()), strict=True)]
-        old, new = sum_of(shares[: len(pasts)]), sum_of(shares[len(pasts) :])
-        total = old + new
-        color = sum_of([s / total * v for s, (v, _) in zip(shares, (*pasts, *presents), strict=True)])
-        image = bounded(inverse_tone(color) / present.exposure)
-        odds = old / new * sum_of(begun[len(pasts) :])  # samples that the past was taken for
-        count = torch.minimum(odds, past.counted).clamp(max=c.samples) + confidence
-        left = History(
+        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
+        weights = [b * factor for b, factor in zip(initial_weights, channels_of(factors.exp()), strict=True)]
+        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
+        total = history_weight + new
+        color = sum_of(
+            [s / total * v for s, (v, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
+        )
+        image = bounded(inverse_tone(color) / current.exposure)
+        odds = (
+            history_weight / new * sum_of(initial_weights[len(history_colors) :])
+        )  # effective number of samples in the history
+        count = torch.minimum(odds, warped.counted).clamp(max=c.samples) + confidence
+        next_history = History(
             image,
-            present.reflectance,
+            current.reflectance,
             count,
             gathered.frame,
             history.frame * 1.0,
-            present.motion,
-            present.view.jitter * 1.0,
+            current.motion,
+            current.view.jitter * 1.0,
             history.jitter * 1.0,
-            present.followed,
+            current.followed,
         )
-        return Finished(image, left, old / total)
+        return Finished(image, next_history, history_weight / total)
 
 
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:
-    """Toned light on a surface, toned."""
+    """Toned light times reflectance, toned."""
     return tone(inverse_tone(light) * reflected).clamp(0.0, TONED)
 
 
-def _shown(color: Tensor, past: Past) -> Tensor:
-    """Toned; 0 off screen."""
-    return (tone(color) * past.on_screen).clamp(0.0, TONED)
+def _shown(color: Tensor, place: Reprojection) -> Tensor:
+    """Tone; 0 off screen."""
+    return (tone(color) * place.on_screen).clamp(0.0, TONED)
 
 
 def _smoothed(image: Tensor, kernel: Tensor) -> Tensor:
-    """Mean of each pixel and its neighbours; `kernel` is (1, 9, H, W), logarithms of factors to AROUND."""
+    """Mean of each pixel and its neighbours; `kernel` is (1, 9, H, W) logarithms of factors to AROUND."""
     weights = [w * factor for w, factor in zip(AROUND, channels_of(kernel.exp()), strict=True)]
     total = sum_of(weights)
-    return sum_of([w * pixel for w, pixel in zip(weights, neighbours(image), strict=True)]) / total
+    return sum_of([w * pixel for w, pixel in zip(weights, neighbours_3x3(image), strict=True)]) / total
 
 
 class GBuffer4(GBuffer):
-    """At a ratio of 4."""
+    """`GBuffer` at a ratio of 4."""
 
     spec: ClassVar = GBUFFER_4X

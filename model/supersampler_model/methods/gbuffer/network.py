@@ -1,8 +1,7 @@
 """The network of Wang et al. 2025 (section III), on tensors at render size.
 
-Everything of display size comes by pixel unshuffling: r x r pixels of a channel as r^2 channels of the render
-pixel that they lie in. The paper's 3x3 convolutions may each be a depthwise one between 1x1 ones, for a
-fraction of the work.
+Tensors of display size enter by pixel unshuffling: r x r display pixels become r^2 channels of a render
+pixel. Each 3x3 convolution of the paper may be a depthwise one between 1x1 ones, for a fraction of the work.
 """
 
 import itertools
@@ -20,18 +19,18 @@ from supersampler_model.methods.classifier.network import Block, Pointwise, cut_
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
-BESIDE = 18  # what the refiner sees beside features of the past
-SAMPLES = 6  # of the frame's samples: motion, jitter, use, relative depth
-COLORS = 15  # toned colours at display size, and what is known of them
+BESIDE = 18  # inputs of the refiner beside features of a previous frame
+SAMPLES = 6  # of the frame's samples: motion, jitter, 1 where usable, relative depth
+COLORS = 15  # toned colours at display size, count, visibility, likeness
 
 
-class Seen(NamedTuple):
-    """What the network sees."""
+class NetworkInputs(NamedTuple):
+    """The network inputs; field names are tensor names of released graphs."""
 
     surfaces: Tensor  # (n, SURFACES, H, W)
     gradients: Tensor  # (n, GRADIENTS, H, W)
     current: Tensor  # (n, CURRENT, h, w)
-    past: Tensor  # (n, CURRENT, h, w) the frame before, warped and masked
+    past: Tensor  # (n, CURRENT, h, w) the previous frame, warped and masked
     beside: Tensor  # (n, BESIDE, h, w)
     earlier: Tensor  # (n, CURRENT, h, w) the one before that
     beside_earlier: Tensor  # (n, BESIDE, h, w)
@@ -62,7 +61,7 @@ class GatedEncoder(nn.Module):
 
 
 class FrameEncoder(nn.Module):
-    """Four convolutions; the first's output is kept for the end of the network (III.B)."""
+    """Four convolutions; the first's output skips to the end of the network (III.B)."""
 
     def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
@@ -92,14 +91,14 @@ class Enhancer(nn.Module):
             return frame
         edges = self.embed(F.pixel_unshuffle(gradients, self.ratio))
         enhanced = frame
-        turns = [(frame, edges), (edges, frame)]  # who asks whom
+        turns = [(frame, edges), (edges, frame)]  # (query, key and value)
         for (asking, asked), (query, key, value) in zip(turns, _threes(self.projections), strict=False):
             enhanced = enhanced + torch.sigmoid(query(asking) * key(asked)) * value(asked)
         return enhanced
 
 
 class Refiner(nn.Module):
-    """A UNet of two levels that repairs features of the past where they were masked (III.C)."""
+    """A UNet of two levels that repairs features of previous frames where they were masked (III.C)."""
 
     def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
@@ -144,10 +143,11 @@ class GBufferNetwork(nn.Module):
     Args:
         config: widths.
         ratio: display over render size.
-        mixing: numbers that are said of each pixel of the display.
+        blend_parameters: number of them per display pixel. Their layer is called `mixing` in released
+            weights.
     """
 
-    def __init__(self, config: GBufferNetworkConfig, *, ratio: int, mixing: int) -> None:
+    def __init__(self, config: GBufferNetworkConfig, *, ratio: int, blend_parameters: int) -> None:
         super().__init__()
         self.config, self.ratio = config, ratio
         surfaces, frame, fused = config.surfaces[-1], config.frame, config.levels[0]
@@ -160,9 +160,9 @@ class GBufferNetwork(nn.Module):
         self.colors = Pointwise(COLORS * ratio**2 + SAMPLES, surfaces)
         channels = 2 * surfaces + 3 * frame
         self.fusion = FusionNetwork(channels, config.levels, separable=config.separable)
-        self.mixing = nn.Conv2d(fused + frame + surfaces, mixing * ratio**2, 1)
+        self.mixing = nn.Conv2d(fused + frame + surfaces, blend_parameters * ratio**2, 1)
         for parameter in self.mixing.parameters():
-            nn.init.zeros_(parameter)  # begins as the means that the method takes it for
+            nn.init.zeros_(parameter)  # zeros: the blend then has its initial weights
 
     def forward(
         self,
@@ -176,16 +176,16 @@ class GBufferNetwork(nn.Module):
         samples: Tensor,
         colors: Tensor,
     ) -> tuple[Tensor]:
-        """What is said of each pixel, (n, mixing, H, W), of the tensors of `Seen`."""
+        """Return the blend parameters (n, blend_parameters, H, W); inputs are those of `NetworkInputs`."""
         n = current.shape[0]
         features, shallow = self.frame(torch.cat([current, past, earlier]))  # in one pass
-        now, pasts = features[:n], features[n:]
-        refined = self._refined(pasts, torch.cat([beside, beside_earlier]))
+        now, history_colors = features[:n], features[n:]
+        refined = self._refined(history_colors, torch.cat([beside, beside_earlier]))
         known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
         parts = [self.surfaces(surfaces), self.enhancer(now, gradients), refined[:n], refined[n:], known]
         fused = self.fusion(torch.cat(parts, dim=1))
-        mixing = self.mixing(torch.cat([fused, shallow[:n], known], dim=1))
-        return (F.pixel_shuffle(mixing, self.ratio),)
+        blend = self.mixing(torch.cat([fused, shallow[:n], known], dim=1))
+        return (F.pixel_shuffle(blend, self.ratio),)
 
     def _refined(self, features: Tensor, beside: Tensor) -> Tensor:
         if self.config.refined:
@@ -226,6 +226,6 @@ def _threes(modules: nn.ModuleList) -> list[tuple[nn.Module, ...]]:
 
 
 def doubled(image: Tensor) -> Tensor:
-    """Each pixel as four: by shuffling, as providers round sizes of resized images differently."""
+    """Nearest upsampling by 2, by pixel shuffling: providers round the sizes of Resize differently."""
     n, c, h, w = image.shape
     return F.pixel_shuffle(image[:, :, None].expand(n, c, 4, h, w).reshape(n, 4 * c, h, w), 2)

@@ -1,4 +1,4 @@
-"""`gbuffer-small`: `gbuffer` with narrow separable convolutions, trained in hours on two cores."""
+"""`gbuffer-small`: `gbuffer` with narrow separable convolutions."""
 
 from typing import ClassVar
 
@@ -7,12 +7,12 @@ from supersampler_model.methods.gbuffer.model import GBuffer
 
 
 class SmallGBuffer(GBuffer):
-    """At a ratio of 2."""
+    """`gbuffer-small` at a ratio of 2."""
 
     spec: ClassVar = GBUFFER_SMALL
 
 
 class SmallGBuffer4(GBuffer):
-    """At a ratio of 4."""
+    """`gbuffer-small` at a ratio of 4."""
 
     spec: ClassVar = GBUFFER_SMALL_4X

@@ -1,4 +1,4 @@
-"""G-buffers in `gbuffer`: what surfaces reflect, which samples are of the same one, what has changed."""
+"""G-buffer operations of `gbuffer`: reflectance, surface similarity, masks, reads of previous frames."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,22 +13,22 @@ from supersampler_model.ops.color import luminance
 from supersampler_model.ops.motion import read, usable_depth
 from supersampler_model.ops.sampling import Grid, channels_of, gaussian, sum_of
 
-LEAST = 0.04  # reflectance that is added everywhere: of a dielectric, about
+LEAST = 0.04  # reflectance added everywhere, about that of a dielectric
 SIGMA = 0.5  # of the samples' weights, render pixels
-DEPTH_MARGIN = 0.03  # relative difference of depth that one standard deviation is
+DEPTH_MARGIN = 0.03  # standard deviation of relative depth differences
 ALIKE = (4.0, 8.0, 8.0)  # falloff with squared differences of normal, base colour, roughness and metallic
 FARTHER, COLOR_APART = 0.1, 0.5  # alpha and eta_B (Wang et al. 2025, section IV.B)
 AROUND_BASE, AROUND_COLOR = 3, 5  # k_b and k_i
-NEIGHBOURHOOD = 9  # pixels within which depth is relative
-CHANGED, AROUND_LIGHT = 6.0, 5  # stops that light must change by, on average over so many pixels a side
+NEIGHBOURHOOD = 9  # pixels a side: depth is relative to the closest in it
+CHANGED, AROUND_LIGHT = 6.0, 5  # least change of light in stops, averaged over so many pixels a side
 LOG2_E = 1.0 / math.log(2.0)
-FAINTEST = 1.0 / 64.0  # exposed luminance below which light does not count as changing
+FAINTEST = 1.0 / 64.0  # minimum exposed luminance in comparisons of light
 
 
 def usable_surfaces(surfaces: Surfaces) -> Surfaces:
-    """NaN and what is out of range become black, rough dielectric without a normal, at an unknown depth."""
-    *shares, depth = surfaces
-    known = [torch.where((s >= -1.0) & (s <= 1.0), s, torch.zeros_like(s)) for s in shares]
+    """Replace NaN and values out of range by 0, and depth by UNKNOWN_DEPTH."""
+    *parameters, depth = surfaces
+    known = [torch.where((s >= -1.0) & (s <= 1.0), s, torch.zeros_like(s)) for s in parameters]
     base, normal, roughness, metallic, specular = known
     return Surfaces(
         base.clamp(min=0.0),
@@ -41,17 +41,17 @@ def usable_surfaces(surfaces: Surfaces) -> Surfaces:
 
 
 def matte(depth: Tensor) -> Surfaces:
-    """Grey, rough dielectrics that all face one way: what surfaces of known depth alone are taken for."""
+    """Return grey, half rough dielectrics with one normal: the surfaces where only depth is known."""
     one = torch.ones_like(depth)
     grey, toward = 0.5 * one.expand(-1, 3, -1, -1), torch.cat([0.0 * one, 0.0 * one, one], dim=1)
     return Surfaces(grey, toward, 0.5 * one, 0.0 * one, 0.5 * one, depth)
 
 
 def reflectance(surfaces: Surfaces) -> Tensor:
-    """(1, 3, h, w) share of light that a surface reflects towards the eye: diffuse, and head on specular.
+    """(1, 3, h, w) reflectance towards the camera: diffuse, plus specular at normal incidence.
 
-    Colours over this are light, which is smooth where textures are not (FuseSR, Zhong et al. 2023). The sky,
-    which has no surface, counts as white.
+    Colour over reflectance is light, which is smooth where textures are not (FuseSR, Zhong et al. 2023). The
+    sky counts as white.
     """
     base, metal = surfaces.base_color, surfaces.metallic
     dielectric = 1.0 - metal
@@ -61,14 +61,14 @@ def reflectance(surfaces: Surfaces) -> Tensor:
 
 
 def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surfaces, grid: Grid) -> Samples:
-    """The samples around each display pixel, weighed by a Gaussian and by how like their surface is.
+    """Gather the 3x3 samples around each display pixel, weighted by distance and surface similarity.
 
     Args:
-        light: (1, 3, h, w) what samples show over what they reflect, toned.
+        light: (1, 3, h, w) colour over reflectance, toned.
         usable: (1, 1, h, w).
         render: surfaces of the samples.
-        display: surfaces of the pixels.
-        grid: where these look.
+        display: surfaces of the display pixels.
+        grid: of the display.
     """
     colors, weights, likely, there = [], [], [], _features(display)
     for down, across, sample in _around(torch.cat([light, usable, render.depth, _features(render)], 1), grid):
@@ -76,8 +76,8 @@ def samples_of(light: Tensor, usable: Tensor, render: Surfaces, display: Surface
         vertical = gaussian(SIGMA)(grid.row + down - grid.y)[:, None]
         near = (vertical * gaussian(SIGMA)(grid.column + across - grid.x) + 1e-4) * use
         apart = depth_difference(depth, display.depth) / DEPTH_MARGIN
-        off = 0.5 * (apart * apart).clamp(max=20.0) + _squared_length(features - there)
-        alike = (-off).exp()
+        cost = 0.5 * (apart * apart).clamp(max=20.0) + _squared_length(features - there)
+        alike = (-cost).exp()
         colors.append(color)
         weights.append(near * (alike + 1e-4))
         likely.append(near * alike)
@@ -94,7 +94,7 @@ def _around(image: Tensor, grid: Grid) -> Iterator[tuple[int, int, Tensor]]:
 
 
 def _features(surfaces: Surfaces) -> Tensor:
-    """(1, 8, h, w) whose squared distance is how unlike surfaces are, but for their depth."""
+    """(1, 8, h, w) features whose squared distance is the dissimilarity of surfaces, except for depth."""
     by_normal, by_base, by_finish = (weight**0.5 for weight in ALIKE)
     finish = torch.cat([surfaces.roughness, surfaces.metallic], dim=1)
     return torch.cat([by_normal * surfaces.normal, by_base * surfaces.base_color, by_finish * finish], dim=1)
@@ -110,7 +110,7 @@ def weighed_mean(samples: Samples, kernel: Tensor | None = None) -> Tensor:
 
 
 def relative_depth(depth: Tensor, closest: Tensor) -> Tensor:
-    """Depth over the closest around, in [0, 1]: without the unit that depth has."""
+    """Depth over the closest around, in [0, 1]: free of the unit of depth."""
     return (depth.clamp(min=0.0) / closest.clamp(min=1e-12)).clamp(max=1.0)
 
 
@@ -130,32 +130,32 @@ def gradients(surfaces: Surfaces) -> Tensor:
     return torch.cat([steps[:, :3].sum(dim=1, keepdim=True), steps[:, 3:].sum(dim=1, keepdim=True)], dim=1)
 
 
-def occluded(now: Sequence[Tensor], past: Sequence[Tensor]) -> Tensor:
-    """(1, 1, h, w) 1 where a warped frame of the past is of no use: equations 1 and 2.
+def occluded(now: Sequence[Tensor], previous: Sequence[Tensor]) -> Tensor:
+    """(1, 1, h, w) 1 where a warped previous frame is invalid: equations 1 and 2.
 
     Args:
         now: toned colour, base colour and depth of this frame.
-        past: the same of the warped one.
+        previous: the same of the warped frame.
     """
-    (color, base, depth), (past_color, past_base, past_depth) = now, past
-    view, past_view = (1.0 / d.clamp(min=1e-9) for d in (depth, past_depth))  # distances
-    behind = ((view - past_view).abs() > FARTHER * view).float()
-    other = _unlike(past_base, base, AROUND_BASE)
-    return torch.maximum(behind, torch.maximum(other, _unlike(past_color, color, AROUND_COLOR)))
+    (color, base, depth), (previous_color, previous_base, previous_depth) = now, previous
+    view, previous_view = (1.0 / d.clamp(min=1e-9) for d in (depth, previous_depth))  # distances
+    behind = ((view - previous_view).abs() > FARTHER * view).float()
+    other = _unlike(previous_base, base, AROUND_BASE)
+    return torch.maximum(behind, torch.maximum(other, _unlike(previous_color, color, AROUND_COLOR)))
 
 
-def changed_light(now: Tensor, past: Tensor, known: Tensor) -> Tensor:
-    """(1, 1, h, w) 1 where a frame's light has nothing in common with that of the frame before, else 0.
+def changed_light(now: Tensor, previous: Tensor, known: Tensor) -> Tensor:
+    """(1, 1, h, w) 1 where the light changed abruptly since the previous frame, else 0.
 
-    That is where it differs by more than CHANGED stops on average over the known pixels around: lamps and
-    shadows rarely do so much from one frame to the next, and single sparks never.
+    That is where it changed by more than CHANGED stops on average over the known pixels around. Lamps and
+    shadows rarely change that much from one frame to the next, and single fireflies never do.
 
     Args:
         now: (1, 3, h, w) exposed colour.
-        past: (1, 3, h, w) of the frame before, warped, at the same exposure.
+        previous: (1, 3, h, w) of the previous frame, warped, at the same exposure.
         known: (1, 1, h, w) 1 where both are usable, else 0.
     """
-    apart = (_stops(now) - _stops(past)) * known
+    apart = (_stops(now) - _stops(previous)) * known
     window = torch.ones(1, 1, AROUND_LIGHT, AROUND_LIGHT, device=now.device)
     sums = F.conv2d(torch.cat([apart, known]), window, padding=AROUND_LIGHT // 2)
     return (sums[:1].abs() > CHANGED * sums[1:]).float()
@@ -166,7 +166,7 @@ def _stops(exposed: Tensor) -> Tensor:
 
 
 def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
-    """Whether more than half of the pixels around are farther than COLOR_APART in some channel."""
+    """1 where more than half of the pixels around differ by more than COLOR_APART in some channel."""
     reach = size // 2
     h, w = image.shape[2], image.shape[3]
     rows = torch.arange(-reach, h + reach, device=image.device).clamp(0, h - 1)
@@ -179,18 +179,18 @@ def _unlike(warped: Tensor, image: Tensor, size: int) -> Tensor:
 
 
 def motion_of_surface(depth: Tensor, motion: Tensor, display_depth: Tensor, grid: Grid) -> Tensor:
-    """(1, 2, H, W) motion of the sample, of the nine around, whose depth is most like the pixel's."""
+    """(1, 2, H, W) motion of that sample of the 3x3 around whose depth is most similar to the pixel's."""
     least = torch.full_like(display_depth, torch.inf)
     chosen = torch.zeros_like(display_depth).expand(-1, 2, -1, -1)
     for down, across, sample in _around(torch.cat([depth, motion], dim=1), grid):
-        off = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
-        closer = off < least
-        least, chosen = torch.where(closer, off, least), torch.where(closer, sample[:, 1:], chosen)
+        cost = depth_difference(sample[:, :1], display_depth) + 0.002 * (down * down + across * across)
+        closer = cost < least
+        least, chosen = torch.where(closer, cost, least), torch.where(closer, sample[:, 1:], chosen)
     return chosen
 
 
 def depth_difference(a: Tensor, b: Tensor) -> Tensor:
-    """Relative to the closer of both."""
+    """Difference of depths, relative to the closer one."""
     return (a - b).abs() / torch.maximum(a, b).clamp(min=1e-12)
 
 
@@ -200,20 +200,20 @@ def _squared_length(vectors: Tensor) -> Tensor:
 
 
 class Nearest(NamedTuple):
-    """Samples of a past frame, the nearest to where motion leads."""
+    """Samples of a previous frame, nearest to where the motion points."""
 
-    found: Tensor  # (1, c, h, w) as they are
-    off: Tensor  # (1, 2, h, w) how far off they lie, render pixels
-    on_screen: Tensor  # (1, 1, h, w) whether motion leads to a place on the screen
+    found: Tensor  # (1, c, h, w) unfiltered
+    offset: Tensor  # (1, 2, h, w) from there to the sample, render pixels
+    on_screen: Tensor  # (1, 1, h, w) 1 where the motion points inside the screen
 
 
-def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> Nearest:
-    """Read a frame of the past, of render size, where `motion` leads: its nearest samples as they are.
+def read_nearest(image: Tensor, motion: Tensor, offset: Tensor) -> Nearest:
+    """Read the nearest samples of a previous frame where `motion` points.
 
     Args:
         image: (1, c, h, w).
         motion: (1, 2, h, w) render pixels.
-        offset: (1, 2) this frame's jitter less that of the past one.
+        offset: (1, 2) this frame's jitter less that of the history one.
     """
     h, w = image.shape[2], image.shape[3]
     x, y = _led(motion, offset)
@@ -224,8 +224,8 @@ def nearest_past(image: Tensor, motion: Tensor, offset: Tensor) -> Nearest:
     return Nearest(found, torch.cat([column - x, row - y], dim=1), on_screen.float())
 
 
-def bilinear_past(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
-    """Read an image of the past, of render size, where `motion` leads; arguments as of `nearest_past`."""
+def read_bilinear(image: Tensor, motion: Tensor, offset: Tensor) -> Tensor:
+    """Read a previous frame bilinearly where `motion` points; arguments as of `read_nearest`."""
     x, y = _led(motion, offset)
     return read(image, x.clamp(-2.0, image.shape[3] + 1.0), y.clamp(-2.0, image.shape[2] + 1.0))
 

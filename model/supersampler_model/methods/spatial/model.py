@@ -1,4 +1,4 @@
-"""`bilinear` and `bicubic`: this frame alone, upsampled without its jitter. The floors of the bench."""
+"""`bilinear` and `bicubic`: spatial upsampling without history. The baselines of the bench."""
 
 from typing import ClassVar, NamedTuple
 
@@ -11,13 +11,13 @@ from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resamp
 
 
 class Step(NamedTuple):
-    """What a step without a past returns."""
+    """The result of a step without history."""
 
     image: Tensor
 
 
 class Spatial(Method):
-    """Separable interpolation with `kernel`; samples that are not numbers in [0, 65504] count as black."""
+    """Separable interpolation with `kernel`; invalid samples count as black."""
 
     reach: ClassVar[int]
 

@@ -1,12 +1,12 @@
-"""`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), to the letter, with all his options.
+"""`taa`: Salvi, "An Excursion in Temporal Supersampling" (GDC 2016), to the letter.
 
-An exponential moving average of 10 % new and 90 % old, where the old colour is fetched by the longest motion
-vector of the 3x3 neighbourhood and first made consistent with the new frame: the segment from the old colour
-to the new sample is cut by a box around this frame's 3x3 colours. Variance clipping builds that box from the
-first two raw moments, mu +- gamma sigma, and intersects it with their minimum and maximum.
+An exponential moving average of 10 % new and 90 % old colour. The old colour is reprojected by the longest
+motion vector of the 3x3 neighbourhood and rectified: the segment from the old colour to the new sample is
+clipped by a box around this frame's 3x3 colours. Variance clipping builds that box from the first two raw
+moments, mu +- gamma sigma, and intersects it with their minimum and maximum.
 
-Salvi works at one resolution. At another ratio the new sample is the bilinear upsampling of this frame, the
-boxes stay those of the render-size neighbourhood. Colours are compared in YCoCg after exposure and tone
+Salvi works at one resolution. At other ratios the new sample is the bilinear upsampling of this frame, and
+the boxes are those of the render-size neighbourhood. Colours are compared in YCoCg after exposure and tone
 curve.
 """
 
@@ -28,8 +28,8 @@ from supersampler_model.ops.color import (
 )
 from supersampler_model.ops.motion import (
     longest,
-    past_of,
     read_cubic,
+    reproject,
     usable_motion,
 )
 from supersampler_model.ops.rectification import (
@@ -46,16 +46,16 @@ from supersampler_model.ops.sampling import blurred, grid_of, linear, pick, resa
 
 
 class Gathered(NamedTuple):
-    """This frame and the warped past at display size, in the space of comparison."""
+    """This frame and the warped history at display size, in the space of comparison."""
 
     sample: Tensor  # (1, 3, H, W)
-    past: Tensor  # (1, 3, H, W)
-    has_past: Tensor  # (1, 1, H, W) 0 or 1
+    history: Tensor  # (1, 3, H, W)
+    has_history: Tensor  # (1, 1, H, W) 0 or 1
     box: Rect
 
 
 class Step(NamedTuple):
-    """The image and what the next frame needs."""
+    """The image, the next history and the weight of the history."""
 
     image: Tensor
     history_color: Tensor
@@ -80,15 +80,15 @@ class Taa(Method):
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
         history_color: Tensor,  # (1, 3, H, W) linear RGB
-        history_exposure: Tensor,  # (1,) 0: no past
+        history_exposure: Tensor,  # (1,) 0: no history
     ) -> Step:
-        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
         exposure = followed.abs()
-        seen = self.gather(color, motion, jitter, exposure, display_size, history_color)
-        weight = self.network(seen, history_exposure)
-        image = self.finish(seen, weight, exposure)
+        gathered = self.gather(color, motion, jitter, exposure, display_size, history_color)
+        weight = self.network(gathered, history_exposure)
+        image = self.finish(gathered, weight, exposure)
         return Step(image, image, followed, 1.0 - weight)
 
     def gather(
@@ -100,7 +100,7 @@ class Taa(Method):
         display_size: Tensor,
         history_color: Tensor,
     ) -> Gathered:
-        """Upsample this frame, box its neighbourhoods, warp the history."""
+        """Upsample this frame, compute the boxes of its neighbourhoods, warp the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         toned = self.to_space(color * exposure)
@@ -108,22 +108,24 @@ class Taa(Method):
         y = taps(grid.y, render.height, linear, reach=1)
         sample = resample(toned, x, y)
         box = Rect(*(pick(corner, grid) for corner in self.neighbourhood_box(toned)))
-        past = past_of(pick(longest(usable_motion(motion)), grid), display, render)
-        warped = read_cubic(history_color, past.x, past.y)
-        return Gathered(sample, self.to_space(sanitize(warped, 0.0) * exposure), past.on_screen, box)
+        reprojection = reproject(pick(longest(usable_motion(motion)), grid), display, render)
+        warped = read_cubic(history_color, reprojection.x, reprojection.y)
+        return Gathered(sample, self.to_space(sanitize(warped, 0.0) * exposure), reprojection.on_screen, box)
 
-    def network(self, seen: Gathered, history_exposure: Tensor) -> Tensor:
-        """Weight of the new sample (1, 1, H, W): alpha, and one where there is no past."""
-        has_past = seen.has_past * (history_exposure.abs() > 0.0)
-        return 1.0 - has_past * (1.0 - self.config.alpha)
+    def network(self, gathered: Gathered, history_exposure: Tensor) -> Tensor:
+        """Weight of the new sample (1, 1, H, W): alpha, or 1 without history."""
+        has_history = gathered.has_history * (history_exposure.abs() > 0.0)
+        return 1.0 - has_history * (1.0 - self.config.alpha)
 
-    def finish(self, seen: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
-        """Clip the past, average, go back to linear RGB."""
+    def finish(self, gathered: Gathered, weight: Tensor, exposure: Tensor) -> Tensor:
+        """Clip the history, blend, and return to linear RGB."""
         if self.config.clip == "sample":
-            past = clip_to_sample(seen.past, seen.sample, seen.box)
+            history = clip_to_sample(gathered.history, gathered.sample, gathered.box)
         else:
-            past = (clip_to_center if self.config.clip == "center" else clamp_to)(seen.past, seen.box)
-        blend = past + weight * (seen.sample - past)
+            history = (clip_to_center if self.config.clip == "center" else clamp_to)(
+                gathered.history, gathered.box
+            )
+        blend = history + weight * (gathered.sample - history)
         return bounded(inverse_tone(self.from_space(blend).clamp(min=0.0)) / exposure)
 
     def neighbourhood_box(self, color: Tensor) -> Rect:

@@ -1,20 +1,21 @@
-"""`taau`: the strongest temporal upscaler without a network; the fallback, and the bar for every network.
+"""`taau`: temporal upsampling without a network; the fallback, and the baseline of every network.
 
-Each display pixel keeps a colour, how many samples it is made of, and how far those samples spread. A new
-frame adds its samples near that pixel, weighted by their distance. The past loses samples where
+Each display pixel stores a colour, the number of accumulated samples, and the spread of those samples. A new
+frame adds its samples near the pixel, weighted by distance. The number of samples of the history is reduced
+where
 
-* depth says that it shows another surface (something broad was closer than what is there now),
-* the light changed: the mean of a neighbourhood moved by more than jitter moves it,
-* its colour lies outside a variance box of this frame's colours (Salvi 2016), which is then cut to the box,
-* motion resamples it: each resampling blurs, so the more a frame blurs, the fewer samples are kept.
+* the pixel is disoccluded (foreground broader than two samples was closer in the previous frame),
+* the lighting changed: the mean of a neighbourhood changed by more than jitter explains,
+* its colour lies outside a variance box of this frame's colours (Salvi 2016); it is then clipped to the box,
+* motion resamples it: each resampling blurs, so more blur keeps fewer samples.
 
-The box also reaches as far as the pixel's own samples have been spreading over time. Without that, whatever
-is thinner than a sample's distance vanishes from the box in the frames that miss it and flickers, which Salvi
-names as the weakness of variance clipping.
+The box is widened by the spread of the pixel's own samples over time. Otherwise features thinner than the
+sample distance vanish from the box in frames that miss them, and flicker: the weakness of variance clipping
+that Salvi names.
 
-Light ten stops over white, where there was none near, is shown, but only accumulated from its third frame in
-a row on: until then the history stays as it was there, warped. So what one frame alone has leaves no trace,
-nor does what was drawn from that frame where the next one is not shaded.
+Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
+consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
+extrapolated from it, therefore leave no trace.
 """
 
 from typing import ClassVar, NamedTuple
@@ -45,20 +46,20 @@ from supersampler_model.ops.color import (
     ycocg,
 )
 from supersampler_model.ops.motion import (
-    Past,
-    covered,
+    Reprojection,
     dilate_motion_2x2,
+    disocclusion,
     morphological_opening,
-    past_of,
     read,
     read_cubic,
+    reproject,
     squared_length,
     usable_depth,
     usable_motion,
 )
 from supersampler_model.ops.rectification import clip_to_center, overshoot, variance_box
 from supersampler_model.ops.sampling import (
-    UNSEEN,
+    MIN_WEIGHT,
     Grid,
     View,
     blurred,
@@ -73,50 +74,50 @@ from supersampler_model.ops.sampling import (
     upsample,
 )
 
-NOTICEABLE = 0.004  # of toned luma: changes below one step of an 8-bit picture are no changes
-UNKNOWN = 1e-3  # with fewer samples than this the past is not looked at
-SEEN = 0.5  # of the box's Gaussian, whose sum is 0.8 at least: with less than this, no sample near is usable
+MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
+MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
+MIN_BOX_WEIGHT = 0.5  # of the box's Gaussian, whose full sum is at least 0.8
 
 
-class Present(NamedTuple):
+class CurrentFrame(NamedTuple):
     """This frame at display size; colours are toned YCoCg."""
 
     frame: Tensor  # (1, 3, H, W) smooth upsampling
     sample: Tensor  # (1, 3, H, W) mean of the samples near each pixel
-    confidence: Tensor  # (1, 1, H, W) how near they are, [0, 1]; 0 where none is usable
+    confidence: Tensor  # (1, 1, H, W) sum of their Gaussian weights, [0, 1]
     first: Tensor  # (1, 3, H, W) E[c]
     second: Tensor  # (1, 3, H, W) E[c^2]
     shade: Tensor  # (1, 2, H, W) mean and deviation of luma over 3x3 samples
-    glare: Tensor  # (1, 1, H, W) 1 where one of them is over GLARING
+    glare: Tensor  # (1, 1, H, W) 1 where one of those samples is over GLARING
 
 
-class Remembered(NamedTuple):
-    """The warped past at display size."""
+class WarpedHistory(NamedTuple):
+    """The warped history at display size."""
 
     light: Tensor  # (1, 3, H, W) linear RGB
     color: Tensor  # (1, 3, H, W) the same, toned YCoCg
-    samples: Tensor  # (1, 1, H, W) it is made of, 0 where there is no past
-    power: Tensor  # (1, 1, H, W) mean square of sample - past, toned luma
-    shade: Tensor  # (1, 2, H, W) as in Present
-    glare: Tensor  # (1, 1, H, W) frames that have had light over GLARING near, up to CONFIRMED
-    surface: Tensor  # (1, 1, H, W) 1 where it may show what is there now
+    samples: Tensor  # (1, 1, H, W) number of accumulated samples, 0 without history
+    power: Tensor  # (1, 1, H, W) mean square of sample - history, toned luma
+    shade: Tensor  # (1, 2, H, W) as in CurrentFrame
+    glare: Tensor  # (1, 1, H, W) consecutive frames with light over GLARING nearby, up to CONFIRMED
+    surface: Tensor  # (1, 1, H, W) 0 where the surface was occluded, 1 where it was visible
     speed: Tensor  # (1, 1, H, W) display pixels
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
 
 
 class Blend(NamedTuple):
-    """What is decided per pixel."""
+    """Blend parameters of each display pixel."""
 
-    past: Tensor  # (1, 3, H, W) rectified
+    history: Tensor  # (1, 3, H, W) rectified
     weight: Tensor  # (1, 1, H, W) of this frame's sample
-    samples: Tensor  # (1, 1, H, W) of the past that count
-    spreads: Tensor  # (1, 1, H, W) 1 where the past's spread still holds
-    kept: Tensor  # (1, 1, H, W) samples of the past that stay where this frame adds none
-    unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds none
+    samples: Tensor  # (1, 1, H, W) effective number in the history
+    spreads: Tensor  # (1, 1, H, W) 1 where the spread of the history is still valid
+    kept: Tensor  # (1, 1, H, W) number in the history where this frame adds no sample
+    unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
 
 
 class Step(NamedTuple):
-    """The image and what the next frame needs."""
+    """The image, the next history and the weight of the history."""
 
     image: Tensor
     history_color: Tensor
@@ -150,7 +151,7 @@ class Taau(Method):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
     ) -> Step:
-        """Return the image (1, 3, H, W), linear RGB >= 0, the history and the weight of the past."""
+        """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         usable, color = valid(color), sanitize(color, 0.0)
@@ -161,20 +162,22 @@ class Taau(Method):
         depth, motion = usable_depth(depth), usable_motion(motion)
         surface = torch.cat([morphological_opening(depth), shade_of(toned[:, :1], usable)], dim=1)
 
-        present = self.gather_present(toned, usable, glare, surface, grid, display, render)
+        current = self.gather_current(toned, usable, glare, surface, grid, display, render)
         closest = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
-        past = past_of(closest[:, 1:], display, render)
+        reprojection = reproject(closest[:, 1:], display, render)
         exposure_before = history_exposure.abs()
         change = exposure / torch.where(exposure_before > 0.0, exposure_before, exposure)
-        before = self.gather_surface(history_surface, history_jitter, past, closest[:, :1], display, change)
-        remembered = self.gather_past(history_color, history_samples, past, before, exposure)
-        blend = self.network(present, remembered)
-        image, samples = self.finish(present, remembered, blend, exposure)
-        left = torch.where(blend.unconfirmed, remembered.light, image)
-        weight = (1.0 - blend.weight) * (blend.samples > UNKNOWN)
-        return Step(image, left, samples, surface, jitter * 1.0, followed, weight)
+        before = self.gather_surface(
+            history_surface, history_jitter, reprojection, closest[:, :1], display, change
+        )
+        warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
+        blend = self.network(current, warped)
+        image, samples = self.finish(current, warped, blend, exposure)
+        next_color = torch.where(blend.unconfirmed, warped.light, image)
+        weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
+        return Step(image, next_color, samples, surface, jitter * 1.0, followed, weight)
 
-    def gather_present(
+    def gather_current(
         self,
         toned: Tensor,
         usable: Tensor,
@@ -183,17 +186,17 @@ class Taau(Method):
         grid: Grid,
         display: Size,
         render: Size,
-    ) -> Present:
+    ) -> CurrentFrame:
         """Upsample the usable samples of this frame four ways, all separable."""
         ratio = display.width / render.width, display.height / render.height
         samples = torch.cat([toned, usable], dim=1)
         c = self.config
         smooth = normalised(upsample(samples, grid, gaussian(c.frame_sigma)))
-        sharp = upsample(samples, grid, catmull_rom)  # some of its weights are negative: of no use alone
+        sharp = upsample(samples, grid, catmull_rom)  # with missing samples the negative weights dominate
         sharpness = c.frame_sharpness * (sharp[:, 3:4] > 0.9)
         near = upsample(samples, grid, gaussian(c.sample_sigma), ratio)
-        first, second = local_moments(toned, usable, grid, c.moment_sigma, SEEN)
-        return Present(
+        first, second = local_moments(toned, usable, grid, c.moment_sigma, MIN_BOX_WEIGHT)
+        return CurrentFrame(
             frame=smooth + sharpness * (normalised(sharp) - smooth),
             sample=normalised(near),
             confidence=near[:, 3:4].clamp(max=1.0),
@@ -207,37 +210,39 @@ class Taau(Method):
         self,
         history_surface: Tensor,
         history_jitter: Tensor,
-        past: Past,
+        reprojection: Reprojection,
         depth: Tensor,
         display: Size,
         change: Tensor,
     ) -> tuple[Tensor, Tensor]:
-        """Read where the past may show what is there now (1, 1, H, W), and its shade at this exposure."""
+        """Return the surface's previous visibility, (1, 1, H, W), and its shade at this exposure."""
         before = View(display, render_size_of(history_surface), history_jitter)
-        x, y = before.to_render(past.x, past.y)
+        x, y = before.to_render(reprojection.x, reprojection.y)
         c = self.config
-        hidden = covered(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
-        same = past.on_screen * (1.0 - 2.0 * hidden).clamp(min=0.0)
+        occluded = disocclusion(depth, history_surface[:, :1], x, y, c.depth_margin, c.depth_ramp)
+        same = reprojection.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0)
 
         shade = read(history_surface[:, 1:3], x, y)
         mean, deviation = shade[:, :1], shade[:, 1:2]
         dim = 1.0 + (change - 1.0) * mean  # c / (1 + c) at another exposure, and its slope
         return same, torch.cat([change * mean / dim, change * deviation / (dim * dim)], dim=1)
 
-    def gather_past(
+    def gather_history(
         self,
         history_color: Tensor,
         history_samples: Tensor,
-        past: Past,
+        reprojection: Reprojection,
         surface: tuple[Tensor, Tensor],
         exposure: Tensor,
-    ) -> Remembered:
+    ) -> WarpedHistory:
         """Warp the history."""
-        light = sanitize(read_cubic(history_color, past.x, past.y, self.config.history_sharpness), 0.0)
-        samples = read(history_samples, past.x, past.y)
+        light = sanitize(
+            read_cubic(history_color, reprojection.x, reprojection.y, self.config.history_sharpness), 0.0
+        )
+        samples = read(history_samples, reprojection.x, reprojection.y)
         power, glare = without_glare(samples[:, 1:2])
-        across, down = past.x - past.x.floor(), past.y - past.y.floor()
-        return Remembered(
+        across, down = reprojection.x - reprojection.x.floor(), reprojection.y - reprojection.y.floor()
+        return WarpedHistory(
             light=light,
             color=ycocg(tone(light * exposure)),
             samples=samples[:, :1],
@@ -245,66 +250,70 @@ class Taau(Method):
             shade=surface[1],
             glare=glare,
             surface=surface[0],
-            speed=squared_length(past.motion).sqrt(),
+            speed=squared_length(reprojection.motion).sqrt(),
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
         )
 
-    def network(self, present: Present, past: Remembered) -> Blend:
-        """Decide by rules what a learned method decides by a network."""
+    def network(self, current: CurrentFrame, warped: WarpedHistory) -> Blend:
+        """Compute the blend parameters by rules, in place of a network."""
         c = self.config
-        unchanged = 1.0 - self.change_of_light(present.shade, past.shade)
-        unknown = (past.glare > 0.0) & (past.glare < CONFIRMED)  # its shade is of light that it does not have
+        unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
+        unknown = (warped.glare > 0.0) & (
+            warped.glare < CONFIRMED
+        )  # its shade includes light that was not accumulated
         unchanged = torch.where(unknown, torch.ones_like(unchanged), unchanged)
-        spread = past.power.sqrt() * unchanged
-        gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (past.speed / c.gamma_speed).clamp(max=1.0)
-        box = variance_box(present.first, present.second, gamma, floor=c.gamma_time * spread)
+        spread = warped.power.sqrt() * unchanged
+        gamma = c.gamma_still + (c.gamma_moving - c.gamma_still) * (warped.speed / c.gamma_speed).clamp(
+            max=1.0
+        )
+        box = variance_box(current.first, current.second, gamma, floor=c.gamma_time * spread)
 
-        inside = 1.0 - (c.forget * (overshoot(past.color, box) - 1.0)).clamp(0.0, 1.0)
-        limit = c.samples / (1.0 + c.blur_cost * past.blur + c.speed_cost * past.speed)
-        holds = past.surface * unchanged
-        samples = torch.minimum(past.samples * holds * inside, limit)
-        weight = present.confidence / (samples + present.confidence).clamp(min=1e-6)
-        kept = torch.minimum(past.samples * past.surface, limit)
-        unconfirmed = (present.glare > 0.0) & (past.glare < CONFIRMED - 1.0) & (kept > UNKNOWN)
-        return Blend(clip_to_center(past.color, box), weight, samples, holds, kept, unconfirmed)
+        inside = 1.0 - (c.forget * (overshoot(warped.color, box) - 1.0)).clamp(0.0, 1.0)
+        limit = c.samples / (1.0 + c.blur_cost * warped.blur + c.speed_cost * warped.speed)
+        holds = warped.surface * unchanged
+        samples = torch.minimum(warped.samples * holds * inside, limit)
+        weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
+        kept = torch.minimum(warped.samples * warped.surface, limit)
+        unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0) & (kept > MIN_SAMPLES)
+        return Blend(clip_to_center(warped.color, box), weight, samples, holds, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
-        """(1, 1, H, W) 1 where the mean luma of a neighbourhood moved by more than jitter explains."""
+        """(1, 1, H, W) 1 where the mean luma of a neighbourhood changed by more than jitter explains."""
         c = self.config
         moved = (now[:, :1] - before[:, :1]).abs()
         jitter = c.change_deviation * torch.maximum(now[:, 1:2], before[:, 1:2])
-        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + NOTICEABLE
+        noise = jitter + c.change_relative * torch.maximum(now[:, :1], before[:, :1]) + MIN_CHANGE
         return ((moved / noise - 1.0) / c.change_ramp).clamp(0.0, 1.0)
 
     def finish(
-        self, present: Present, past: Remembered, blend: Blend, exposure: Tensor
+        self, current: CurrentFrame, warped: WarpedHistory, blend: Blend, exposure: Tensor
     ) -> tuple[Tensor, Tensor]:
-        """Average, fall back on this frame where little is known, go back to linear RGB."""
+        """Blend, or use this frame alone with few samples; return linear RGB and the next samples."""
         settled = (blend.samples / self.config.settled).clamp(max=1.0)
-        sample = present.frame + settled * (present.sample - present.frame)
-        color = blend.past + blend.weight * (sample - blend.past)
-        color = torch.where(blend.samples > UNKNOWN, color, present.frame)
+        sample = current.frame + settled * (current.sample - current.frame)
+        color = blend.history + blend.weight * (sample - blend.history)
+        color = torch.where(blend.samples > MIN_SAMPLES, color, current.frame)
         image = bounded(inverse_tone(from_ycocg(color).clamp(min=0.0)) / exposure)
 
-        reach = past.power.sqrt() + self.config.spread_step
-        off = (present.sample[:, :1] - past.color[:, :1]).abs().minimum(reach)
-        seen = blend.samples.clamp(max=self.config.spread_samples) + present.confidence
-        rate = present.confidence / seen.clamp(min=1e-6)
-        known = (blend.samples > UNKNOWN).float() * blend.spreads
-        power = known * (past.power + rate * (off * off - past.power) - DARKNESS).clamp(min=0.0)
-        now = [blend.samples + present.confidence, power + GLARE * CONFIRMED * present.glare]
-        before = [blend.kept, past.surface * past.power + GLARE * (past.glare + 1.0)]
+        reach = warped.power.sqrt() + self.config.spread_step
+        error = (current.sample[:, :1] - warped.color[:, :1]).abs().minimum(reach)
+        counted = blend.samples.clamp(max=self.config.spread_samples) + current.confidence
+        rate = current.confidence / counted.clamp(min=1e-6)
+        known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
+        power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
+        now = [blend.samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
+        before = [blend.kept, warped.surface * warped.power + GLARE * (warped.glare + 1.0)]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:
     """(1, 2, h, w) mean and standard deviation of `luma` over the usable ones of 3x3 samples.
 
-    Without any, the deviation is 1: whatever the mean was or will be, it is no change.
+    Without usable samples the deviation is 1, so that no mean counts as changed.
     """
     sums = blurred(torch.cat([luma, luma * luma, usable], dim=1))
-    seen = (sums[:, 2:3] > UNSEEN).float()
+    known = (sums[:, 2:3] > MIN_WEIGHT).float()
     moments = normalised(sums)
     mean, square = moments[:, :1], moments[:, 1:2]
     deviation = (square - mean * mean).clamp(min=0.0).sqrt()
-    return torch.cat([mean, deviation * seen + (1.0 - seen)], dim=1)
+    return torch.cat([mean, deviation * known + (1.0 - known)], dim=1)

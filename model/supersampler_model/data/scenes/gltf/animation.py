@@ -1,4 +1,4 @@
-"""Keyframes: where nodes are at a time."""
+"""Keyframe animation of nodes."""
 
 from dataclasses import dataclass
 from typing import Any

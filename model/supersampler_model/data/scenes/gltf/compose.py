@@ -1,8 +1,8 @@
 """Sequences composed at random of the glTF files in a folder, with procedural things among them.
 
-A file of a room's size is the stage and stands still, smaller ones stand on it, each moving in its own way;
-some sequences have a bare floor for a stage. Wires, fences, leaves, mirrors, movers and particles join them.
-Camera, lights, exposure and a cut are drawn too. All of it follows from the files and the seed.
+A file of a room's size is the static stage. Smaller files are props on it, each with its own motion; some
+sequences have a bare floor as stage. Wires, fences, leaves, mirrors, movers and particles are added. Camera,
+lights, exposure and a cut are random too. Files and seed determine the sequence.
 """
 
 from dataclasses import replace
@@ -39,13 +39,13 @@ from supersampler_model.data.specs import Sequence, SequenceSpec
 PROPS = 6  # from files, in one sequence, at most
 _KEPT = 0.3, 1.9  # metres: heights of props that are not resized
 _ROOM = 0.3, 0.9  # metres that are left to a prop, at least and at most
-_APART = 1.0  # metres that a camera keeps from what stands there, if there is a way
+_APART = 1.0  # metres that a camera keeps from things, if possible
 _TRIES = 16
 _BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
 
 
-class Drawn(NamedTuple):
-    """What the files of a sequence hold."""
+class Rerendered(NamedTuple):
+    """The loaded files of a sequence."""
 
     stage: GltfScene | None
     props: list[GltfScene]
@@ -55,28 +55,28 @@ class Drawn(NamedTuple):
 class Composition(Sequence):
     """A sequence of a folder's files.
 
-    What does not come from them, as a bare floor does not, is made as it is for the procedural families.
+    Everything else, as a bare floor, is built as in the procedural families.
     """
 
     def __init__(self, spec: SequenceSpec) -> None:
         """Read the files of a spec whose family is GLTF.
 
         Raises:
-            GltfError: one of them is broken, or not the one that the spec was drawn with.
+            GltfError: one of them is broken, or not the one of the spec.
         """
         self.spec = spec
         rng = np.random.default_rng([spec.seed, crc32(spec.family.encode())])
-        drawn = _read(spec)
-        ground = None if drawn.stage is None else ground_of(drawn.stage)
+        files = _read(spec)
+        ground = None if files.stage is None else ground_of(files.stage)
         self._ground = ground or Ground(triangles_of((_floor(),)))
         self._focus = self._ground.spot(rng)
-        self._lighting = Lighting(rng, self._focus, drawn.surroundings)
+        self._lighting = Lighting(rng, self._focus, files.surroundings)
         self._made = Stage(environment=self._lighting.environment)
-        self._stage = () if drawn.stage is None else standing(drawn.stage)
-        if drawn.stage is None:
+        self._stage = () if files.stage is None else standing(files.stage)
+        if files.stage is None:
             _add_floor(rng, self._made)
-        count = int(rng.integers(2, PROPS + 1)) if drawn.props else 0
-        self._props = [self._prop(drawn.props[index % len(drawn.props)], rng) for index in range(count)]
+        count = int(rng.integers(2, PROPS + 1)) if files.props else 0
+        self._props = [self._prop(files.props[index % len(files.props)], rng) for index in range(count)]
         taken = add_clutter(rng, self._made, self._ground, self._focus)
         taken += [prop.course.at_share(share) for prop in self._props for share in (0.0, 0.5, 1.0)]
         self._walks = [self._walk(rng, np.array([self._focus, *taken])) for _ in range(2)]
@@ -141,11 +141,11 @@ class Composition(Sequence):
         )
 
     def _path(self, rng: np.random.Generator, taken: Values) -> tuple[Values, Values]:
-        """Return from where to where a camera walks: in sight of the props, past them and not through them.
+        """Return start and end of a camera walk: in sight of the props, and not through them.
 
         Args:
-            rng: of the places.
-            taken: (n, 3) what it keeps away from, as far as there is room.
+            rng: generator.
+            taken: (n, 3) places to keep away from, as far as there is room.
         """
         best, found = -np.inf, (self._focus, self._focus)
         for _ in range(_TRIES):
@@ -186,7 +186,7 @@ def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float =
     return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
 
 
-def _read(spec: SequenceSpec) -> Drawn:
+def _read(spec: SequenceSpec) -> Rerendered:
     stage, props, surroundings = None, [], None
     for name, digest in spec.files:
         path = Path(spec.folder or "", name)
@@ -200,12 +200,12 @@ def _read(spec: SequenceSpec) -> Drawn:
             stage = model
         else:
             props.append(model)
-    return Drawn(stage, props, surroundings)
+    return Rerendered(stage, props, surroundings)
 
 
 def _expect(path: Path, wanted: str, found: str) -> None:
     if found != wanted:
-        problem = "is not the file that this sequence was drawn with; put that one back, or begin another set"
+        problem = "is not the file that this sequence was made with; put that one back, or begin another set"
         raise GltfError(path, "", problem)
 
 
@@ -215,7 +215,7 @@ def _floor() -> Instance:
 
 
 def _add_floor(rng: np.random.Generator, stage: Stage) -> None:
-    """Add a floor to the horizon, and what closes that."""
+    """Add a floor up to the horizon, and a skyline or hills."""
     if rng.random() < 0.5:
         stage.put(shapes.plane(70.0, 70.0, 0.5), materials.tiles(rng, 8, float(rng.random())))
         skyline(rng, stage)

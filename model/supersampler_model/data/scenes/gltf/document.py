@@ -19,8 +19,8 @@ Json: TypeAlias = dict[str, Any]
 LARGEST_FILE = 1 << 31  # bytes
 LARGEST_JSON = 1 << 28  # bytes; data URIs are in it
 LARGEST_IMAGES = 1 << 31  # bytes of all that are decoded
-LARGEST_ARRAYS = 1 << 23  # numbers that arrays may come to, however small the file
-ARRAYS_A_BYTE = 32  # numbers more for each byte read: several primitives may share an array
+LARGEST_ARRAYS = 1 << 23  # numbers in arrays that any file may hold
+ARRAYS_A_BYTE = 32  # further numbers per byte read: primitives may share arrays
 UNDERSTOOD = {"KHR_mesh_quantization", "KHR_materials_emissive_strength", "KHR_texture_transform"}
 _HEADER, _CHUNK = 12, 8  # bytes
 _OUTSIDE = re.compile(r"[\\:\x00-\x1f]")  # of other systems' paths; a scheme ends in a colon, too
@@ -58,7 +58,7 @@ class Document:
         return item
 
     def name(self, kind: str, index: int) -> str:
-        """Return how messages call an item: "mesh 0 'Chair'"."""
+        """Return an item's name in messages: "mesh 0 'Chair'"."""
         label = self.item(kind, index).get("name")
         single = {"meshes": "mesh"}.get(kind, kind.removesuffix("s"))
         return f"{single} {index}" + (f" {label!r}" if label else "")
@@ -73,16 +73,16 @@ class Document:
         return data[start : start + length], stride
 
     def claim(self, kind: Literal["arrays", "images"], count: int) -> None:
-        """Count numbers that room is to be made for; more than the file can be meant to hold are refused."""
+        """Count numbers before memory is allocated for them; raise when a file claims too many."""
         self._sizes[kind] += count
         most = LARGEST_ARRAYS + ARRAYS_A_BYTE * self._sizes["read"] if kind == "arrays" else LARGEST_IMAGES
         if self._sizes[kind] > most:
             raise MalformedError(f"all {kind} come to more than {most} numbers")
 
     def load(self, uri: Any) -> bytes:
-        """Return what a buffer's or an image's URI stands for: data of its own, or a file beside this.
+        """Return the data of a buffer's or an image's URI: a data URI, or a file beside this one.
 
-        Files are read from the folder of this one and below, whatever links and names like `..` lead to.
+        Only files in the folder of this one and below are read; links and `..` that lead out are refused.
         """
         if not isinstance(uri, str):
             raise MalformedError(f"the URI {uri!r} is no text")
@@ -99,7 +99,7 @@ class Document:
         return data
 
     def _beside(self, uri: str) -> Path:
-        """Return the file of a relative URI, once it is sure that it lies in the folder of this one."""
+        """Return the file of a relative URI, after a check that it lies in the folder of this one."""
         name = unquote(uri, errors="strict")
         path = PurePosixPath(name)
         outside = path.is_absolute() or ".." in path.parts or _OUTSIDE.search(name)

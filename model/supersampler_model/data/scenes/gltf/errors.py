@@ -1,7 +1,7 @@
-"""What is wrong with a glTF file, and where in it.
+"""Errors of glTF files: the reason, and the place in the file.
 
 GltfError       a DataError: names the file, the place in it and the reason
-  MalformedError     its beginning inside this package: the reason; each `at` on the way out adds a place
+  MalformedError  used inside this package: the reason; each enclosing `at` adds a place
 """
 
 from collections.abc import Iterator
@@ -14,7 +14,7 @@ from supersampler_model.data.errors import DataError, SceneError
 
 
 class GltfError(DataError, ValueError):
-    """A glTF file is broken, or holds what this renderer does not draw.
+    """A glTF file is broken, or uses unsupported features.
 
     Attributes:
         path: the file.

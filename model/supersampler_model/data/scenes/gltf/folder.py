@@ -1,4 +1,4 @@
-"""The files of a folder that sequences are composed of: read once, sorted by use, drawn from by seeds."""
+"""The glTF files of a folder: read once, sorted by use, chosen by seeds."""
 
 import hashlib
 from dataclasses import dataclass
@@ -19,12 +19,12 @@ from supersampler_model.data.values import Matrix
 STAGE = 8.0  # metres along the ground from which on a file is a stage
 PROPS = 3  # files of props in one composition, at most
 PANORAMA = ".hdr"
-_BARE = 0.15  # how often the stage is a bare floor, though there are others
-_HELD_OUT = 4  # of each kind one file in so many is kept for validation
+_BARE = 0.15  # probability of a bare floor as stage, if there are others
+_HELD_OUT = 4  # one file in so many of each kind is kept for validation
 _STILL: Matrix = np.eye(4)
 
 File = tuple[str, str]
-"""A name below the folder, with forward slashes, and the SHA-256 of what is read of it."""
+"""A name below the folder, with forward slashes, and the SHA-256 of its content."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +59,7 @@ class Folder:
     def split(self, seed: int) -> tuple["Folder", "Folder | None"]:
         """Return the files for training and those kept for validation, which have none in common.
 
-        A kind of which there is one file only is for training. Where nothing to compose is left for
-        validation, that is None.
+        A single file of a kind is used for training. None: there is nothing to compose for validation.
         """
         random = np.random.default_rng([seed, crc32(b"split")])
         kept: list[dict[str, tuple[File, ...]]] = [{}, {}]
@@ -74,7 +73,7 @@ class Folder:
 
 
 def read_folder(path: Path) -> Folder:
-    """Read all files (.glb, .gltf, .hdr) in a folder and below, so that none fails later.
+    """Read all files (.glb, .gltf, .hdr) in a folder and below, so that errors occur before rendering.
 
     Raises:
         SceneError: there is no such folder, or nothing in it to compose a sequence of.
@@ -116,7 +115,7 @@ def standing(model: GltfScene) -> tuple[Instance, ...]:
 
 
 def ground_of(model: GltfScene) -> Ground | None:
-    """Return where there is room on a stage; None if nobody could stand on it."""
+    """Return where there is room on a stage; None if there is no floor."""
     triangles = triangles_of(standing(model))
     ground = Ground(triangles) if len(triangles) else None
     return ground if ground is not None and ground.free.any() else None

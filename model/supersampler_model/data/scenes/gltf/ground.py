@@ -1,4 +1,4 @@
-"""Where there is room on a stage: found by looking through its triangles, so that any file can be one."""
+"""Free floor space on a stage, found from its triangles, so that any file can be a stage."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,7 +21,7 @@ class Ground:
     """
 
     def __init__(self, triangles: Values) -> None:
-        """Look through (m, 3, 3) triangles, metres, y up; what is far from nearly all of them is left out."""
+        """Build the map from (m, 3, 3) triangles, metres, y up; outliers are ignored."""
         low, high = np.percentile(triangles.reshape(-1, 3), (1, 99), axis=0)
         room = np.maximum(0.1 * (high - low), 2.0)
         self._origin = np.maximum(low - room, triangles.min(axis=(0, 1)) - 0.5 * STEP)

@@ -42,7 +42,7 @@ class Lamp:
 
 
 class Lighting:
-    """All lights of a composition, drawn around the place at which it looks.
+    """All lights of a composition, random, around the camera's target.
 
     Attributes:
         environment: shared by all frames.
@@ -53,7 +53,7 @@ class Lighting:
         """Draw the lights around a place (3,); None draws a sky too."""
         self._focus = focus
         around_it = sky(rng) if environment is None else environment
-        dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # the less of it, the more the lamps show
+        dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # the darker it is, the more the lamps matter
         self.environment = Environment(pixels=(around_it.pixels * dim).astype(np.float32))
         self.exposure = float(dim**-0.6)
         height, around = rng.uniform(0.3, 1.3), rng.uniform(0.0, 2.0 * np.pi)

@@ -26,7 +26,7 @@ class Surface(NamedTuple):
     """A material.
 
     Attributes:
-        material: None where nothing of it is to be seen.
+        material: None if it is fully transparent.
         coordinates: of all its textures; None if it has none.
     """
 
@@ -35,10 +35,10 @@ class Surface(NamedTuple):
 
 
 class Materials:
-    """The materials of a file. Images and textures that several share are made once.
+    """The materials of a file. Shared images and textures are loaded once.
 
-    BLEND, which the renderer does not draw, is MASK at 0.5: what is more transparent than that is left out.
-    An occlusion map that is black all over, as where an exporter had none to put into that channel, is too.
+    BLEND, which the renderer does not support, becomes MASK at 0.5. An occlusion map that is all black, as
+    exporters write without one, is ignored.
     """
 
     def __init__(self, document: Document) -> None:

@@ -1,4 +1,4 @@
-"""How what a composition shows moves: each a function of the time in seconds alone."""
+"""Motions of a composition: functions of time in seconds."""
 
 from dataclasses import dataclass
 
@@ -85,12 +85,12 @@ class Prop:
     """A file's content that stands on the ground and moves over it.
 
     Attributes:
-        size: by what it is multiplied.
+        size: scale factor.
         course: of the middle of its lower side.
         spin: radians a second about the vertical, from `yaw` on.
         hop: metres; how high it jumps, once a second.
         clip: of the file, run to and fro.
-        glow: of what of it emits light.
+        glow: factor of its emission.
     """
 
     model: GltfScene
@@ -103,7 +103,7 @@ class Prop:
     glow: Flicker
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
-        """Return what is to be drawn at a time, with where it was at another."""
+        """Return the instances at a time, with their placement at another."""
         clips = self.model.clips
         duration = clips[self.clip].duration if clips else 0.0
         return self.model.instances(

@@ -1,4 +1,4 @@
-"""The nodes of a scene: who hangs on whom, and where they are."""
+"""The node hierarchy of a scene, and the nodes' matrices."""
 
 from dataclasses import dataclass
 from typing import Any

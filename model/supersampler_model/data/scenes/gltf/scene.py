@@ -48,10 +48,10 @@ class Part:
 
 
 class GltfScene:
-    """What a .glb or .gltf file shows.
+    """The content of a .glb or .gltf file.
 
-    Lights and cameras of the file are left out, as are vertex colours and how textures end at their borders
-    (they repeat). Meshes, materials and textures are made once, so that frames share them.
+    Lights, cameras, vertex colours and wrap modes (textures repeat) are ignored. Meshes, materials and
+    textures are loaded once and shared by frames.
 
     >>> model = GltfScene("chair.glb")
     >>> model.instances(0.5, 0.5 - 1 / 30, np.eye(4))
@@ -92,13 +92,13 @@ class GltfScene:
         clip: int = 0,
         emission: float = 1.0,
     ) -> tuple[Instance, ...]:
-        """Return what the file shows at a time.
+        """Return the instances of the file at a time.
 
         Args:
             time: seconds into the clip; before its start and after its end it stands still.
             time_before: the same one frame ago.
             transform: (4, 4) the file's space to the world.
-            transform_before: the same one frame ago; None is "it stood still".
+            transform_before: the same one frame ago; None: no motion.
             clip: index in `clips`; a file without any stays as it is.
             emission: multiplies what its materials emit.
 

@@ -1,4 +1,4 @@
-"""What passes between the sun and a scene: never seen itself, its shadow runs over the picture."""
+"""Shadow casters between the sun and a scene: outside the view, their shadows move over the image."""
 
 from collections.abc import Callable
 
@@ -17,7 +17,7 @@ CASTERS = ("mill", "train", "clouds", "boughs")
 
 
 def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None = None) -> None:
-    """Add one of the CASTERS, drawn if none is named.
+    """Add one of the CASTERS, a random one by default.
 
     All are flat and face the sun; cameras on the scene's side see their backs, which are not drawn.
     """

@@ -1,4 +1,4 @@
-"""What several families use: bulbs that light their surroundings, and what closes the horizon."""
+"""Parts shared by families: bulbs that light their surroundings, skylines and hills."""
 
 import numpy as np
 

@@ -25,7 +25,7 @@ def steady(_: float) -> float:
 
 
 def pulse(rng: Rng, kind: str | None = None) -> Pulse:
-    """Return one of the PULSES, drawn if none is named."""
+    """Return one of the PULSES, a random one by default."""
     kind = kind or str(rng.choice(PULSES, p=(0.4, 0.25, 0.15, 0.2)))
     phase, depth = float(rng.uniform(0.0, 6.3)), float(rng.uniform(0.5, 0.95))
     rate = (
@@ -46,14 +46,14 @@ def nervous(rng: Rng) -> Pulse:
 
 
 def clouds(rng: Rng) -> Pulse:
-    """Return what broken clouds do to a sun: one or two edges a second, soft or as sudden as a frame."""
+    """Return the factor of a sun behind broken clouds: one or two edges a second, soft or abrupt."""
     rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
     sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), float(rng.uniform(0.5, 0.9))
     return lambda t: float(1.15 - depth * (0.5 + 0.5 * np.tanh(sharp * np.sin(rates * t + phases).sum())))
 
 
 def lightning(rng: Rng) -> Pulse:
-    """Return what a thunderstorm does to a moon: bursts of some frames, many times its light."""
+    """Return the factor of a moon in a thunderstorm: bursts of a few frames, many times its light."""
     gap, first, strength = float(rng.uniform(0.4, 0.9)), float(rng.random()), float(rng.uniform(12.0, 30.0))
     bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
 
@@ -179,7 +179,7 @@ def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: 
 
 
 def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environment:
-    """Return a dim room with bright rectangles on its ceiling and upper walls: what metals mirror."""
+    """Return a dim room with bright rectangles on its ceiling and upper walls, which metals mirror."""
     around = directions(HEIGHT)
     up = around[..., 1]
     azimuth = np.arctan2(around[..., 0], -around[..., 2])

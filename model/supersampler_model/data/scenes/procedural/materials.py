@@ -1,4 +1,4 @@
-"""Surfaces: textures put together, with colours, wear and grain drawn from a generator."""
+"""Materials: combinations of textures, with random colours, wear and grain."""
 
 from dataclasses import replace
 
@@ -200,7 +200,7 @@ def glow(color: Color, strength: float) -> Material:
 
 
 def poster(rng: Rng, shine: float = 0.0) -> Material:
-    """Return a printed picture; `shine` makes it a lit screen."""
+    """Return a printed image; `shine` makes it a lit screen."""
     image = textures.picture(rng)
     if shine:
         return Material(base_color=(0.02, 0.02, 0.02), emissive=(shine,) * 3, emissive_texture=image)

@@ -1,4 +1,4 @@
-"""A street where vans, drones and signs rush past close to the camera and uncover what is behind them."""
+"""A street where vans, drones and signs rush past close to the camera and disocclude the background."""
 
 import numpy as np
 

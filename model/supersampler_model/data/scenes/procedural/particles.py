@@ -1,4 +1,4 @@
-"""Many small sprites as functions of time: what engines draw without motion vectors."""
+"""Particles as functions of time, which engines draw without motion vectors."""
 
 from collections.abc import Callable, Sequence
 

@@ -1,4 +1,4 @@
-"""What moves, as smooth functions of time in seconds, with rates and phases drawn from a generator."""
+"""Motions as smooth functions of time in seconds, with random rates and phases."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) 
 
 
 def pendulum(rng: Rng, pivot: Sequence[float], length: float, extent: float) -> Place:
-    """Return the way of what hangs `length` metres below `pivot` and swings up to about `extent` radians."""
+    """Return the path of a pendulum `length` metres below `pivot` swinging up to about `extent` radians."""
     rates = np.sqrt(9.8 / length) * rng.uniform(0.95, 1.05, 2)  # x and z
     phases = rng.uniform(-1.0, 1.0, 2) + rng.choice([0.0, np.pi])
     extents = extent * np.array([1.0, 0.4])[:: int(rng.choice([-1, 1]))]
@@ -95,7 +95,7 @@ def upright(path: Place) -> Pose:
 
 
 def carried(by: Pose, local: Matrix | Pose) -> Pose:
-    """Return the pose of what sits on something that moves."""
+    """Return the pose of a thing attached to a moving one."""
     if callable(local):
         return lambda t: np.asarray(by(t) @ local(t))
     return lambda t: np.asarray(by(t) @ local)

@@ -48,7 +48,7 @@ def plaza(rng: Rng) -> Stage:
 
 
 def _sun(t: float) -> Sun:
-    """Return a warm sun over the camera's left shoulder, before which a cloud draws within some frames."""
+    """Return a warm sun over the camera's left shoulder, covered by a cloud within some frames."""
     through = 0.68 - 0.32 * float(np.tanh((t - _CLOUD) / 0.05))
     color = vector(through * np.array([7.5, 5.9, 4.1]))
     return Sun(direction=(0.62, -0.55, -0.5), color=color, center=(0.0, 0.0, -3.5), radius=11.0)
@@ -134,7 +134,7 @@ def _bunting(rng: Rng, stage: Stage) -> None:
 
 
 def _cart(rng: Rng, stage: Stage) -> None:
-    """A vendor's cart that rolls through the picture: what it hid comes into sight."""
+    """A vendor's cart that rolls through the image and disoccludes the background."""
     rolling: Pose = upright(lambda t: np.array([-2.5 + 3.4 * t, 0.0, -1.3]))
     body = [
         (shapes.box(1.0, 0.5, 0.6, 1.0), placed(0, 0.42, 0)),

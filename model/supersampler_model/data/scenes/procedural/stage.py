@@ -1,4 +1,4 @@
-"""What a family builds: everything that is to be seen, as functions of time in seconds."""
+"""The stage that a family builds: all content of a scene as functions of time in seconds."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -27,6 +27,6 @@ def turned_by(axis: int, angle: float) -> Matrix:
 
 
 def facing(position: Sequence[float], heading: Sequence[float]) -> Matrix:
-    """Return what stands at `position` with its local +z along the level part of `heading`."""
+    """Return the pose at `position` with its local +z along the level part of `heading`."""
     yaw = float(np.arctan2(heading[0], heading[2]))
     return placed(float(position[0]), float(position[1]), float(position[2]), yaw=yaw)

@@ -5,7 +5,7 @@ from dataclasses import replace
 import pytest
 
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
-from supersampler_export.host import _fits, host_network
+from supersampler_export.cpu_network import _fits, cpu_network
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.taau.model import Taau
@@ -48,4 +48,4 @@ def test_smaller_networks_fit() -> None:
 
 @pytest.mark.parametrize("method", [Taau(), PaperClassifier(), Classifier(ClassifierConfig(recurrent=False))])
 def test_there_is_none_for_other_methods_and_other_constants(method: object) -> None:
-    assert host_network(method) is None  # type: ignore[arg-type]
+    assert cpu_network(method) is None  # type: ignore[arg-type]

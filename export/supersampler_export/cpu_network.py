@@ -1,4 +1,4 @@
-"""What the host executor needs of a method beside its constants: `network.npz` of a model folder."""
+"""`network.npz` of a model folder: the int8 network of the CPU backend."""
 
 import io
 from dataclasses import replace
@@ -10,30 +10,30 @@ from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, Classifier
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.spec import constants_of
 from supersampler_export.calibrate import calibrated
-from supersampler_export.quantize import BLOCK, KEPT, quantised
+from supersampler_export.quantize import BLOCK, KEPT, quantized
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import ClassifierNetwork
 
 CONSTANTS = ("network", *constants_of(CLASSIFIER), *Variant._fields)
-"""Of ClassifierConfig, what the kernels take as it comes, or are made for; the rest is built in."""
+"""Fields of ClassifierConfig that kernels read or are compiled for; the others must have their defaults."""
 
 
-def host_network(method: Method) -> bytes | None:
-    """Return the network in bytes, or None where there are no kernels for the method as it is configured."""
+def cpu_network(method: Method) -> bytes | None:
+    """Return the int8 network; None without kernels for the method's config."""
     if not isinstance(method, Classifier) or type(method.net) is not ClassifierNetwork:
         return None
     constants = {name: getattr(method.config, name) for name in CONSTANTS}
     if method.config != replace(type(method.config)(), **constants) or not _fits(method.config):
         return None
     stream = io.BytesIO()
-    arrays: dict[str, Any] = quantised(method.net, calibrated(method))
+    arrays: dict[str, Any] = quantized(method.net, calibrated(method))
     np.savez(stream, **arrays)
     return stream.getvalue()
 
 
 def _fits(config: ClassifierConfig) -> bool:
-    """Whether the kernels have room for networks of these widths."""
+    """Whether the kernels support networks of these widths."""
     widths = config.network
     kept = [*(channels // 2 for channels in widths.levels[:-1]), widths.levels[-1]]
     return (

@@ -13,13 +13,13 @@ from supersampler.frame import Float32
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_export import folder as folder_module
+from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, write_model_folder
 from supersampler_export.graph import ExportError
-from supersampler_export.half import in_half
-from supersampler_export.host import host_network
+from supersampler_export.half import to_half
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
-from supersampler_model.methods.extrapolation.joint import DrawnExtrapolate, Extrapolate
+from supersampler_model.methods.extrapolation.joint import Extrapolate, UnshadedExtrapolate
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
 SIZE, DISPLAY = (21, 13), (41, 27)
@@ -56,7 +56,7 @@ def frame(index: int, kind: str) -> Frame:
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
     history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
     for index, kind in enumerate(pattern):
-        names = [*DrawnExtrapolate.inputs(), "gbuffer_normal"]
+        names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
         given = {name: torch.from_numpy(array) for name, array in arrays.items()}
         stepping: Method = method
@@ -92,7 +92,9 @@ def test_both_folders_say_what_they_are_and_have_one_history() -> None:
     assert outer.history == inner.history
     assert [t.name for t in inner.inputs if t not in outer.inputs] == ["gbuffer_base_color"]
     assert "network.npz" not in outer.files
-    assert "colour was drawn" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(encoding="utf-8")
+    assert "extrapolated frames, on the history" in (folder / "extrapolated" / "MODEL_CARD.md").read_text(
+        encoding="utf-8"
+    )
     assert "`extrapolated/model.json` describes" in (folder / "MODEL_CARD.md").read_text(encoding="utf-8")
 
 
@@ -124,7 +126,7 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
     packed, carried = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.carried, 8, 8)
     surface = torch.rand(1, 12, 8, 8)
     for one, given in ((method, (packed, carried)), (method.on_extrapolated(), (packed, carried, surface))):
-        half = in_half(one)
+        half = to_half(one)
         assert half is not None
         with torch.no_grad():
             for a, b in zip(half.get_submodule("net")(*given), one.get_submodule("net")(*given), strict=True):
@@ -132,6 +134,6 @@ def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None
 
 
 def test_there_are_no_kernels_for_two_encoders(method: Extrapolate) -> None:
-    assert host_network(method) is None
+    assert cpu_network(method) is None
     assert "only_extrapolated" not in describe(method)
     assert describe(method.on_extrapolated())["only_extrapolated"] is True

@@ -18,7 +18,7 @@ from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import find_model
 from supersampler_export import calibrate
-from supersampler_export.host import host_network
+from supersampler_export.cpu_network import cpu_network
 from supersampler_model.methods.base import Size as ModelSize
 from supersampler_model.methods.classifier.model import Classifier
 
@@ -44,7 +44,7 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     folder = tmp_path_factory.mktemp("model")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate, "FRAMES", 2)
-        network = host_network(method)
+        network = cpu_network(method)
     assert network is not None
     (folder / "network.npz").write_bytes(network)
     described = json.loads((find_model("classifier") / "model.json").read_text())

@@ -12,7 +12,7 @@ from supersampler_model.data.scenes.analytic import DiscOverPlane
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.training.classifier_task import ClassifierTask
-from supersampler_model.training.crops import FIREFLIES, Cut, with_fireflies
+from supersampler_model.training.crops import FIREFLIES, CropRegion, with_fireflies
 from supersampler_model.training.frame_inputs import frame_inputs
 
 DISPLAY = (96, 64)
@@ -53,7 +53,7 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     return picture
 
 
-def cropped(sequence: list[TrainingFrame], cut: Cut) -> torch.Tensor:
+def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
     task = ClassifierTask(Classifier().eval())
     states = [task.first_state(cut.sample(sequence[0], reset=True))]
     for frame in sequence:
@@ -78,7 +78,7 @@ def test_a_crop_draws_the_part_of_the_whole_picture(
 ) -> None:
     sequence = frames(render)
     ratio = DISPLAY[0] / render[0], DISPLAY[1] / render[1]
-    cut = Cut(left=31, top=9, size=40, ratio=ratio, flip=flip, turned=turned)
+    cut = CropRegion(left=31, top=9, size=40, ratio=ratio, flip=flip, turned=turned)
     part = whole(sequence)[:, :, 9:49, 31:71]
     part = part.flip(3) if flip[0] else part
     part = part.flip(2) if flip[1] else part
@@ -89,14 +89,14 @@ def test_a_crop_draws_the_part_of_the_whole_picture(
 
 def test_a_gain_of_the_colours_alone_scales_the_picture() -> None:
     sequence = frames((48, 32))
-    cut = Cut(left=31, top=9, size=40, ratio=(2.0, 2.0))
+    cut = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0))
     brighter = dataclasses.replace(cut, gain=4.0)
     assert torch.allclose(cropped(sequence, brighter), 4.0 * cropped(sequence, cut), rtol=1e-3, atol=1e-4)
 
 
 def test_fireflies_strike_a_few_frames_in_colour_alone_and_stay_in_range() -> None:
     frame = frames((48, 32))[0]
-    sample = Cut(left=31, top=9, size=40, ratio=(2.0, 2.0)).sample(frame, reset=True)
+    sample = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0)).sample(frame, reset=True)
     made = [with_fireflies(sample, np.random.default_rng(seed)) for seed in range(400)]
     struck = [other for other in made if not torch.equal(other.color, sample.color)]
     assert 0.5 * FIREFLIES < len(struck) / len(made) < 2.0 * FIREFLIES
