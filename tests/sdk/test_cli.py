@@ -296,4 +296,4 @@ def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -
             writer.write(source.read_raw(index))
     done = run("check", tmp_path)
     assert done.exit_code == 1
-    assert done.stdout.endswith("Write instead:\nConventions()\n")
+    assert done.stdout.endswith("Write: Conventions()\n")

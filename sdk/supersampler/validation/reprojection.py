@@ -1,10 +1,10 @@
-"""How well a motion field explains a picture by the one before: one measure for the checks and the detector.
+"""How well motion explains an image by the previous one.
 
-The error is the mean squared difference of luminance, compressed to [0, 1], between a pixel and where it is
-said to have been; at some thousand places only, so that the cost does not grow with the picture. Squared, as
-a hard edge sampled once a pixel is often the same at the same pixel, and a median or mean difference would
-find that it had not moved. Both pictures are read through the same small filter: read at whole pixels they
-would else be sharper and noisier than between pixels, and wrong motion would win by blur.
+The error is the mean squared difference of luminance, compressed to [0, 1], between a pixel and its place in
+the previous image. It is taken at some thousand places, so that the cost does not grow with the image. It is
+squared because a hard edge sampled once a pixel is often the same at the same pixel: a median or mean
+difference would find no motion there. Both images are read through the same small filter: an image read at
+whole pixels is sharper and noisier than one read between pixels, and wrong motion would win by blur.
 """
 
 from typing import Any
@@ -14,31 +14,36 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32
 
+Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns (n,) of pixels."""
+
 MIN_PLACES = 1000
-"""With fewer places that have texture, chance is larger than the differences looked for."""
+"""With fewer textured places, chance is larger than the differences looked for."""
 
 _LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
+PLACES = 12_000
+"""About how many pixels a check reads."""
+
 _TEXTURE = 0.01  # change of the compressed luminance from one pixel to the next
 
 
 def luminance(color: Array) -> Float32:
     """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
-    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Pair` leaves them out
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Reprojection` leaves them out
         values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
     return values
 
 
-class Pair:
-    """Two neighbouring frames, ready to be asked how well motion explains the second.
+class Reprojection:
+    """Two luminances (h, w) of neighbouring frames, compared at some places.
 
     Attributes:
-        rows, columns: (n,) the places.
-        textured: how many of them differ from their neighbours.
+        places: rows and columns (n,) of those places.
+        textured: whether enough of them differ from their neighbours.
     """
 
-    def __init__(self, now: Float32, before: Float32, *, places: int = 12_000) -> None:
-        """Choose at most about `places` places in two (h, w) luminances of equal size."""
-        rows, columns = grid((now.shape[1], now.shape[0]), places)
+    def __init__(self, now: Float32, before: Float32) -> None:
+        rows, columns = grid((now.shape[1], now.shape[0]), PLACES)
         known = now[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
         middle = float(np.median(known)) if known.size else 1.0
@@ -46,25 +51,26 @@ class Pair:
         here = _read(tone, columns, rows)
         right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
-        self.rows, self.columns, self._now = rows, columns, here
-        self.textured = int((change > _TEXTURE).sum())  # NaN is not
+        self.places, self._now = (rows, columns), here
+        self.textured = int((change > _TEXTURE).sum()) >= MIN_PLACES  # NaN is not
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
         """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
 
         Args:
-            offset: (n, 2) or (2,) pixels from each place to where it is read in the frame before.
-            where: (n,) which places to ask, all by default; at least one.
+            offset: (n, 2) or (2,) pixels from each place to its place in the previous frame.
+            where: (n,) which places to compare, all by default; at least one.
         """
-        offset = np.broadcast_to(offset, (len(self.rows), 2))
+        rows, columns = self.places
+        offset = np.broadcast_to(offset, (len(rows), 2))
         use = slice(None) if where is None else where
-        past = _read(self._before, self.columns[use] + offset[use, 0], self.rows[use] + offset[use, 1])
-        difference = past - self._now[use]
+        before = _read(self._before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
+        difference = before - self._now[use]
         difference = difference[np.isfinite(difference)]
-        return float(np.mean(difference**2)) if 2 * len(difference) > len(past) else float("inf")
+        return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
 
 
-def grid(size: tuple[int, int], places: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+def grid(size: tuple[int, int], places: int) -> Places:
     """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
     step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
     rows, columns = np.meshgrid(
@@ -82,9 +88,9 @@ def moving(motion: Array) -> NDArray[np.bool_]:
     return moves
 
 
-def _tone(picture: Float32, middle: float) -> Float32:
+def _tone(image: Float32, middle: float) -> Float32:
     """Return luminance compressed to [0, 1], with one more pixel all round; NaN where it is not finite."""
-    tone = np.maximum(picture, 0)
+    tone = np.maximum(image, 0)
     with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
         tone /= tone + np.float32(middle)
     return np.pad(tone, 1, mode="edge")
