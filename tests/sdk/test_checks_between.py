@@ -13,8 +13,9 @@ from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
 from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdict, ranked
-from supersampler.validation.evidence import Evidence, frame_pairs
+from supersampler.validation.evidence import Evidence
 from supersampler.validation.readings import reading_text
+from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.temporal import FramesSeen, _better_reading, _other_order, _readings
 from supersampler_model.data.scenes.analytic import Plane, checker
 

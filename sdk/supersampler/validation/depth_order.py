@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Array
-from supersampler.validation.reprojection import Places
+from supersampler.validation.evidence import Places
 
 DepthOrder = Literal["reversed", "forward", "linear"]
 ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")

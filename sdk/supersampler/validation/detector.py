@@ -2,14 +2,14 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from supersampler.arguments import as_index
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.conventions import Resolution
 from supersampler.errors import ArgumentError, shown
 from supersampler.validation.detection import Detection
-from supersampler.validation.evidence import Evidence, frame_pairs
+from supersampler.validation.evidence import Evidence
 from supersampler.validation.rankings import (
     jitters_in_the_pixel,
     rank_depth,
@@ -17,23 +17,14 @@ from supersampler.validation.rankings import (
     rank_motion,
     swapped_axes,
 )
+from supersampler.validation.reprojection import frame_pairs
 
-
-class RawFrames(Protocol):
-    """What the detector needs of a `Shot`."""
-
-    @property
-    def conventions(self) -> Conventions:
-        """What is stated about the frames."""
-
-    def __len__(self) -> int: ...
-
-    def read_raw(self, index: int) -> RawFrame:
-        """Return one frame as stored."""
+if TYPE_CHECKING:  # which loads OpenImageIO
+    from supersampler.io.shot import Shot
 
 
 def detect_conventions(
-    shot: RawFrames | Sequence[RawFrame], *, frames: int = 6, conventions: Conventions | None = None
+    shot: "Shot | Sequence[RawFrame]", *, frames: int = 6, conventions: Conventions | None = None
 ) -> Detection:
     """Find out which conventions some consecutive frames are in.
 
@@ -55,7 +46,7 @@ def detect_conventions(
     seen = [Evidence.of_raw(raw, stated) for raw in _middle(shot, frames)]
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
-    textured = [pair for pair in frame_pairs(seen) if pair.reprojection.textured]
+    textured = [pair for pair in frame_pairs(seen) if pair.textured]
     jitters = jitters_in_the_pixel(seen, stated)
     motion = rank_motion(textured, jitters, found)
     found = replace(found, **motion.overrides)
@@ -70,7 +61,7 @@ def detect_conventions(
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
 
 
-def _stated(shot: RawFrames | Sequence[RawFrame], conventions: Conventions | None) -> Conventions:
+def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:
     listed = isinstance(shot, Sequence) and all(isinstance(raw, RawFrame) for raw in shot)
     if not listed and not hasattr(shot, "read_raw"):
         raise ArgumentError("shot", got=shown(shot), want="a Shot, or RawFrames in a list")
@@ -81,7 +72,7 @@ def _stated(shot: RawFrames | Sequence[RawFrame], conventions: Conventions | Non
     return conventions
 
 
-def _middle(shot: RawFrames | Sequence[RawFrame], frames: int) -> list[RawFrame]:
+def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
     asked = as_index(frames)
     count = None if asked is None else min(asked, len(shot))
     if count is None or count < 2:

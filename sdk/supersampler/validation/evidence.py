@@ -1,8 +1,6 @@
-"""What one frame shows and how two neighbours compare, for the checks of `Frame` and the detector alike."""
+"""What one frame shows, in one form for the checks (of a `Frame`) and the detector (of a `RawFrame`)."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,8 +11,13 @@ from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.srgb import srgb_decoded
 from supersampler.errors import FrameError
 from supersampler.frame import Array, Float32, Frame, Size, as_array
-from supersampler.validation.depth_order import DepthOrder, uncovered
-from supersampler.validation.reprojection import Places, Reprojection, grid, luminance, moving
+
+Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns (n,) of pixels."""
+PLACES = 12_000
+"""About how many pixels a check reads."""
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -88,67 +91,22 @@ class Evidence:
         return result
 
 
-class FramePair:
-    """Two neighbouring frames of one size, both shaded.
-
-    Attributes:
-        before, now: the frames.
-        reprojection: compares their luminance.
-    """
-
-    def __init__(self, before: Evidence, now: Evidence) -> None:
-        self.before, self.now = before, now
-        if now.light is None or before.light is None:
-            raise FrameError("color", got=None, want="shaded frames")
-        self.reprojection = Reprojection(now.light, before.light)
-
-    def shift(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return what jitter adds to an unjittered vector that leads to the same colour: (x, y) pixels."""
-        return self.now.jitter_pixels(conventions) - self.before.jitter_pixels(conventions)
-
-    def offset(
-        self,
-        conventions: Conventions,
-        places: Places | None = None,
-        *,
-        motion_swapped: bool = False,
-        jitter_swapped: bool = False,
-    ) -> NDArray[np.float64]:
-        """Return (n, 2) pixels from each place to its place in the previous frame.
-
-        Args:
-            conventions: how to read motion and jitter.
-            places: rows and columns; those that `reprojection` compares where None.
-            motion_swapped: take y for x and x for y in motion.
-            jitter_swapped: likewise in jitter.
-        """
-        places = self.reprojection.places if places is None else places
-        offset = self.now.vectors(conventions, places, swapped=motion_swapped).astype(np.float64)
-        if conventions.motion_jittered:
-            return offset
-        shift = self.shift(conventions)
-        return offset + (shift[::-1] if jitter_swapped else shift)
-
-    def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
-        """Return (n,) which of the places compared move."""
-        return moving(self.now.vectors(conventions, self.reprojection.places))
-
-    def uncovered(self, order: DepthOrder, conventions: Conventions, places: int) -> tuple[int, int]:
-        """Count uncovered places that (closer, farther) surfaces hid before, of at most about `places`."""
-        looked_at = grid(self.now.size, places)
-        offset = self.offset(conventions, looked_at)
-        return uncovered(self.now.depth, self.before.depth, order, looked_at, offset)
-
-
-def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
-    """Return the neighbours that can be compared: no cut between, both shaded, of one size."""
-    return [
-        FramePair(before, now)
-        for before, now in pairwise(frames)
-        if not now.reset and now.size == before.size and now.light is not None and before.light is not None
-    ]
-
-
 def _rows(name: str, value: object, stated: Conventions) -> NDArray[Any]:
     array = as_array(name, value)
     return array[::-1] if stated.bottom_up else array
+
+
+def luminance(color: Array) -> Float32:
+    """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Reprojection` leaves them out
+        values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
+    return values
+
+
+def grid(size: tuple[int, int], places: int) -> Places:
+    """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
+    step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
+    rows, columns = np.meshgrid(
+        np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"
+    )
+    return rows.ravel(), columns.ravel()

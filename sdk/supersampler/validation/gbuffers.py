@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from supersampler.frame import Array, Float32, Frame
 from supersampler.methods.gbuffers import GBUFFERS, Place
 from supersampler.validation import mistakes
+from supersampler.validation.evidence import PLACES, grid
 from supersampler.validation.mistakes import Mistake, where
-from supersampler.validation.reprojection import PLACES, grid
 
 _FEW = 100  # places, too few to judge by
 _OUTSIDE = 1e-3  # rounding of halves near 1

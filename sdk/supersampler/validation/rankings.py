@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.validation.depth_order import ORDERS, DepthOrder, bend, sky_share
 from supersampler.validation.detection import Hypothesis, Verdict, ranked
-from supersampler.validation.evidence import Evidence, FramePair
+from supersampler.validation.evidence import Evidence, grid
 from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
 from supersampler.validation.readings import JITTERS, MOTIONS, Overrides, reading_text
-from supersampler.validation.reprojection import MIN_PLACES, grid
+from supersampler.validation.reprojection import MIN_PLACES, FramePair
 
 _BETTER = 0.8  # an error this much smaller is not chance
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
@@ -48,14 +48,12 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         return Verdict("motion", (), "nothing moves, or next to nothing")
 
     def error(reading: Conventions) -> float:
-        errors = [pair.reprojection.error(pair.offset(reading), moves[pair]) for pair in pairs]
+        errors = [pair.error(pair.offset(reading), moves[pair]) for pair in pairs]
         return float(np.mean(errors))
 
     def error_of_no_motion(reading: Conventions) -> float:
         shifts = [0.0 if reading.motion_jittered else pair.shift(reading) for pair in pairs]
-        errors = [
-            pair.reprojection.error(np.array(s), moves[pair]) for pair, s in zip(pairs, shifts, strict=True)
-        ]
+        errors = [pair.error(np.array(s), moves[pair]) for pair, s in zip(pairs, shifts, strict=True)]
         return float(np.mean(errors))
 
     def hypothesis(overrides: Overrides, error: float) -> Hypothesis:
@@ -139,7 +137,7 @@ def _error(
     offsets = [
         pair.offset(reading, motion_swapped=motion_swapped, jitter_swapped=jitter_swapped) for pair in pairs
     ]
-    return float(np.mean([p.reprojection.error(offset) for p, offset in zip(pairs, offsets, strict=True)]))
+    return float(np.mean([p.error(offset) for p, offset in zip(pairs, offsets, strict=True)]))
 
 
 def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:

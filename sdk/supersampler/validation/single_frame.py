@@ -10,8 +10,8 @@ from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
 from supersampler.validation.depth_order import bend, sky_share
+from supersampler.validation.evidence import PLACES, grid
 from supersampler.validation.mistakes import Mistake, where
-from supersampler.validation.reprojection import PLACES, grid
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:

@@ -11,10 +11,10 @@ from supersampler.conventions.factors import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
 from supersampler.validation.depth_order import DepthOrder
-from supersampler.validation.evidence import Evidence, FramePair, frame_pairs
+from supersampler.validation.evidence import Evidence
 from supersampler.validation.mistakes import Mistake
 from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
-from supersampler.validation.reprojection import MIN_PLACES
+from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
 
 Sums = Mapping[str, tuple[float, float]]
 
@@ -51,7 +51,7 @@ class FramesSeen:
             return replace(self, previous=None)
         seen = self
         for pair in frame_pairs([frame] if self.previous is None else [self.previous, frame]):
-            if pair.reprojection.textured:
+            if pair.textured:
                 errors = _added(self.errors, _errors(pair, display_size))
                 counts = {order: pair.uncovered(order, Conventions(), 30_000) for order in _ORDERS}
                 surfaces = _added(self.surfaces, counts)
@@ -90,7 +90,7 @@ def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
 def _errors(pair: FramePair, display_size: Size) -> Sums:
     """Errors of this frame (as it is, under each reading), where the reading makes a difference."""
     size, as_stated = pair.now.size, Conventions()
-    moves, error_of = pair.moving(as_stated), pair.reprojection.error
+    moves, error_of = pair.moving(as_stated), pair.error
     few = moves.sum() < MIN_PLACES / 4
     own = {
         True: 0.0 if few else error_of(pair.offset(as_stated), moves),
