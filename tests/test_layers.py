@@ -22,7 +22,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("frame",),
     ("conventions",),
     ("io",),
-    ("methods.array_spec", "methods.gbuffers", "methods.model_file", "methods.contract"),
+    ("methods.array_spec", "methods.catalog", "methods.gbuffers", "methods.model_file", "methods.contract"),
     ("backends",),
     ("methods",),
     ("history", "validation"),

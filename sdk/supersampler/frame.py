@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
-from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.errors import ArgumentError, FrameError, did_you_mean, shown
 
 Array: TypeAlias = NDArray[np.floating[Any]]
 Float32: TypeAlias = NDArray[np.float32]
@@ -50,7 +50,7 @@ class Frame:
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] but for the normal.
         gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
-        carry: (h, w, k), k at most MAX_CARRIED. Alpha or any channels that belong to the colour.
+        aovs: (h, w, k), k at most MAX_AOVS. Alpha or any channels that belong to the colour.
 
     Raises:
         FrameError: an input has the wrong type, shape or range; its `name` says which.
@@ -253,7 +253,8 @@ def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Arr
     for key in buffers:
         if key not in known:
             want = f"one of {', '.join(known)}"
-            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want)
+            hint = did_you_mean(key, known)
+            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want, hint=hint)
     return buffers
 
 

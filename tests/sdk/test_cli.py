@@ -18,12 +18,12 @@ from supersampler.cli import app
 from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import Shot, ShotWriter, shipped_shot
-from supersampler.io.shot.shipped import SHIPPED
+from supersampler.io.shot import Shot, ShotWriter
 from supersampler.upscaler import Upscaler
 
 COUNT = 6
 CUT = 3
+SHIPPED = "plaza"
 UPSCALE = ("upscale", SHIPPED, "-o", "x")
 HEAVY = ("onnxruntime", "numba", "OpenImageIO", "torch")
 
@@ -247,7 +247,8 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
 
 
 def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supersampler.io.shot.shipped_shot", lambda: Shot.open(shot))
+    short = Shot.open(shot)
+    monkeypatch.setattr("supersampler.io.shot.Shot.open", lambda _: short)
     done = run("demo", "-o", tmp_path / "out")
     assert done.exit_code == 0
     page = tmp_path / "out" / "compare.html"
@@ -288,7 +289,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
 
 def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
     assert run("check", SHIPPED).exit_code == 0
-    source, wrong = shipped_shot(), Conventions(motion_direction="current_minus_previous")
+    source, wrong = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
     with ShotWriter(
         tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong
     ) as writer:

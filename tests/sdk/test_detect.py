@@ -10,7 +10,7 @@ import pytest
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.io.shot import shipped_shot
+from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
 
 FIELDS = (
@@ -34,7 +34,7 @@ JITTERS = [
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     return [shot.read(index).frame for index in range(14, 18)]
 
 
@@ -96,7 +96,7 @@ def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
 
 
 def test_a_shot_is_as_it_states() -> None:
-    detection = detect_conventions(shipped_shot(), frames=4)
+    detection = detect_conventions(Shot.open("plaza"), frames=4)
     assert detection.agrees, detection.summary()
     assert "as stated" in detection.summary()
     assert all(verdict.certain for verdict in detection.verdicts)

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from supersampler import RecordingError
+from supersampler.errors import RecordingError
 from supersampler.recording.format import MAGIC, Record, RecordWriter, is_recording, read_records
 
 NUMBERS = st.one_of(

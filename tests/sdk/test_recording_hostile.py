@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import ArgumentError, Model, RecordingError, Upscaler
+from supersampler import ArgumentError, Model, Upscaler
+from supersampler.errors import RecordingError
 from supersampler.recording import open_recording
 from supersampler.recording.format import MAGIC, Record, RecordWriter, read_records
 from supersampler.recording.replay import Replay
