@@ -86,10 +86,9 @@ def __getattr__(name: str) -> Any:
 
 
 def _public(module: Any) -> list[str]:
-    own = [
-        name for name, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__
-    ]
-    return list(getattr(module, "__all__", own))
+    if hasattr(module, "__all__"):
+        return list(module.__all__)
+    return [n for n, value in vars(module).items() if getattr(value, "__module__", "") == module.__name__]
 
 
 def __dir__() -> list[str]:

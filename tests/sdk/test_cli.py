@@ -1,6 +1,7 @@
 """The command: resumable, never a half-written or wrong picture, errors in one line, quick to answer."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -19,6 +20,7 @@ from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, ShotWriter
+from supersampler.methods.catalog import FIXED, LEARNED, UNTRAINED
 from supersampler.upscaler import Upscaler
 
 COUNT = 6
@@ -244,6 +246,50 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
     want = 'needs (torch|onnx), which the runtime does not. Install it: pip install "supersampler\\[train]"'
     assert done.returncode == 1
     assert re.fullmatch(f"error: this command {want}\n", done.stderr)
+
+
+RUNTIME_ONLY = dict.fromkeys(("torch", "onnx", "onnxscript", "tensorboard", "moderngl", "safetensors"))
+
+
+@pytest.mark.parametrize("command", ["train", "export", "render"])
+def test_help_of_a_tool_works_in_a_runtime_only_install(command: str) -> None:
+    code = f"import sys; sys.modules.update({RUNTIME_ONLY}); from supersampler.cli import main; main()"
+    words = [sys.executable, "-c", code, command, "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "COLUMNS": "1000"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"Usage: supersampler {command}" in done.stdout
+    marked = "gbuffer-4x (no weights ship), gbuffer-small,"
+    assert (marked in done.stdout) == (command != "render")
+
+
+@pytest.mark.parametrize("name", [*FIXED, *LEARNED])
+def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> None:
+    done = run("info", name)
+    assert done.exit_code == 0
+    assert re.search(rf"^method +{name}$", done.stdout, re.MULTILINE)
+    assert ("none ship" in done.stdout) == (name in UNTRAINED)
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("info", "clasifier"), "Did you mean 'classifier'?"),
+        (("info", "plazza"), "Did you mean 'plaza'?"),
+        ((*UPSCALE, "--model", "tau"), "Did you mean 'taau'?"),
+        ((*UPSCALE, "--model", "gbuffer"), "No weights of it ship: `supersampler info gbuffer`."),
+        ((*UPSCALE, "--preset", "fst"), "Did you mean 'fast'?"),
+        ((*UPSCALE, "--providers", "cudda"), "Did you mean 'cuda'?"),
+        (("export", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
+        (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
+    ],
+)
+def test_a_misspelt_word_is_answered_with_the_one_that_it_is_like(
+    words: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*words)
+    assert done.exit_code in (1, 2)
+    assert done.stderr.endswith(f"{hint}\n")
 
 
 def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,4 +1,4 @@
-"""Names of all methods, and what is known of those whose weights do not ship; torch-free, for the commands."""
+"""Names of all methods, and facts of those whose weights do not ship; for commands, without torch."""
 
 from collections.abc import Mapping
 from typing import NamedTuple

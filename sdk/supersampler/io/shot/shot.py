@@ -68,8 +68,8 @@ class Shot:
                 a shot that ships with this package, "plaza", where nothing of that name lies here.
 
         Raises:
-            ShotError: nothing lies there, shot.json is missing or wrong, or names a file that is not there, or that a link has
-                outside of the folder. The folder itself may be a link.
+            ShotError: nothing lies there; or shot.json is missing or wrong, or names a file that is not there
+                or that a link has outside of the folder. The folder itself may be a link.
         """
         path = path_or_shipped(path)
         description = path if path.suffix == ".json" else path / FILE_NAME
