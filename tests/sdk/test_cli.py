@@ -204,7 +204,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("info", "nothing"), "SHOT is 'nothing'; want a path, or 'plaza'"),
+        (("info", "nothing"), "nothing: there is no such file or folder"),
         (
             ("upscale", SHIPPED, "-o", "x", "--display-size", "1080p"),
             "--display-size is '1080p'; want WIDTHx",
@@ -234,7 +234,7 @@ def test_bad_arguments_are_one_line(
 
 
 def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert type(run("--debug", "info", "nothing").exception).__name__ == "ArgumentError"
+    assert type(run("--debug", "info", "nothing").exception).__name__ == "ShotError"
     monkeypatch.setattr("supersampler.methods.model_file.model_names", lambda: 1 / 0)
     assert type(run("info").exception).__name__ == "ZeroDivisionError"
 
