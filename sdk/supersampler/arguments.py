@@ -218,7 +218,7 @@ def checked_skip(skip: Skip) -> Skip:
 
 
 def tolerance_of(skip: Skip, outputs: Collection[str]) -> float | None:
-    """Return the tolerance for tiles that stay as they are; None where all is to be drawn."""
-    if skip == "exact" or "aovs" in outputs:  # what is carried may change where nothing else does
+    """Return the tolerance of static-tile reuse; None where every tile is computed."""
+    if skip == "exact" or "aovs" in outputs:  # AOVs may change where nothing else does
         return None
     return TOLERANCE if skip == "auto" else float(skip)

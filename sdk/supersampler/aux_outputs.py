@@ -1,4 +1,4 @@
-"""Pictures of what a method tells beside its image: classes, weight of the past, count of samples, work."""
+"""Images of a method's auxiliary outputs: class map, weight of the history, sample count, work."""
 
 from collections.abc import Mapping
 

@@ -16,7 +16,7 @@ Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
 MAX_AOVS = 1024
-"""Channels that a frame may carry along."""
+"""AOV channels that a frame may have."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
@@ -242,7 +242,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not looked at.
+    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not checked.
 
     Raises:
         FrameError: it is no mapping, or a name is not a G-buffer's.

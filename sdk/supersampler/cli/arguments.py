@@ -50,7 +50,7 @@ class PresetChoice(StrEnum):
 
 
 class Format(StrEnum):
-    """Files to write pictures as."""
+    """File formats of images."""
 
     exr = "exr"
     png = "png"
