@@ -26,7 +26,7 @@ MOST_SAMPLES = 64.0
 
 LEGENDS: Mapping[str, Legend] = {
     "classes": Legend(colors=[f"rgb{color}" for color in CLASS_COLORS.values()], names=tuple(CLASS_COLORS)),
-    "weight": false_color_legend("this frame", "the past"),
+    "weight": false_color_legend("this frame", "history"),
     "count": false_color_legend("no sample", f"{MOST_SAMPLES:.0f}, by logarithm"),
     "work": false_color_legend("reused", "computed"),
 }
