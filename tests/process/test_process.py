@@ -81,8 +81,8 @@ with warnings.catch_warnings(record=True) as caught:
     extrapolating = upscaler("taau", extrapolation="guided-warp")
 assert [w.category.__name__ for w in caught] == ["BackendWarning"], [str(w.message) for w in caught]
 assert "several times slower" in str(caught[0].message), str(caught[0].message)
-assert (one.model.executor, other.model.executor) == ("graph", "graph")
-from supersampler import KernelError
+assert (one.model.executor, other.model.executor) == ("onnx", "onnx")
+from supersampler.errors import KernelError
 try:
     upscaler(executor="cpu")
 except KernelError as error:
@@ -107,7 +107,7 @@ sys.executable = None  # whose processes would have them
 
 def test_numba_switched_off_for_debugging_changes_nothing(tmp_path: Path) -> None:
     run_apart(
-        f"{STEP}\nassert upscaler('taa').model.executor == 'host'",
+        f"{STEP}\nassert upscaler('taa').model.executor == 'cpu'",
         XDG_CACHE_HOME=str(tmp_path),
         NUMBA_DISABLE_JIT="1",
         NUMBA_BOUNDSCHECK="1",

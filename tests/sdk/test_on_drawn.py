@@ -220,6 +220,6 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
 
 def test_info_says_what_steps_on_drawn_frames(folder: Path) -> None:
     lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
-    assert [line.split() for line in lines if line.startswith("drawn frames")] == [
-        ["drawn", "frames", "by", "the", "model", "in", "extrapolated"]
+    assert [line.split() for line in lines if line.startswith("extrapolated frames")] == [
+        ["extrapolated", "frames", "by", "the", "model", "in", "extrapolated"]
     ]
