@@ -20,9 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Frame, SupersamplerError, Upscaler, display_transform, halton_jitter
+from supersampler import Frame, SupersamplerError, Upscaler, halton_jitter
 from supersampler.cli.arguments import parse_size
-from supersampler.io.display import ExposureMeter, to_uint8
+from supersampler.io.display import ExposureMeter, display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from supersampler import Model, Upscaler, display_transform, halton_jitter
-from supersampler.io.display import to_uint8
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler.model import ExecutorName
 from supersampler_bench.fitting import dressed

@@ -13,7 +13,9 @@ import pytest
 from numpy.typing import NDArray
 from OpenImageIO import ImageBuf
 
-from supersampler import Shot, ShotWriter, Upscaler, display_transform, halton_jitter, shipped_shot
+from supersampler import Shot, Upscaler, halton_jitter
+from supersampler.io.display import display_transform
+from supersampler.io.shot import ShotWriter
 from supersampler_model.data.dataset import Description, SequenceEntry, create_dataset, render_sequence
 from supersampler_model.data.rendered import frame_of
 from supersampler_model.data.renderer.renderer import Renderer
@@ -25,7 +27,7 @@ FRAMES = 3
 
 
 def short_shot(folder: Path) -> Shot:
-    source = shipped_shot()
+    source = Shot.open("plaza")
     with ShotWriter(folder, name="short", display_size=(640, 360), frame_rate=30.0) as writer:
         for index in range(FRAMES):
             writer.write(source.read(index).frame)
@@ -33,7 +35,7 @@ def short_shot(folder: Path) -> Shot:
 
 
 def test_the_bare_example_takes_the_shipped_shot() -> None:
-    content = json.loads((shipped_shot().path / "shot.json").read_text())
+    content = json.loads((Shot.open("plaza").path / "shot.json").read_text())
     assert content["conventions"] == {}  # it converts nothing, and refuses what would need it
 
 

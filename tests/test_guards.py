@@ -6,9 +6,9 @@ import numpy as np
 import onnx
 import pytest
 
-from supersampler import Upscaler, display_transform, model_names, shipped_shot
-from supersampler.io.display import decibels
-from supersampler.methods.model_file import extrapolation_names, find_model, read_model_info
+from supersampler import Shot, Upscaler
+from supersampler.io.display import decibels, display_transform
+from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
 from supersampler_bench.stress.runner import chosen, measure
 from supersampler_bench.stress.subjects import subjects
 
@@ -48,7 +48,7 @@ KILOBYTES = {"step.onnx": 450, "step.fp16.onnx": 300, "network.onnx": 340, "netw
 def test_pictures_of_the_shipped_shot_are_as_good_as_they_were(name: str) -> None:
     upscaler = Upscaler(name, display_size=(640, 360), validate="off")
     scores = []
-    for item in itertools.islice(shipped_shot(), FRAMES):
+    for item in itertools.islice(Shot.open("plaza"), FRAMES):
         image = upscaler.step(item.frame)
         if item.reference is not None:
             shown = [display_transform(i, item.frame.exposure or 1.0) for i in (image, item.reference)]

@@ -25,7 +25,7 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("io",),
     ("methods.gbuffers",),
     ("methods.spec",),  # and methods.NAME.spec
-    ("methods.array_spec", "methods.model_file", "methods.contract"),
+    ("methods.array_spec", "methods.catalog", "methods.model_file", "methods.contract"),
     ("backends",),
     ("methods",),
     ("history", "validation"),

@@ -10,13 +10,27 @@ import supersampler
 def test_all_names_exactly_what_is_public() -> None:
     there = {name for name in dir(supersampler) if not name.startswith("_")}
     modules = {name for name in there if isinstance(getattr(supersampler, name), types.ModuleType)}
-    helpers = {"Any", "TYPE_CHECKING", "import_module"}
+    helpers = {"Any", "TYPE_CHECKING", "did_you_mean", "import_module"}
     assert set(supersampler.__all__) == there - modules - helpers
+    assert len(supersampler.__all__) == 16
 
 
-def test_a_name_that_is_not_there_is_an_attribute_error() -> None:
-    with pytest.raises(AttributeError, match="no attribute 'Upscalar'"):
-        supersampler.Upscalar  # noqa: B018 - the attribute access is the test
+@pytest.mark.parametrize(
+    ("name", "answer"),
+    [
+        ("Upscalar", "no attribute 'Upscalar'. Did you mean 'Upscaler'?"),
+        ("Converter", "no attribute 'Converter'. It is in supersampler.conventions"),
+        ("ShotWriter", "no attribute 'ShotWriter'. It is in supersampler.io.shot"),
+        ("ProviderError", "no attribute 'ProviderError'. It is in supersampler.errors"),
+        ("display_transform", "no attribute 'display_transform'. It is in supersampler.io.display"),
+        ("detect_conventions", "no attribute 'detect_conventions'. It is in supersampler.validation"),
+        ("qqq", "no attribute 'qqq'"),
+    ],
+)
+def test_a_name_that_is_not_there_is_an_attribute_error_that_helps(name: str, answer: str) -> None:
+    with pytest.raises(AttributeError) as caught:
+        getattr(supersampler, name)
+    assert str(caught.value) == f"module 'supersampler' has {answer}"
 
 
 @pytest.mark.parametrize("name", supersampler.__all__)

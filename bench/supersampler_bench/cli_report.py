@@ -68,7 +68,7 @@ def report(
       supersampler bench report -o report.html
       supersampler bench report --quick -o here.html
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler.io.shot import shipped_shot
+    from supersampler.io.shot import Shot
     from supersampler_bench.page import is_page, write_page
     from supersampler_bench.pictures import split_view
     from supersampler_bench.tables import RESULTS, SHIPPED_PARETO, read_records
@@ -85,7 +85,7 @@ def report(
     if not quick and "pareto" not in records and SHIPPED_PARETO.is_file():
         records["pareto"] = read_record(SHIPPED_PARETO)
     with ERRORS.status("drawing"):
-        write_page(output, records, folder, split_view(shipped_shot()))
+        write_page(output, records, folder, split_view(Shot.open("plaza")))
     Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
 
 

@@ -66,7 +66,7 @@ class _Drawing:
     def show(self, frame: Frame, *, hidden: bool) -> Float32:
         """Return the colour of the next frame."""
         if hidden:
-            color, self._past = self._model.draw(replace(frame, color=None), self._past)
+            color, self._past = self._model.extrapolate(replace(frame, color=None), self._past)
             return color
         self._past = self._model.after_shaded(frame, self._past)
         return np.asarray(frame.color, np.float32)

@@ -16,8 +16,9 @@ from typing import Any, cast
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import ArgumentError, Frame, Model, Upscaler, model_names
+from supersampler import ArgumentError, Frame, Model, Upscaler
 from supersampler.frame import Float32, Size
+from supersampler.methods.model_file import model_names
 from supersampler.model import ExecutorName, Precision, Skip
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.speed import frames_of

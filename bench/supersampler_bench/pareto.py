@@ -10,9 +10,9 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
-from supersampler import model_names
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
+from supersampler.methods.model_file import model_names
 from supersampler_bench.fitting import gbuffers_of
 from supersampler_bench.record import Record, machine_name, ratio_of
 from supersampler_bench.specs import Spec, parse_spec

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.errors import ArgumentError
-from supersampler.io.shot import shipped_shot
+from supersampler.io.shot import Shot
 from supersampler_bench.pareto import measure_pareto, pareto_record, shots_of
 from supersampler_bench.parity import measure_parity, parity_record
 from supersampler_bench.pictures import METHODS
@@ -54,7 +54,7 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
 
 
 def _quality(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     return quality_record([Measured(shot, measure_quality(shot, METHODS))])
 
 

@@ -8,7 +8,8 @@ from typing import Any, Literal
 
 import numpy as np
 
-from supersampler import Model, Upscaler, halton_jitter, jitter_phase_count
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import decibels, display_transform
 from supersampler.model import Skip

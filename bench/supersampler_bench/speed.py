@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from supersampler import Frame, Model, Upscaler, shipped_shot
+from supersampler import Frame, Model, Shot, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
@@ -235,7 +235,7 @@ def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_
 def frames_of(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
     """Frames of the shipped shot, repeated to the size; its motion and edges, at any size."""
     frames = []
-    for item in itertools.islice(shipped_shot(), first, first + count):
+    for item in itertools.islice(Shot.open("plaza"), first, first + count):
         frame = item.frame
         fields: dict[str, Any] = {
             name: _tiled(getattr(frame, name), render) for name in ("color", "depth", "motion")

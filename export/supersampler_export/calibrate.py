@@ -8,7 +8,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.backends.onnx.session import frame_inputs
-from supersampler.io.shot import shipped_shot
+from supersampler.io.shot import Shot
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.model import Classifier
 
@@ -52,7 +52,7 @@ def _record_range(name: str, ranges: dict[str, float]) -> Callable[[nn.Module, o
 
 
 def _step_shot(method: Classifier, scale: float) -> None:
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     render = Size(*shot.info.render_size)
     display = Size(round(render.width * scale), round(render.height * scale))
     history = method.first_history(display, render)

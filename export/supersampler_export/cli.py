@@ -1,16 +1,16 @@
-"""`supersampler export METHOD -o FOLDER`."""
+"""`supersampler export METHOD -o FOLDER`. Torch is imported when it runs, so that --help works without."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
 
-from supersampler.errors import ArgumentError
-from supersampler_export.folder import write_model_folder
-from supersampler_model.methods import LEARNED, METHODS
-from supersampler_model.methods.base import Method
-from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler.errors import ArgumentError, did_you_mean
+from supersampler.methods.catalog import FIXED, LEARNED, listed_methods
+
+if TYPE_CHECKING:
+    from supersampler_model.methods.base import Method
 
 app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 
@@ -19,7 +19,7 @@ app = typer.Typer(help="Write a method as a model folder for ONNX Runtime.")
 def export(
     method: Annotated[
         str,
-        typer.Argument(help=f"One of {', '.join([*METHODS, *LEARNED])}; `all`: those that are released."),
+        typer.Argument(help=f"One of {listed_methods((*FIXED, *LEARNED))}; `all`: those that ship."),
     ],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write; with `all`, its parent.")],
     weights: Annotated[
@@ -38,6 +38,8 @@ def export(
       supersampler export classifier --weights run/weights.safetensors -o my_classifier
       supersampler upscale SHOT --model my_taau -o out
     """
+    from supersampler_export.folder import write_model_folder
+
     console = Console()
     for name in shipped_methods() if method == "all" else [method]:
         folder = output / name if method == "all" else output
@@ -48,21 +50,28 @@ def export(
 
 
 def shipped_methods() -> list[str]:
-    """Names of the released methods: those without weights, and those with released weights."""
-    return [*METHODS, *(name for name in LEARNED if shipped_weights(name).exists())]
+    """Names of the methods that ship: those without weights, and those whose weights ship."""
+    from supersampler_model.methods.weights_file import shipped_weights
+
+    return [*FIXED, *(name for name in LEARNED if shipped_weights(name).exists())]
 
 
-def made_method(name: str, weights: Path | None = None) -> Method:
-    """Return a method with the weights of a file, or with its released ones.
+def made_method(name: str, weights: Path | None = None) -> "Method":
+    """Return a method, with the weights of a file, or with those that ship.
 
     Raises:
         ArgumentError: there is no such method, or it has no weights.
     """
+    from supersampler_model import methods
+    from supersampler_model.methods.weights_file import load_trained, shipped_weights
+
+    known = (*FIXED, *LEARNED)
+    if name not in known:
+        want, hint = f"one of {', '.join(known)}, or all", did_you_mean(name, known)
+        raise ArgumentError("METHOD", got=name, want=want, hint=hint)
     if name in LEARNED and (weights is not None or shipped_weights(name).exists()):
-        return LEARNED[name].of(load_trained(weights or shipped_weights(name)))
-    if name in METHODS and weights is None:
-        return METHODS[name]()
-    if name in {*METHODS, *LEARNED}:
-        want = "none, as nothing in it is learned" if name in METHODS else "a file, as none ship"
-        raise ArgumentError("--weights", got=weights, want=want)
-    raise ArgumentError("METHOD", got=name, want=f"one of {', '.join([*METHODS, *LEARNED])}, or all")
+        return methods.LEARNED[name].of(load_trained(weights or shipped_weights(name)))
+    if name in FIXED and weights is None:
+        return methods.METHODS[name]()
+    want = "none, as nothing in it is learned" if name in FIXED else "a file, as none ship"
+    raise ArgumentError("--weights", got=weights, want=want)

@@ -13,7 +13,7 @@ from typing import Any, Literal, TypeVar, get_args
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, did_you_mean, shown
 
 MAX_SIDE = 32768
 """Pixels of an image's width or height: what single precision places to a 512th of a pixel."""
@@ -71,12 +71,13 @@ def checked_choice(name: str, value: _Choice, choices: Collection[_Choice], hint
         hint: what else there is to say where it is none of them.
 
     Raises:
-        ArgumentError: it is none of them; lists them.
+        ArgumentError: it is none of them; lists them, and says which one it is like.
     """
     if isinstance(value, str) and value in choices:
         return value
     *others, last = map(repr, choices)
     want = f"{', '.join(others)} or {last}" if others else last
+    hint = f"{did_you_mean(value, [c for c in choices if isinstance(c, str)])} {hint}".strip()
     raise ArgumentError(name, got=shown(value), want=want, hint=hint)
 
 
@@ -212,7 +213,7 @@ def checked_skip(skip: Skip) -> Skip:
     number = as_number(skip)
     if number is None or not 0.0 <= number <= 1.0:
         want = f"{', '.join(map(repr, words))} or a number in [0, 1]"
-        raise ArgumentError("skip", got=shown(skip), want=want)
+        raise ArgumentError("skip", got=shown(skip), want=want, hint=did_you_mean(skip, words))
     return number
 
 

@@ -1,4 +1,4 @@
-"""Images of the auxiliary outputs of a step: classes, weight of the history, count of samples, work."""
+"""Images of a method's auxiliary outputs: class map, weight of the history, sample count, work."""
 
 from collections.abc import Mapping
 

@@ -13,6 +13,8 @@ Warnings: FrameWarning, from the checks that read pixels (`validate="warn"`); Ba
 backend runs than could.
 """
 
+import difflib
+from collections.abc import Collection
 from pathlib import Path
 
 _LONGEST = 120
@@ -71,6 +73,15 @@ class KernelError(SupersamplerError, RuntimeError):
 
 class BackendWarning(UserWarning):
     """A model runs on a slower backend than it could; says why and what to install."""
+
+
+def did_you_mean(word: object, choices: Collection[str]) -> str:
+    """Return "Did you mean 'x'?" for a misspelt word; "" where no choice is like it."""
+    if not isinstance(word, str) or len(word) > _LONGEST:
+        return ""
+    by_lower = {choice.lower(): choice for choice in choices}
+    close = difflib.get_close_matches(word.lower(), by_lower, 1)
+    return f"Did you mean {by_lower[close[0]]!r}?" if close else ""
 
 
 def shown(value: object) -> str:

@@ -1,4 +1,4 @@
-"""The colour of frames that were not shaded, drawn from the last one that was (docs/contract.md)."""
+"""Extrapolation: the colour of unshaded frames, computed from the last shaded one (docs/contract.md)."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -23,34 +23,34 @@ from supersampler.model import ExecutorName
 MOTION, SHADED_MOTION = "motion", "shaded_motion"
 """Of the history: from the frame last handed in back to the last shaded one, and that one's own motion."""
 EARLIER = "earlier_"
-"""Begins the names of what is kept of the past that a shaded frame ends."""
+"""Prefix of tensors that hold the history as it was before the last shaded frame."""
 _SAME_NAME = ("color", "depth", "jitter", "motion")  # of inputs; those of G-buffers begin with their group
 _OTHER_NAME = {"motion_jitter": "jitter", SHADED_MOTION: "motion"}
 
 
 @dataclass(frozen=True, eq=False)
 class ShadedHistory:
-    """What frames that are not shaded are drawn from: the last shaded one, and how things have moved since.
+    """What unshaded frames are extrapolated from: the last shaded frame, and the motion since.
 
     Attributes:
-        tensors: by their names in the graph, as `ExtrapolationExecutor.placed` made them; read only.
+        tensors: by their names in the graph, where `ExtrapolationExecutor.placed` put them; read only.
     """
 
     tensors: Mapping[str, Any]
 
 
 class Extrapolator:
-    """A model that draws frames that were not shaded, ready to run. Pure: it remembers nothing between calls.
+    """A model that computes the colour of unshaded frames. Pure: it remembers nothing between calls.
 
     Args:
         name_or_path: of a shipped model, or a model folder.
         providers: names of execution providers of ONNX Runtime, in order.
         threads: on the CPU; 0 takes every core.
-        executor: "graph" runs it in ONNX Runtime even where kernels of this processor could.
+        executor: "onnx" runs it in ONNX Runtime even where it has kernels for this processor.
 
     Attributes:
         info: what its model.json says.
-        executor: what it runs on, "onnx" or "cpu".
+        executor: the backend in use, "onnx" or "cpu".
 
     Raises:
         ModelError: there is no such model, it is damaged, or it is one that upscales.
@@ -67,60 +67,60 @@ class Extrapolator:
         self.info = read_model_info(find_model(checked_path("extrapolation", name_or_path)))
         if not self.info.extrapolates:
             raise ModelError(
-                f"{self.info.method!r} upscales, and draws no frames that were not shaded; "
+                f"{self.info.method!r} upscales, and extrapolates no unshaded frames; "
                 f"extrapolation takes {' or '.join(extrapolation_names())}, or a model folder like those."
             )
-        on_host = executor != "onnx" and list(providers) == [CPU]
-        kernels = cpu_extrapolation(self.info, threads, required=executor == "cpu") if on_host else None
-        self._drawing: ExtrapolationExecutor = kernels or OnnxExtrapolation(self.info, providers, threads)
-        self.executor = self._drawing.name
+        on_cpu = executor != "onnx" and list(providers) == [CPU]
+        kernels = cpu_extrapolation(self.info, threads, required=executor == "cpu") if on_cpu else None
+        self._executor: ExtrapolationExecutor = kernels or OnnxExtrapolation(self.info, providers, threads)
+        self.executor = self._executor.name
 
-    def after_shaded(self, frame: Frame, past: ShadedHistory | None = None) -> ShadedHistory:
-        """Return what a shaded frame leaves: copies of its own arrays, and no motion.
+    def after_shaded(self, frame: Frame, history: ShadedHistory | None = None) -> ShadedHistory:
+        """Return the history after a shaded frame: copies of its own arrays, and no motion.
 
         Args:
             frame: with colour.
-            past: what the frame before left, which models may keep parts of; not changed. None where there
-                was none, and not looked at after a cut.
+            history: after the previous frame; models may keep parts of it; not changed. None where there is
+                none; not read after a cut.
 
         Raises:
             FrameError: it lacks a G-buffer that the model reads.
         """
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        past, placed = None if frame.reset else past, self._drawing.placed
+        history, placed = None if frame.reset else history, self._executor.placed
         tensors: dict[str, Any] = {}
-        for history in self.info.history:
-            own = _bare(history.input.name).removeprefix(EARLIER)
-            if own != _bare(history.input.name):
-                before = tensors if past is None else past.tensors
-                tensors[history.input.name] = before[_of_history(own)]
-            elif own == MOTION or (own == SHADED_MOTION and past is None):
-                tensors[history.input.name] = placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
+        for item in self.info.history:
+            own = _bare(item.input.name).removeprefix(EARLIER)
+            if own != _bare(item.input.name):
+                before = tensors if history is None else history.tensors
+                tensors[item.input.name] = before[_of_history(own)]
+            elif own == MOTION or (own == SHADED_MOTION and history is None):
+                tensors[item.input.name] = placed(np.zeros((1, 2, *frame.size[::-1]), np.float32))
             else:
-                tensors[history.input.name] = placed(_copied(frame, _OTHER_NAME.get(own, own)))
+                tensors[item.input.name] = placed(_copied(frame, _OTHER_NAME.get(own, own)))
         return ShadedHistory(tensors)
 
-    def draw(self, frame: Frame, past: ShadedHistory | None) -> tuple[Float32, ShadedHistory]:
-        """Draw the colour of a frame that was not shaded.
+    def extrapolate(self, frame: Frame, history: ShadedHistory | None) -> tuple[Float32, ShadedHistory]:
+        """Compute the colour of an unshaded frame.
 
         Args:
             frame: without colour, and not the first after a cut.
-            past: what the frame before left; not changed. None where no frame was shaded yet.
+            history: after the previous frame; not changed. None where no frame was shaded yet.
 
         Returns:
-            (h, w, 3) float32 linear RGB, finite and >= 0, and what this frame leaves.
+            (h, w, 3) float32 linear RGB, finite and >= 0, and the next history.
 
         Raises:
-            FrameError: the frame has colour, has no past, or lacks a G-buffer that the model reads.
+            FrameError: the frame has colour or lacks a G-buffer that the model reads, or there is no history.
         """
-        past = _checked(frame, past)
+        history = _checked(frame, history)
         check_gbuffers(frame, self.info.gbuffers, frame.size, self.info.method)
-        color, left = self._drawing.draw(frame, past.tensors)
-        return color, ShadedHistory(left)
+        color, next_tensors = self._executor.draw(frame, history.tensors)
+        return color, ShadedHistory(next_tensors)
 
-    def save(self, past: ShadedHistory) -> dict[str, NDArray[Any]]:
-        """Copies of what a frame left, by the names of the contract."""
-        return {name: self._drawing.copied(value) for name, value in past.tensors.items()}
+    def save(self, history: ShadedHistory) -> dict[str, NDArray[Any]]:
+        """Copies of a history's tensors, by the names of the contract."""
+        return {name: self._executor.copied(value) for name, value in history.tensors.items()}
 
     def load(self, arrays: Mapping[str, NDArray[Any]]) -> ShadedHistory:
         """Undo `save`.
@@ -136,15 +136,15 @@ class Extrapolator:
             arrays, specs, lambda got, want: ArgumentError("state.shaded", got=got, want=want)
         )
         return ShadedHistory(
-            {name: self._drawing.placed(np.array(a, order="C")) for name, a in checked.items()}
+            {name: self._executor.placed(np.array(a, order="C")) for name, a in checked.items()}
         )
 
 
 class Extrapolation:
-    """What one view needs for frames that are not shaded: an `Extrapolator`, if any. Remembers nothing.
+    """What one view needs for unshaded frames: an `Extrapolator`, if any. Remembers nothing.
 
     Args:
-        name_or_path: see `Extrapolator`; None keeps nothing, and draws nothing.
+        name_or_path: see `Extrapolator`; None keeps nothing, and extrapolates nothing.
         providers: see `Extrapolator`.
         threads: see `Extrapolator`.
         executor: see `Extrapolator`.
@@ -168,34 +168,34 @@ class Extrapolation:
         )
         self.infos = [] if self._model is None else [self._model.info]
 
-    def after_shaded(self, frame: Frame, past: ShadedHistory | None) -> ShadedHistory | None:
-        """Return what a shaded frame leaves; see `Extrapolator`."""
-        return None if self._model is None else self._model.after_shaded(frame, past)
+    def after_shaded(self, frame: Frame, history: ShadedHistory | None) -> ShadedHistory | None:
+        """Return the history after a shaded frame; see `Extrapolator`."""
+        return None if self._model is None else self._model.after_shaded(frame, history)
 
-    def draw(self, frame: Frame, past: ShadedHistory | None) -> tuple[Frame, ShadedHistory]:
-        """Return a frame with its colour drawn, and what it leaves; see `Extrapolator`.
+    def extrapolate(self, frame: Frame, history: ShadedHistory | None) -> tuple[Frame, ShadedHistory]:
+        """Return a frame with its colour computed, and the next history; see `Extrapolator`.
 
         Raises:
             ArgumentError: there is no model.
             FrameError: see `Extrapolator`.
         """
         if self._model is None:
-            hint = "Upscaler(extrapolation='guided-warp') draws frames that were not shaded."
+            hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
             raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
-        color, left = self._model.draw(frame, past)
-        return replace(frame, color=color), left
+        color, next_history = self._model.extrapolate(frame, history)
+        return replace(frame, color=color), next_history
 
     def warm_up(self, frame: Frame) -> None:
         """Run once, on a shaded frame."""
         if self._model is not None:
-            self._model.draw(replace(frame, color=None), self._model.after_shaded(frame))
+            self._model.extrapolate(replace(frame, color=None), self._model.after_shaded(frame))
 
-    def save(self, past: ShadedHistory | None) -> dict[str, NDArray[Any]] | None:
-        """Copies of the past; None where there is none."""
-        return None if self._model is None or past is None else self._model.save(past)
+    def save(self, history: ShadedHistory | None) -> dict[str, NDArray[Any]] | None:
+        """Copies of the history; None where there is none."""
+        return None if self._model is None or history is None else self._model.save(history)
 
     def load(self, arrays: Mapping[str, NDArray[Any]] | None) -> ShadedHistory | None:
-        """Return what `save` copied as a past, which is None without a model.
+        """Return what `save` copied as a history; None without a model.
 
         Raises:
             ArgumentError: see `Extrapolator`.
@@ -212,20 +212,20 @@ def _of_history(name: str) -> str:
 
 
 def _copied(frame: Frame, name: str) -> NDArray[Any]:
-    """What a graph takes of a frame, in memory that nobody else has: engines use their buffers again."""
+    """Return a graph's input of a frame, in memory of its own: engines reuse their buffers."""
     source = name if name in _SAME_NAME else f"gbuffer_{name}"
     array = frame_inputs(frame, frame.size, (source,))[source]
     return array if array.base is None else array.copy()
 
 
-def _checked(frame: Frame, past: ShadedHistory | None) -> ShadedHistory:
+def _checked(frame: Frame, history: ShadedHistory | None) -> ShadedHistory:
     if frame.color is not None:
         hint = "`step` takes shaded frames."
-        raise FrameError("color", got=frame.color.shape, want="None, as it is to be drawn", hint=hint)
+        raise FrameError("color", got=frame.color.shape, want="None, as it is to be extrapolated", hint=hint)
     if frame.reset:
-        hint = "There is nothing to draw it from: shade the first frame after a cut."
+        hint = "There is nothing to extrapolate from: shade the first frame after a cut."
         raise FrameError("reset", got="True on a frame that was not shaded", want="False", hint=hint)
-    if past is None:
-        hint = "After a start or a reset there is nothing to draw from: shade a frame, and `step` it."
+    if history is None:
+        hint = "After a start or a reset there is nothing to extrapolate from: shade a frame, and `step` it."
         raise FrameError("color", got="None before any shaded frame", want="(h, w, 3)", hint=hint)
-    return past
+    return history

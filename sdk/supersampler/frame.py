@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.arguments import IMAGE_SIZES, as_flag, as_number, is_image_size, is_row
-from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.errors import ArgumentError, FrameError, did_you_mean, shown
 
 Array: TypeAlias = NDArray[np.floating[Any]]
 Float32: TypeAlias = NDArray[np.float32]
@@ -16,7 +16,7 @@ Size: TypeAlias = tuple[int, int]
 """(width, height), as in FSR, XeSS and GL; arrays are (height, width, channels), row 0 on top."""
 
 MAX_AOVS = 1024
-"""Channels that a frame may carry along."""
+"""AOV channels that a frame may have."""
 GBUFFER_CHANNELS: Mapping[str, int] = {
     "base_color": 3, "normal": 3, "roughness": 1, "metallic": 1, "specular": 1,
 }  # fmt: skip
@@ -50,7 +50,7 @@ class Frame:
             0 at the sky), roughness, metallic, specular (each (h, w); dielectric F0 = 0.08 specular).
             Linear, in [0, 1] but for the normal.
         gbuffer_display: the same at display size, and `depth`, sampled at pixel centres without jitter.
-        carry: (h, w, k), k at most MAX_CARRIED. Alpha or any channels that belong to the colour.
+        aovs: (h, w, k), k at most MAX_AOVS. Alpha or any channels that belong to the colour.
 
     Raises:
         FrameError: an input has the wrong type, shape or range; its `name` says which.
@@ -242,7 +242,7 @@ def _hint(array: NDArray[Any], shape: tuple[object, ...]) -> str:
 
 
 def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Array]:
-    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not looked at.
+    """Return a frame's `gbuffer` or `gbuffer_display`, whose arrays are not checked.
 
     Raises:
         FrameError: it is no mapping, or a name is not a G-buffer's.
@@ -253,7 +253,8 @@ def checked_buffers(name: str, buffers: Mapping[str, Array]) -> Mapping[str, Arr
     for key in buffers:
         if key not in known:
             want = f"one of {', '.join(known)}"
-            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want)
+            hint = did_you_mean(key, known)
+            raise FrameError(f"{name}[{shown(key)}]", got="not a G-buffer's name", want=want, hint=hint)
     return buffers
 
 

@@ -1,4 +1,4 @@
-"""What a step takes from the one before, and what it gives beside an image."""
+"""What a step takes from the previous one, and what it returns beside an image."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -19,14 +19,14 @@ WORK = "work"
 
 @dataclass(eq=False)
 class History:
-    """What one frame leaves for the next, in the form that its model's executor has it.
+    """What a step on one frame keeps for the next, in the form of its model's executor.
 
     Attributes:
         display_size: (width, height) of the images that it belongs to.
-        render_size: (width, height) of the frame that left it.
+        render_size: (width, height) of that frame.
         buffers: the executor's.
-        carry: (1, k, H, W) what the frame carried along; None where it was not asked for.
-        kind: what it is the history of: a model takes those of its own kind alone.
+        aovs: (1, k, H, W) float32 blended AOVs; None where they were not asked for.
+        kind: identifies the model; a model takes histories of its own kind alone.
     """
 
     display_size: Size
@@ -37,24 +37,25 @@ class History:
 
 
 def check_histories(
-    past: History, left: History | None, kind: object, fits: Callable[[Buffers, Size, Size], bool]
+    history: History, next_history: History | None, kind: object, fits: Callable[[Buffers, Size, Size], bool]
 ) -> None:
     """Raise ArgumentError unless a step may read one history and write to another.
 
     Args:
-        past: to read.
-        left: to write to; None where room is made.
-        kind: what the executor takes.
-        fits: of the executor.
+        history: to read.
+        next_history: to write to; None where a new one is allocated.
+        kind: of the model.
+        fits: the executor's check of buffers against display and render size.
     """
-    for name, history in {"history": past, **({} if left is None else {"history_out": left})}.items():
-        if not isinstance(history, History) or history.kind != kind:
+    outputs = {} if next_history is None else {"history_out": next_history}
+    for name, given in {"history": history, **outputs}.items():
+        if not isinstance(given, History) or given.kind != kind:
             hint = "`first_history`, `run` and `load_history` of the model make one."
-            raise ArgumentError(name, got=shown(history), want="a History of this model", hint=hint)
-    if not fits(past.buffers, past.display_size, past.render_size):
-        got = f"changed: it is not of {past.display_size} and {past.render_size}"
+            raise ArgumentError(name, got=shown(given), want="a History of this model", hint=hint)
+    if not fits(history.buffers, history.display_size, history.render_size):
+        got = f"changed: it is not of {history.display_size} and {history.render_size}"
         raise ArgumentError("history", got=got, want="as it was made")
-    if left is not None and left.buffers is past.buffers:
+    if next_history is not None and next_history.buffers is history.buffers:
         raise ArgumentError("history_out", got="history itself", want="other buffers")
 
 
@@ -64,13 +65,14 @@ class StepResult:
 
     Attributes:
         image: (H, W, 3) float32 linear RGB.
-        carry: (H, W, k) float32 what the frame carries along, blended as the image is.
-        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: shares of each 2x2 pixels' classes. None of a
-            past, hidden before, changed light; then no aliasing, of an edge, of fine detail.
-        weight: (H, W) float32 share of the past in the image, [0, 1].
-        count: (H, W) float32 how many samples the image is worth.
-        work: (H / 32, W / 32) float32, sizes rounded up: share of a whole step's work that was done in each
-            tile of 32x32 pixels.
+        aovs: (H, W, k) float32 the frame's AOVs, blended by the same weights as the image.
+        class_map: (H / 2, W / 2, 6) float32, sizes rounded up: class probabilities of each 2x2 pixels. Three
+            classes of ghosting: no ghost, disocclusion, changed light; three of aliasing: none, edge, fine
+            detail.
+        weight: (H, W) float32 weight of the history in the image, [0, 1].
+        count: (H, W) float32 number of samples that each pixel has accumulated.
+        work: (H / 32, W / 32) float32, sizes rounded up: share of a full step's work that was done in each
+            tile of 32x32 pixels, [0, 1].
     """
 
     image: Float32
@@ -88,7 +90,7 @@ def checked_history(info: ModelInfo, arrays: object, display: Size, render: Size
         info: the model.
         arrays: by name.
         display: (width, height) of the images.
-        render: (width, height) of the frame that left it.
+        render: (width, height) of the previous frame.
 
     Raises:
         ArgumentError: an array is missing, unknown, or not of the type, shape and range that the model names.
@@ -111,12 +113,11 @@ class Stats:
         frames: frames stepped.
         extrapolated: those of them that were not shaded.
         resets: times that the history was dropped, the first frame's included.
-        seconds: wall time spent in steps, without drawing the colour of frames that were not shaded.
-        extrapolation_seconds: wall time spent on that.
-        work: of the work that drawing every pixel of every frame is, how many frames' worth was done; a
-            `frames - work` was skipped.
-        full_frames: frames of which every pixel was drawn.
-        full_seconds: wall time spent on those.
+        seconds: wall time of the steps, without extrapolation.
+        extrapolation_seconds: wall time of extrapolating the colour of unshaded frames.
+        work: full steps' worth of work that was done; static-tile reuse saved `frames - work`.
+        full_frames: frames of which every pixel was computed.
+        full_seconds: wall time of those.
     """
 
     frames: int = 0
@@ -134,10 +135,10 @@ class Stats:
         """Return these with one more step.
 
         Args:
-            fresh: whether it had no past.
-            work: share of a whole step's that was done.
-            seconds: that it took.
-            extrapolation_seconds: that the frame's colour took before; None where it was shaded.
+            fresh: whether it had no history.
+            work: share of a full step's work that was done.
+            seconds: wall time of the step.
+            extrapolation_seconds: wall time of extrapolating the frame's colour; None where it was shaded.
         """
         full, extrapolated = work == 1.0, extrapolation_seconds is not None
         return replace(
@@ -154,7 +155,7 @@ class Stats:
 
     @property
     def saved_seconds(self) -> float:
-        """What all frames would have taken at the pace of the full ones, less what they took."""
+        """Seconds that all frames would have taken at the pace of the full ones, less what they took."""
         if not self.full_frames:
             return 0.0
         return self.full_seconds / self.full_frames * self.frames - self.seconds

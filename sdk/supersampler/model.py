@@ -56,17 +56,17 @@ class Model:
 
     Attributes:
         info: what its model.json says.
-        providers: execution providers of ONNX Runtime in use, in order; the host executor needs none for a
+        providers: execution providers of ONNX Runtime in use, in order; the CPU backend needs none for a
             step, and counts as the CPU's.
-        threads: on the CPU, as they were asked for; 0 takes every core.
-        on_drawn: what steps on frames whose colour was drawn, on the same histories; mostly the model itself.
+        threads: on the CPU, as given; 0 takes every core.
+        on_extrapolated: the model that steps on extrapolated frames, on the same histories; mostly this one.
     """
 
     def __init__(
         self,
         info: ModelInfo,
         executor: Executor,
-        carrier: AovBlender,
+        aov_blender: AovBlender,
         providers: list[str],
         threads: int,
         on_extrapolated: "Model | None" = None,
@@ -74,7 +74,7 @@ class Model:
         self.info = info
         self.providers = providers
         self.threads = threads
-        self._carrier = carrier
+        self._aov_blender = aov_blender
         self._executor = executor
         self._kind = type(executor), self.device, info.history
         self.on_extrapolated = on_extrapolated or self
@@ -93,15 +93,15 @@ class Model:
         """Load a shipped model by name, or a model folder by path.
 
         Args:
-            name_or_path: one of `supersampler.model_names()`, or a folder with a model.json.
+            name_or_path: one of `methods.model_file.model_names()`, or a folder with a model.json.
             providers: "auto" (CUDA, DirectML, else CPU), a provider's name ("cpu", "cuda", "directml", ... or
                 ONNX Runtime's own), or several in order of preference.
             threads: threads on the CPU; 0 takes every core.
-            executor: "graph" runs the model's graph in ONNX Runtime, "host" kernels compiled for this
-                processor, which is several times as fast; "auto" takes those where the provider is the CPU
-                and the model has them.
-            precision: of the learned part: "int8", in bytes, as the host executor always runs it; "fp32" or
-                "fp16" in a graph. What is not learned is fp32 everywhere.
+            executor: "onnx" runs the model's graph in ONNX Runtime; "cpu" runs kernels compiled for this
+                processor, which is several times as fast; "auto" takes "cpu" where the provider is the CPU
+                and the model has kernels.
+            precision: of the learned part: "int8", which the CPU backend always runs; "fp32" or "fp16" of the
+                ONNX backend. All else is fp32 everywhere.
             capture: have CUDA or TensorRT capture the step with tensors as a CUDA graph, launched as one from
                 then on; anew where a size changes. The CPU runs the same on fixed buffers, without capture.
 
@@ -115,12 +115,12 @@ class Model:
         precision = checked_choice("precision", precision, get_args(Precision))
         info = read_upscaling_info(checked_path("model", name_or_path))
         names = resolve_providers(providers)
-        carrier = AovBlender(info, session_options(threads))
+        aov_blender = AovBlender(info, session_options(threads))
         if executor != "onnx" and not capture and list(names) == [CPU]:
             required = executor == "cpu" or precision == "int8"
-            host = cpu_executor(info, threads, required=required)
-            if host is not None and precision in ("auto", host.precision):
-                return cls(info, host, carrier, [CPU], threads)
+            kernels = cpu_executor(info, threads, required=required)
+            if kernels is not None and precision in ("auto", kernels.precision):
+                return cls(info, kernels, aov_blender, [CPU], threads)
         kind = "fp32" if precision == "auto" else precision
         if executor == "cpu" or kind not in info.steps:
             got = f"{executor=}, {precision=}, {capture=}, providers {', '.join(names)}"
@@ -132,7 +132,7 @@ class Model:
             if info.extrapolated is None
             else _on_extrapolated(info.extrapolated, kind, graph.providers, threads)
         )
-        return cls(info, graph, carrier, graph.providers, threads, on_extrapolated)
+        return cls(info, graph, aov_blender, graph.providers, threads, on_extrapolated)
 
     @property
     def executor(self) -> str:
@@ -155,7 +155,7 @@ class Model:
         return self._executor.precision
 
     def first_history(self, display_size: Size, render_size: Size) -> History:
-        """No past: all zeros.
+        """Return an empty history: all zeros.
 
         Raises:
             ArgumentError: a size is not that of an image.
@@ -175,8 +175,8 @@ class Model:
         """Upscale one frame to the display size of `history`.
 
         Args:
-            frame: its `reset` is not looked at; hand in `first_history` for a frame without a past.
-            history: what the frame before left; not changed.
+            frame: its `reset` is not read; hand in `first_history` for a frame without a history.
+            history: of the previous frame; not changed.
             out: (H, W, 3) float32 to write the image to; a new array where None.
             history_out: buffers of an older history to write to; new ones where None.
 
@@ -187,8 +187,8 @@ class Model:
             FrameError: the frame lacks an input, or its size does not fit.
             ArgumentError: `out` has the wrong shape or type, or `history_out` is `history`.
         """
-        result, left = self.run_outputs(frame, history, (), out=out, history_out=history_out)
-        return result.image, left
+        result, next_history = self.run_outputs(frame, history, (), out=out, history_out=history_out)
+        return result.image, next_history
 
     def run_outputs(
         self,
@@ -213,8 +213,8 @@ class Model:
             skip: see `Upscaler`.
 
         Raises:
-            FrameError: as `run`; or the frame carries nothing, or other channels than the one before, and
-                "aovs" is among the outputs.
+            FrameError: as `run`; or "aovs" is among the outputs, and the frame has none, or other channels
+                than the previous one.
             ArgumentError: as `run`; or the model has no output of that name.
         """
         outputs = checked_names("outputs", outputs)
@@ -235,18 +235,20 @@ class Model:
         """Do as `run_outputs`, for arguments that `check` has passed and histories of this model."""
         tolerance, display_size = tolerance_of(checked_skip(skip), outputs), history.display_size
         image = aligned((*display_size[::-1], 3)) if out is None else out
-        left = self._prepared(history_out, display_size, frame.size)
+        next_history = self._prepared(history_out, display_size, frame.size)
         needed = {self.info.maps[name].output for name in outputs if name in self.info.maps}
         needed |= {"weight"} if "aovs" in outputs else set()
-        drawn = image if image.flags.c_contiguous else aligned(image.shape)
+        computed = image if image.flags.c_contiguous else aligned(image.shape)
         aux_outputs = self._executor.step(
-            frame, display_size, history.buffers, left.buffers, drawn, needed, tolerance=tolerance
+            frame, display_size, history.buffers, next_history.buffers, computed, needed, tolerance=tolerance
         )
-        if drawn is not image:
-            np.copyto(image, drawn)
+        if computed is not image:
+            np.copyto(image, computed)
         if "aovs" in outputs:
-            left.aovs = self._carrier.blend(frame, aux_outputs.get("weight"), history.aovs, display_size)
-        return self._result(image, outputs, aux_outputs, left), left
+            next_history.aovs = self._aov_blender.blend(
+                frame, aux_outputs.get("weight"), history.aovs, display_size
+            )
+        return self._result(image, outputs, aux_outputs, next_history), next_history
 
     def run_tensors(
         self,
@@ -263,7 +265,7 @@ class Model:
         Raises:
             FrameError: an input is missing, or its type, shape, range or device does not fit.
             ModelError: the provider cannot capture the step.
-            ArgumentError: the executor is not a graph, or `history_out` is `history`.
+            ArgumentError: the executor is not "onnx", or `history_out` is `history`.
         """
         if not isinstance(self._executor, OnnxExecutor):
             want = "'onnx', which takes tensors"
@@ -281,13 +283,13 @@ class Model:
                 given[tensor.name] = taken(tensors[tensor.name], tensor.name)
         render_size = render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, history.display_size)
-        left = self._prepared(history_out, history.display_size, render_size)
+        next_history = self._prepared(history_out, history.display_size, render_size)
         target = None if out is None else taken(out, "image")
         if target is not None and target.data_ptr() in {value.data_ptr() for value in given.values()}:
             raise ArgumentError("out", got="memory of the frame", want="memory that the step does not read")
         display = history.display_size
-        image = self._executor.step_tensors(given, display, history.buffers, left.buffers, target)
-        return (image if out is None else out), left
+        image = self._executor.step_tensors(given, display, history.buffers, next_history.buffers, target)
+        return (image if out is None else out), next_history
 
     def plan(self, render_size: Size, display_size: Size) -> Plan:
         """Return what frames of this size need; nothing of it is made.
@@ -307,11 +309,11 @@ class Model:
         return Plan(self.executor, self.precision, 2 * history, working, products)
 
     def note_stages(self) -> Mapping[str, float]:
-        """Return wall seconds by stage of all steps from now on, which fills as they run; none of a graph."""
+        """Return wall seconds by stage, which fill with each step from now on; none for the ONNX backend."""
         return self._executor.note_stages()
 
     def save_history(self, history: History) -> dict[str, NDArray[Any]]:
-        """Copies of all history tensors of the contract, and of what else the executor goes by.
+        """Copies of all history tensors of the contract, and of the executor's own.
 
         Any executor of the model can load them.
         """
@@ -323,7 +325,7 @@ class Model:
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
     def work(self, history: History) -> Float32:
-        """Return what `StepResult.work` is for the step that left this history."""
+        """Return `StepResult.work` of the step that returned this history."""
         return self._executor.work(history.buffers, history.display_size)
 
     def load_history(
@@ -351,7 +353,7 @@ class Model:
         frame: Frame,
         display_size: Size,
         outputs: Collection[str] = (),
-        carried: Float32 | None = None,
+        previous_aovs: Float32 | None = None,
         out: Float32 | None = None,
     ) -> None:
         """Raise what `run_outputs` would for this frame, before anything is done with it.
@@ -360,7 +362,7 @@ class Model:
             frame: the frame.
             display_size: (width, height) of the image.
             outputs: names of what else is to be returned.
-            carried: what the frame before carried, `History.aovs`.
+            previous_aovs: `History.aovs` of the previous frame.
             out: where the image is to be written.
 
         Raises:
@@ -375,12 +377,16 @@ class Model:
         for name in checked_names("outputs", outputs):
             checked_choice("outputs", name, ("aovs", WORK, *self.info.maps))
         if "aovs" in outputs:
-            check_aovs(frame, carried)
+            check_aovs(frame, previous_aovs)
         if out is not None:
             check_out(out, (*display_size[::-1], 3), arrays_of(frame))
 
     def _result(
-        self, image: Float32, outputs: Collection[str], aux_outputs: Mapping[str, Float32], left: History
+        self,
+        image: Float32,
+        outputs: Collection[str],
+        aux_outputs: Mapping[str, Float32],
+        next_history: History,
     ) -> StepResult:
         inputs = {h.output: h.input.name for h in self.info.history}
         maps: dict[str, Float32] = {}
@@ -388,15 +394,15 @@ class Model:
             where = self.info.maps[name]
             planes = aux_outputs.get(where.output)
             if planes is None:
-                planes = self._executor.tensor(left.buffers, inputs[where.output])
+                planes = self._executor.tensor(next_history.buffers, inputs[where.output])
             maps[name] = pixels_of(planes[:, where.first : where.first + where.channels])
-        aovs = None if left.aovs is None else left.aovs[0].transpose(1, 2, 0).copy()
+        aovs = None if next_history.aovs is None else next_history.aovs[0].transpose(1, 2, 0).copy()
         if WORK in outputs:
-            maps[WORK] = self.work(left).copy()
+            maps[WORK] = self.work(next_history).copy()
         return StepResult(image, aovs=aovs, **maps)
 
     def _prepared(self, history: History | None, display: Size, render: Size) -> History:
-        """Room for what this frame leaves, that of `history` where it fits."""
+        """Return buffers for the next history: those of `history` where they fit."""
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)
@@ -404,5 +410,5 @@ class Model:
 
 def _on_extrapolated(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
     info = read_model_info(folder)
-    graph = OnnxExecutor(info, threads, providers, precision, capture=False)  # takes no tensors
+    graph = OnnxExecutor(info, threads, providers, precision, capture=False)  # without run_tensors
     return Model(info, graph, AovBlender(info, session_options(threads)), graph.providers, threads)

@@ -1,4 +1,4 @@
-"""Presets: settings that lead in run time against error, by the rule of docs/pareto.md."""
+"""Presets: settings on the frontier of run time against error, by the rule of docs/pareto.md."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -12,7 +12,7 @@ PresetName = Literal["fast", "balanced", "high"]
 
 
 class Preset(NamedTuple):
-    """What an Upscaler is made with; see there."""
+    """Arguments of `Upscaler` that a preset sets."""
 
     model: str
     precision: Precision
@@ -56,10 +56,10 @@ def loaded_model(
     *,
     capture: bool,
 ) -> Model:
-    """Return a model that is loaded, or load it; arguments as of `Model.load`.
+    """Return a loaded model as it is, or load one; arguments as of `Model.load`.
 
     Raises:
-        ArgumentError: it is loaded, and how it runs is given again.
+        ArgumentError: the model is loaded, and arguments of loading are given again.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
     if not isinstance(model, Model):

@@ -1,4 +1,4 @@
-"""What an Upscaler remembers, as a copy."""
+"""`State`: a copy of what an Upscaler remembers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -26,9 +26,9 @@ class State:
     Attributes:
         method: whose history it is.
         display_size: (width, height) of the images.
-        render_size: of the frame before; None where there is none.
-        history: tensors by name; None where there is no past.
-        shaded: what frames that are not shaded are drawn from, likewise.
+        render_size: (width, height) of the previous frame; None where there is none.
+        history: tensors by name; None where there is no history.
+        shaded: tensors from which unshaded frames are extrapolated, likewise.
         version: STATE_VERSION of the package that saved it.
     """
 
@@ -37,12 +37,10 @@ class State:
     render_size: Size | None
     history: Mapping[str, NDArray[Any]] | None
     shaded: Mapping[str, NDArray[Any]] | None = None
-    version: int = field(
-        default_factory=lambda: STATE_VERSION
-    )  # no attribute of the class: older pickles lack it
+    version: int = field(default_factory=lambda: STATE_VERSION)  # not of the class: older pickles lack it
 
     def history_for(self, model: "Model", display_size: Size | None) -> History | None:
-        """Return the history as a model takes it; None where there is no past.
+        """Return the history as a model takes it; None where there is none.
 
         Args:
             model: the model.

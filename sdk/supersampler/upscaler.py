@@ -26,7 +26,7 @@ from supersampler.validation import FrameChecker, Validate
 
 
 class _Memory(NamedTuple):
-    """What an Upscaler remembers. Replaced as one: who interrupts a step finds all of it done, or nothing.
+    """What an Upscaler remembers. Replaced as a whole: an interrupted step changes all of it or nothing.
 
     Attributes:
         display_size: (width, height) of the images; with `scale` None until the first frame.
@@ -60,26 +60,25 @@ class Upscaler:
             fixes the display size before the first frame. Frames of other sizes are taken too.
         providers: see `Model.load`; not with a `Model`.
         threads, precision, capture: see `Model.load`; not with a `Model`.
-        executor: see `Model.load`; "auto" with a `Model`. Frames that were not shaded are drawn by kernels of
-            a CPU, too, but for "graph".
-        skip: a number leaves those tiles of the image as they are in which the scene stands still (nothing
-            moves, and each frame is, bit for bit, what it was one period of the jitter before) and their
-            pixels have changed by no more than this in that period, root mean square of what a screen shows,
-            in [0, 1]; four times as much in the next period, eight times in further ones, as what then still
-            changes goes round in a circle. A frame without other tiles is a copy. "auto" is half a step of an
-            8-bit picture; "exact" draws every pixel, as graphs always do.
+        executor: see `Model.load`; "auto" with a `Model`. "onnx" runs extrapolation in ONNX Runtime, too.
+        skip: the tolerance of static-tile reuse. A tile keeps its pixels where nothing moves, each frame is,
+            bit for bit, what it was one period of the jitter before, and the tile's pixels have changed by no
+            more than this in that period: root mean square of display values, in [0, 1]. The tolerance grows
+            to 4x in the next period and 8x in later ones, because the remaining change is periodic. A frame
+            without other tiles is a copy. "auto" is half a step of an 8-bit image; "exact" computes every
+            pixel, as the ONNX backend always does.
         preset: "fast", "balanced" or "high" in place of `model`, `precision` and `skip`: settings that no
             other beats in both time and error (docs/pareto.md).
-        extrapolation: a model that draws frames that were not shaded, for `extrapolate`: "guided-warp",
-            "guided-flow", or a model folder. It runs as `model` does, and so does what `model` has for drawn
-            frames, if anything. None keeps nothing for it.
+        extrapolation: a model that computes the colour of frames that were not shaded, for `extrapolate`:
+            "guided-warp", "guided-flow", or a model folder. It runs as `model` does, and so does the model
+            that `model` has for extrapolated frames, if any. None keeps nothing for it.
         validate: "warn" reads the pixels of the first frames after a start or reset and warns with a guess at
             the mistake, "strict" reads every frame and raises, "off" checks shapes alone.
         record: a new folder to record all calls to, for `supersampler replay`; `close` ends it.
 
     Attributes:
         model: in use.
-        skip: how far tiles are left as they are.
+        skip: the tolerance of static-tile reuse, as given.
         gbuffers: names of the G-buffers that are read of frames, as `ModelInfo.gbuffers` has them.
 
     Raises:
@@ -173,9 +172,9 @@ class Upscaler:
             frame: see `Frame`. Its render size may differ from the frame before; the history is kept.
             out: (H, W, 3) float32 to write the image to.
             outputs: names of what else to return: "aovs", and maps that explain the image: "class_map",
-                "weight", "count", "work", as far as the method knows it. What is not named costs nothing.
-                What frames carry along must be asked for from one frame to the next, or begins anew, and
-                while it is, nothing is skipped.
+                "weight", "count", "work", as far as the method has them. What is not named costs nothing.
+                Blending of AOVs starts anew where the previous frame was stepped without "aovs"; with it, no
+                tile is reused.
 
         Returns:
             (H, W, 3) float32 linear RGB, finite and >= 0, in the units of `frame.color`; `out` if given.
@@ -208,10 +207,10 @@ class Upscaler:
     def extrapolate(
         self, frame: Frame, *, out: Float32 | None = None, outputs: Collection[str] = ()
     ) -> Float32 | StepResult:
-        """Upscale the next frame, which was not shaded: its colour is drawn from the last one that was.
+        """Upscale the next frame, which was not shaded: its colour is extrapolated from the last shaded one.
 
-        Shaded frames and others may alternate in any way. `step` takes those, and wants of them the G-buffers
-        that the extrapolation reads, too. Motion is to the frame handed in before, of either kind.
+        Shaded and unshaded frames may alternate in any way. `step` takes the shaded ones, which need the
+        G-buffers that the extrapolation reads, too. Motion leads to the previous frame, of either kind.
 
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
@@ -243,7 +242,7 @@ class Upscaler:
         reset: bool = False,
         out: Tensor | None = None,
     ) -> Tensor:
-        """Upscale the next frame where it lies, on the provider's device: no image goes to or from the host.
+        """Upscale the next frame on the provider's device; no image is copied to or from the CPU.
 
         >>> image = upscaler.step_tensors({"color": c, "depth": d, "motion": m}, jitter=(x, y))
         >>> image = torch.from_dlpack(image)
@@ -276,7 +275,7 @@ class Upscaler:
         return self._recorder.step_tensors(tensors, jitter, exposure, reset, run)
 
     def reset(self) -> None:
-        """Forget the past, as `Frame.reset` does."""
+        """Drop the history, as `Frame.reset` does."""
         self._check_open()
         if self._recorder is not None:
             self._recorder.reset()
@@ -356,9 +355,9 @@ class Upscaler:
         self, frame: Frame, out: Float32 | None, outputs: Collection[str]
     ) -> Float32 | StepResult:
         started = time.perf_counter()
-        drawn, shaded = self._extrapolation.draw(frame, self._memory.shaded)
+        shaded_frame, shaded = self._extrapolation.extrapolate(frame, self._memory.shaded)
         seconds = time.perf_counter() - started
-        return self._upscaled(self._on_extrapolated, frame, drawn, shaded, out, outputs, seconds)
+        return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, seconds)
 
     def _upscaled(
         self,
@@ -400,7 +399,7 @@ class Upscaler:
     ) -> Tensor:
         started, memory = time.perf_counter(), self._memory
         if self._extrapolation.infos:
-            hint = "What frames are drawn from is kept of arrays alone: use `step`."
+            hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
         display = memory.display_size or display_size_of(size, self._scale)

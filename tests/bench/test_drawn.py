@@ -8,8 +8,9 @@ import pytest
 from typer.testing import CliRunner
 
 from lit_scene import LitScene
-from supersampler import Shot, ShotError, ShotWriter, halton_jitter
+from supersampler import Shot, ShotError, halton_jitter
 from supersampler.cli import app
+from supersampler.io.shot import ShotWriter
 from supersampler_bench.drawn import measure_drawn
 from supersampler_bench.record import read_record
 from supersampler_bench.tables import blocks_of

@@ -10,10 +10,10 @@ from typer.testing import CliRunner
 
 from joint_folder import joint_folder
 from lit_scene import LitScene, even
-from supersampler import ArgumentError, Frame, Shot, ShotError, ShotWriter, halton_jitter
+from supersampler import ArgumentError, Frame, Shot, ShotError, halton_jitter
 from supersampler.cli import app
 from supersampler.frame import Float32
-from supersampler.io.shot import ShotFrame
+from supersampler.io.shot import ShotFrame, ShotWriter
 from supersampler_bench.extrapolation import (
     ACROSS,
     BETWEEN,

@@ -8,8 +8,9 @@ import pytest
 
 from gbuffer_method import WANTED, exported, lit
 from noise import noise
-from supersampler import ArgumentError, Shot, ShotWriter, Upscaler, shipped_shot
+from supersampler import ArgumentError, Shot, Upscaler
 from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.shot import ShotWriter
 from supersampler.methods.gbuffers import GBUFFERS, names_of
 from supersampler.validation import FrameChecker
 from supersampler_bench.device import measure_device
@@ -125,11 +126,11 @@ def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_
         "oracle",
     ]
     assert told == []
-    assert runnable(shipped_shot(), ["taau", name], told.append) == ["taau"]
+    assert runnable(Shot.open("plaza"), ["taau", name], told.append) == ["taau"]
     assert len(told) == 1
     assert told[0].startswith(f"plaza: {name} is left out: the frames have no base_color at render size")
     with pytest.raises(ArgumentError, match="one that can draw plaza"):
-        runnable(shipped_shot(), [name], told.append)
+        runnable(Shot.open("plaza"), [name], told.append)
 
 
 def test_a_suggestion_leaves_out_what_a_shot_has_no_buffers_for(shot: Shot, gbuffer_model: Path) -> None:
@@ -141,7 +142,7 @@ def test_a_suggestion_leaves_out_what_a_shot_has_no_buffers_for(shot: Shot, gbuf
     assert told == []
     small = (640, 360)
     found = measure_candidates(
-        shipped_shot(), small, 1e6, points, threads=1, steps=1, on_left_out=told.append
+        Shot.open("plaza"), small, 1e6, points, threads=1, steps=1, on_left_out=told.append
     )
     assert [c.spec for c in found] == specs[1:]
     assert len(told) == 1

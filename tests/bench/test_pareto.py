@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler import ArgumentError, shipped_shot
+from supersampler import ArgumentError, Shot
 from supersampler_bench.pareto import (
     METRICS,
     Point,
@@ -156,7 +156,7 @@ def test_a_record_without_means_is_refused() -> None:
 
 def test_what_fits_a_budget_comes_first_the_best_of_it_before_the_rest() -> None:
     known = [point("bilinear", 9.0, 26.7), point("taau", 8.0, 29.2), point("taa", 5.0, 26.8)]
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     rich, poor = (
         measure_candidates(shot, (360, 200), budget, known, threads=1, steps=2) for budget in (1e5, 0.0)
     )

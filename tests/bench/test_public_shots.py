@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from supersampler import ShotError
 from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import Shot, copy_shot, shipped_shot
+from supersampler.io.shot import Shot, copy_shot
 from supersampler_bench import public_shots
 from supersampler_bench.public_shots import (
     PublicShot,
@@ -186,6 +186,6 @@ def test_the_shot_that_ships_is_drawn_by_one_command(tmp_path: Path, monkeypatch
         [15, 16],
     )
     assert shot.read_classes(16) is not None
-    shipped = shipped_shot()
+    shipped = Shot.open("plaza")
     assert [shot.read_raw(i).jitter for i in range(17)] == [shipped.read_raw(i).jitter for i in range(17)]
     assert shot.license == shipped.license

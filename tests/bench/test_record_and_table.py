@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError, __version__
 from supersampler.cli import app
-from supersampler.io.shot import ClassMaps, ShotWriter, shipped_shot
+from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.gallery import Gallery
 from supersampler_bench.record import (
     Measured,
@@ -86,7 +86,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 
 def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
     file = tmp_path / "results" / "quality.json"
-    write_json(quality_record([Measured(shipped_shot(), RESULTS)]), file)
+    write_json(quality_record([Measured(Shot.open("plaza"), RESULTS)]), file)
     record = json.loads(file.read_text(encoding="utf-8"))
     assert record["versions"]["supersampler"] == __version__
     assert record["machine"]["cores"] >= 1
@@ -101,14 +101,14 @@ def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: 
 
 
 def test_only_the_date_differs_between_records_of_one_measurement() -> None:
-    first, second = (quality_record([Measured(shipped_shot(), RESULTS)]) for _ in range(2))
+    first, second = (quality_record([Measured(Shot.open("plaza"), RESULTS)]) for _ in range(2))
     assert first.pop("date")
     assert second.pop("date")
     assert repr(first) == repr(second)
 
 
 def test_the_markdown_table_says_what_was_measured() -> None:
-    lines = markdown_table(caption(shot_record(shipped_shot())), RESULTS).split("\n")
+    lines = markdown_table(caption(shot_record(Shot.open("plaza"))), RESULTS).split("\n")
     assert len({line.count("|") for line in lines[:4]}) == 1
     assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
 
@@ -175,7 +175,7 @@ def test_clip_metrics_stand_in_the_second_table_only_where_they_were_asked_for()
     lines = markdown_table("title", judged, CLIP_COLUMNS).splitlines()
     assert lines[0].endswith("| STRRED ↓ | ColorVideoVDP JOD ↑ |")
     assert lines[3].endswith("| **12.0** | **10.000** |")
-    record = quality_record([Measured(shipped_shot(), judged)])["shots"][0]["methods"][1]["summary"]
+    record = quality_record([Measured(Shot.open("plaza"), judged)])["shots"][0]["methods"][1]["summary"]
     assert record["warm_cropped"]["cvvdp"] == 10.0
 
 
@@ -184,7 +184,7 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    shots = [Measured(shipped_shot(), methods, {"ratio": 2.0}) for methods in (told, told)]
+    shots = [Measured(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (told, told)]
     report = Report(quality_record(shots))
     first, clip, classes = report.blocks("quality shots").values()
     assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
@@ -194,7 +194,7 @@ def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> 
     assert classes.count("Mean of the shots") == 1
     Gallery(tmp_path / "out").add_means(report)
     assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
-    untold = Report(quality_record([Measured(shipped_shot(), RESULTS, {})]))
+    untold = Report(quality_record([Measured(Shot.open("plaza"), RESULTS, {})]))
     assert untold.blocks("quality plaza")["quality plaza classes"] == NO_CLASSES
 
 
@@ -203,7 +203,7 @@ def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) 
         MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
         for r in RESULTS
     ]
-    record = quality_record([Measured(shipped_shot(), told, {"ratio": 2.0}) for _ in range(2)])
+    record = quality_record([Measured(Shot.open("plaza"), told, {"ratio": 2.0}) for _ in range(2)])
     write_json(record, tmp_path / "record.json")
     again = read_record(tmp_path / "record.json")
     assert Report(again).blocks("quality shots") == Report(record).blocks("quality shots")

@@ -11,9 +11,10 @@ import torch
 from torch import Tensor, nn
 
 from noise import Size, noise
-from supersampler import Frame, Model, Upscaler, display_transform
+from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler.methods.classifier.spec import ClassifierConfig, NetworkConfig
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import find_model

@@ -6,8 +6,7 @@ from typing import Any
 import onnx
 import pytest
 
-from supersampler import model_names
-from supersampler.methods.model_file import find_model
+from supersampler.methods.model_file import find_model, model_names
 from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.folder import aovs_graph
 from supersampler_export.graph import export_graph

@@ -2,8 +2,10 @@
 
 import pytest
 
-from supersampler_model.methods import LEARNED
+from supersampler.methods import catalog
+from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.weights_file import load_trained, shipped_weights
+from supersampler_model.training.tasks import TASKS
 
 SHIPPED = [name for name in LEARNED if shipped_weights(name).exists()]
 
@@ -12,3 +14,11 @@ SHIPPED = [name for name in LEARNED if shipped_weights(name).exists()]
 def test_the_default_configuration_is_that_of_the_shipped_weights(name: str) -> None:
     shipped = LEARNED[name].of(load_trained(shipped_weights(name)))
     assert LEARNED[name]().config == shipped.config
+
+
+def test_the_catalog_of_the_sdk_says_of_each_method_what_it_is() -> None:
+    assert {*catalog.FIXED} == {*METHODS}
+    assert {*catalog.LEARNED} == {*LEARNED} == {*TASKS}
+    assert {*catalog.UNTRAINED} == {*LEARNED} - {*SHIPPED}
+    for name, spec in {**catalog.FIXED, **catalog.LEARNED}.items():
+        assert spec is {**METHODS, **LEARNED}[name].spec

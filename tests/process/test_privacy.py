@@ -21,13 +21,13 @@ import itertools, os
 from pathlib import Path
 
 before = dict(os.environ)
-from supersampler import Upscaler, shipped_shot
+from supersampler import Shot, Upscaler
 from supersampler.io.images import write_exr, write_png
 from supersampler.io.display import display_transform, to_uint8
 
 for name, executor in (("taa", "cpu"), ("bilinear", "onnx")):
     upscaler = Upscaler(name, scale=2, executor=executor)
-    for item in itertools.islice(shipped_shot(), 2):
+    for item in itertools.islice(Shot.open("plaza"), 2):
         image = upscaler.step(item.frame)
     assert upscaler.model.executor == executor
     write_exr(Path(OUTPUT, name + ".exr"), image)

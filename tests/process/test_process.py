@@ -82,7 +82,7 @@ with warnings.catch_warnings(record=True) as caught:
 assert [w.category.__name__ for w in caught] == ["BackendWarning"], [str(w.message) for w in caught]
 assert "several times slower" in str(caught[0].message), str(caught[0].message)
 assert (one.model.executor, other.model.executor) == ("onnx", "onnx")
-from supersampler import KernelError
+from supersampler.errors import KernelError
 try:
     upscaler(executor="cpu")
 except KernelError as error:

@@ -26,21 +26,17 @@ from supersampler import (
     Shot,
     SupersamplerError,
     Upscaler,
-    auto_exposure,
-    detect_conventions,
-    display_transform,
     halton_jitter,
-    jitter_phase_count,
     jittered_projection,
-    mip_bias,
-    open_source,
-    render_size_for,
-    shipped_shot,
 )
 from supersampler.arguments import MAX_SIDE, MAX_THREADS
 from supersampler.backends.onnx.session import planes_of
+from supersampler.conventions import jitter_phase_count, mip_bias, render_size_for
 from supersampler.errors import shown
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.shot import open_source
 from supersampler.model import ExecutorName
+from supersampler.validation import detect_conventions
 
 SIZE, DISPLAY = (32, 18), (64, 36)
 GOOD = noise(1, SIZE)
@@ -192,7 +188,6 @@ PURE: dict[str, Call] = {
     "Conventions.converter": lambda value: Conventions().converter(display_size=value),
     "Converter.to_frame": lambda value: Conventions().converter().to_frame(value),
     "Converter.from_frame": lambda value: Conventions().converter().from_frame(value),
-    "shipped_shot": shipped_shot,
     "open_source(layout)": lambda value: open_source(".", layout=value),
     "Shot.open": Shot.open,
 }

@@ -10,21 +10,13 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import (
-    ArgumentError,
-    Conventions,
-    FrameError,
-    Model,
-    ProviderError,
-    Upscaler,
-    jittered_projection,
-    mip_bias,
-    open_source,
-    render_size_for,
-)
+from supersampler import ArgumentError, Conventions, FrameError, Model, Upscaler, jittered_projection
 from supersampler.arguments import MAX_PIXELS, MAX_SIDE, MAX_THREADS, checked_threads
 from supersampler.backends.onnx.session import planes_of
+from supersampler.conventions import mip_bias, render_size_for
+from supersampler.errors import ProviderError
 from supersampler.frame import MAX_AOVS
+from supersampler.io.shot import open_source
 from supersampler.model import ExecutorName
 
 SIZE, DISPLAY = (32, 18), (64, 36)

@@ -11,7 +11,7 @@ from supersampler.conventions import Conventions
 from supersampler.conventions.jitter import halton_jitter
 from supersampler.errors import ArgumentError, FrameError, FrameWarning
 from supersampler.frame import Frame
-from supersampler.io.shot import shipped_shot
+from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker
 from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, checker, zone_plate
 
@@ -20,7 +20,7 @@ DISPLAY = (640, 360)
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     return [shot.read(index).frame for index in range(12, 16)]
 
 

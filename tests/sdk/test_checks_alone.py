@@ -196,6 +196,6 @@ def test_what_is_kept_of_frames_goes_once_no_more_are_read() -> None:
     checker = FrameChecker("warn")
     for index in range(3):
         checker.check(frame(jitter=halton_jitter(index, 2.0)), (160, 120))
-        assert checker._memory.light is not None
+        assert checker._seen.previous is not None
     checker.check(frame(jitter=halton_jitter(3, 2.0)), (160, 120))
-    assert checker._memory.light is None
+    assert checker._seen.previous is None

@@ -13,16 +13,10 @@ from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.validation import FrameChecker
 from supersampler.validation.detection import SURE, Detection, Hypothesis, Verdict, ranked
-from supersampler.validation.reprojection import luminance
-from supersampler.validation.temporal import (
-    Memory,
-    _better_reading,
-    _other_order,
-    _readings,
-    _surfaces,
-    _words,
-    remembered,
-)
+from supersampler.validation.evidence import Evidence
+from supersampler.validation.readings import reading_text
+from supersampler.validation.reprojection import frame_pairs
+from supersampler.validation.temporal import FramesSeen, _better_reading, _other_order, _readings
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 
@@ -89,19 +83,28 @@ def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
 
 
 @pytest.mark.parametrize(
-    ("reading", "words"),
+    ("reading", "text"),
     [
-        (Conventions(motion_unit="uv"), "as UV"),
-        (Conventions(motion_unit="ndc", motion_flip_y=True), "as NDC and with y flipped"),
-        (Conventions(motion_scale=(0.5, 0.5)), "as display pixels"),
-        (Conventions(motion_direction="current_minus_previous"), "as current minus previous"),
-        (Conventions(motion_jittered=True), "as having jitter in it"),
-        (Conventions(jitter_sign=-1, jitter_flip_y=True), "with the other sign and with y flipped"),
-        (Conventions(jitter_flip_y=True), "with y flipped"),
+        (Conventions(motion_unit="uv"), "uv, previous minus current"),
+        (Conventions(motion_unit="ndc", motion_flip_y=True), "ndc, previous minus current, y flipped"),
+        (Conventions(motion_scale=(0.5, 0.5)), "display pixels, previous minus current"),
+        (Conventions(motion_direction="current_minus_previous"), "pixels, current minus previous"),
+        (Conventions(motion_jittered=True), "pixels, previous minus current, with jitter in it"),
     ],
 )
-def test_a_reading_is_said_in_words(reading: Conventions, words: str) -> None:
-    assert _words(reading) == words
+def test_a_reading_of_motion_has_a_text(reading: Conventions, text: str) -> None:
+    assert reading_text("motion", reading) == text
+
+
+@pytest.mark.parametrize(
+    ("reading", "text"),
+    [
+        (Conventions(jitter_sign=-1, jitter_flip_y=True), "pixels, centre - jitter, y flipped"),
+        (Conventions(jitter_unit="uv"), "uv, centre + jitter"),
+    ],
+)
+def test_a_reading_of_jitter_has_a_text(reading: Conventions, text: str) -> None:
+    assert reading_text("jitter", reading) == text
 
 
 def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
@@ -109,7 +112,6 @@ def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
     assert len(readings) == 3 * 2 * 2 * 2 - 1 + 3 + 1
     assert Conventions(motion_scale=(0.5, 0.5)) in readings.values()
     assert Conventions() not in readings.values()
-    assert all(_words(reading) for reading in readings.values())
 
 
 @pytest.mark.parametrize(
@@ -119,24 +121,24 @@ def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
 def test_a_reading_must_fit_clearly_better_and_more_so_after_one_pair_of_frames(
     pairs: int, part: float, found: bool
 ) -> None:
-    memory = Memory(pairs=pairs, errors={"best": (0.5, 0.5 * part), "other": (0.2, 0.19)})
-    assert _better_reading(memory) == ("best" if found else "")
+    seen = FramesSeen(pairs=pairs, errors={"best": (0.5, 0.5 * part), "other": (0.2, 0.19)})
+    assert _better_reading(seen) == ("best" if found else "")
 
 
 def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() -> None:
-    assert _better_reading(Memory(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
-    assert _better_reading(Memory(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
-    assert _better_reading(Memory()) == ""
+    assert _better_reading(FramesSeen(pairs=2, errors={"best": (1.9e-5, 0.0)})) == ""
+    assert _better_reading(FramesSeen(pairs=2, errors={"best": (2.1e-5, 0.0)})) == "best"
+    assert _better_reading(FramesSeen()) == ""
 
 
 def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
-    scene, memory = Plane(checker, (2.0, 1.0)), Memory()
+    scene, seen = Plane(checker, (2.0, 1.0)), FramesSeen()
     for index, pairs in enumerate((0, 1, 2)):
         frame = scene.frame(index, (96, 54), halton_jitter(index, 2.0))
-        assert frame.color is not None
-        memory = remembered(memory, frame, luminance(frame.color), (192, 108))
-        assert (memory.pairs, len(memory.jitters)) == (pairs, index + 1)
-    assert memory.jitter == memory.jitters[-1]
+        seen = seen.after(Evidence.of_frame(frame), (192, 108))
+        assert (seen.pairs, len(seen.jitters)) == (pairs, index + 1)
+    assert seen.previous is not None
+    assert seen.previous.jitter == seen.jitters[-1]
 
 
 def verdict(*errors: float, stated: Conventions | None = None) -> Verdict:
@@ -183,8 +185,6 @@ def test_a_summary_says_what_was_found_or_why_not_and_what_to_write() -> None:
         "Write: Conventions(motion_unit='uv')",
     ]
     assert Detection(motion, jitter, motion, found, found).summary().endswith(f"as stated: {found!r}")
-    row = {"name": "jitter", "found": "", "certain": False, "error": None, "margin": 1.0, "runner_up": ""}
-    assert jitter.row() == {**row, "reason": "it never changes"}
 
 
 @pytest.mark.parametrize(("sign", "found"), [(-1.0, (40, 0)), (1.0, (0, 40))])
@@ -201,5 +201,10 @@ def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
     x, y = (0.3 * unit).tolist()
     motion = np.broadcast_to((2.3 * unit).astype(np.float32), (40, 40, 2))
     frame = replace(even((x, y), (40, 40)), depth=depth, motion=motion)
-    assert _surfaces(frame, depth, (-x, -y))["reversed"] == found
-    assert _surfaces(frame, depth, (x, y))["reversed"] == (0, 0)
+
+    def hidden_by(before: tuple[float, float]) -> tuple[int, int]:
+        [pair] = frame_pairs([Evidence.of_frame(replace(frame, jitter=before)), Evidence.of_frame(frame)])
+        return pair.uncovered("reversed", Conventions(), 30_000)
+
+    assert hidden_by((-x, -y)) == found
+    assert hidden_by((x, y)) == (0, 0)

@@ -1,6 +1,7 @@
 """The command: resumable, never a half-written or wrong picture, errors in one line, quick to answer."""
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -18,12 +19,13 @@ from supersampler.cli import app
 from supersampler.cli.results import Results
 from supersampler.conventions import Conventions
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import Shot, ShotWriter, shipped_shot
-from supersampler.io.shot.shipped import SHIPPED
+from supersampler.io.shot import Shot, ShotWriter
+from supersampler.methods.catalog import FIXED, LEARNED, UNTRAINED
 from supersampler.upscaler import Upscaler
 
 COUNT = 6
 CUT = 3
+SHIPPED = "plaza"
 UPSCALE = ("upscale", SHIPPED, "-o", "x")
 HEAVY = ("onnxruntime", "numba", "OpenImageIO", "torch")
 
@@ -202,7 +204,7 @@ def test_a_doubtful_frame_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("info", "nothing"), "SHOT is 'nothing'; want a path, or 'plaza'"),
+        (("info", "nothing"), "nothing: there is no such file or folder"),
         (
             ("upscale", SHIPPED, "-o", "x", "--display-size", "1080p"),
             "--display-size is '1080p'; want WIDTHx",
@@ -232,7 +234,7 @@ def test_bad_arguments_are_one_line(
 
 
 def test_debug_and_bugs_keep_their_traceback(monkeypatch: pytest.MonkeyPatch) -> None:
-    assert type(run("--debug", "info", "nothing").exception).__name__ == "ArgumentError"
+    assert type(run("--debug", "info", "nothing").exception).__name__ == "ShotError"
     monkeypatch.setattr("supersampler.methods.model_file.model_names", lambda: 1 / 0)
     assert type(run("info").exception).__name__ == "ZeroDivisionError"
 
@@ -246,8 +248,53 @@ def test_a_runtime_only_install_says_what_to_install() -> None:
     assert re.fullmatch(f"error: this command {want}\n", done.stderr)
 
 
+RUNTIME_ONLY = dict.fromkeys(("torch", "onnx", "onnxscript", "tensorboard", "moderngl", "safetensors"))
+
+
+@pytest.mark.parametrize("command", ["train", "export", "render"])
+def test_help_of_a_tool_works_in_a_runtime_only_install(command: str) -> None:
+    code = f"import sys; sys.modules.update({RUNTIME_ONLY}); from supersampler.cli import main; main()"
+    words = [sys.executable, "-c", code, command, "--help"]
+    done = subprocess.run(words, capture_output=True, text=True, env={**os.environ, "COLUMNS": "1000"})
+    assert (done.returncode, done.stderr) == (0, "")
+    assert f"Usage: supersampler {command}" in done.stdout
+    marked = "gbuffer-4x (no weights ship), gbuffer-small,"
+    assert (marked in done.stdout) == (command != "render")
+
+
+@pytest.mark.parametrize("name", [*FIXED, *LEARNED])
+def test_info_knows_every_method_and_says_where_no_weights_ship(name: str) -> None:
+    done = run("info", name)
+    assert done.exit_code == 0
+    assert re.search(rf"^method +{name}$", done.stdout, re.MULTILINE)
+    assert ("none ship" in done.stdout) == (name in UNTRAINED)
+
+
+@pytest.mark.parametrize(
+    ("words", "hint"),
+    [
+        (("info", "clasifier"), "Did you mean 'classifier'?"),
+        (("info", "plazza"), "Did you mean 'plaza'?"),
+        ((*UPSCALE, "--model", "tau"), "Did you mean 'taau'?"),
+        ((*UPSCALE, "--model", "gbuffer"), "No weights of it ship: `supersampler info gbuffer`."),
+        ((*UPSCALE, "--preset", "fst"), "Did you mean 'fast'?"),
+        ((*UPSCALE, "--providers", "cudda"), "Did you mean 'cuda'?"),
+        (("export", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
+        (("train", "clasifier", "-o", "x"), "Did you mean 'classifier'?"),
+    ],
+)
+def test_a_misspelt_word_is_answered_with_the_one_that_it_is_like(
+    words: tuple[str, ...], hint: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    done = run(*words)
+    assert done.exit_code in (1, 2)
+    assert done.stderr.endswith(f"{hint}\n")
+
+
 def test_demo_writes_frames_and_a_page(shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("supersampler.io.shot.shipped_shot", lambda: Shot.open(shot))
+    short = Shot.open(shot)
+    monkeypatch.setattr("supersampler.io.shot.Shot.open", lambda _: short)
     done = run("demo", "-o", tmp_path / "out")
     assert done.exit_code == 0
     page = tmp_path / "out" / "compare.html"
@@ -288,7 +335,7 @@ def test_import_by_a_channel_map(tmp_path: Path) -> None:
 
 def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -> None:
     assert run("check", SHIPPED).exit_code == 0
-    source, wrong = shipped_shot(), Conventions(motion_direction="current_minus_previous")
+    source, wrong = Shot.open("plaza"), Conventions(motion_direction="current_minus_previous")
     with ShotWriter(
         tmp_path, name="wrong", display_size=(640, 360), frame_rate=30, conventions=wrong
     ) as writer:
@@ -296,4 +343,4 @@ def test_check_exits_with_1_where_the_shot_is_not_what_it_says(tmp_path: Path) -
             writer.write(source.read_raw(index))
     done = run("check", tmp_path)
     assert done.exit_code == 1
-    assert done.stdout.endswith("Write instead:\nConventions()\n")
+    assert done.stdout.endswith("Write: Conventions()\n")

@@ -10,7 +10,7 @@ import pytest
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError
 from supersampler.frame import Frame
-from supersampler.io.shot import shipped_shot
+from supersampler.io.shot import Shot
 from supersampler.validation import Detection, detect_conventions
 
 FIELDS = (
@@ -34,7 +34,7 @@ JITTERS = [
 
 @pytest.fixture(scope="module")
 def frames() -> list[Frame]:
-    shot = shipped_shot()
+    shot = Shot.open("plaza")
     return [shot.read(index).frame for index in range(14, 18)]
 
 
@@ -44,7 +44,7 @@ def planted(frames: list[Frame], conventions: Conventions) -> list[RawFrame]:
 
 
 def assert_found(detection: Detection, conventions: Conventions) -> None:
-    assert all(row["certain"] for row in detection.rows()), detection.summary()
+    assert all(verdict.certain for verdict in detection.verdicts), detection.summary()
     for name in FIELDS:
         assert getattr(detection.conventions, name) == getattr(conventions, name), detection.summary()
     assert detection.conventions.depth.split("_")[0] == conventions.depth.split("_")[0]
@@ -96,10 +96,10 @@ def test_motion_at_display_size_is_found(frames: list[Frame]) -> None:
 
 
 def test_a_shot_is_as_it_states() -> None:
-    detection = detect_conventions(shipped_shot(), frames=4)
+    detection = detect_conventions(Shot.open("plaza"), frames=4)
     assert detection.agrees, detection.summary()
     assert "as stated" in detection.summary()
-    assert all(row["certain"] for row in detection.rows())
+    assert all(verdict.certain for verdict in detection.verdicts)
 
 
 def test_what_was_stated_stands_where_planes_cannot_be_seen(frames: list[Frame]) -> None:
@@ -123,7 +123,7 @@ def test_a_still_scene_tells_jitter_but_not_motion(frames: list[Frame]) -> None:
 
     detection = detect_conventions([still(frame.jitter) for frame in frames])
     assert detection.conventions == Conventions(jitter_sign=-1)
-    assert [row["certain"] for row in detection.rows()] == [False, True, False]
+    assert [verdict.certain for verdict in detection.verdicts] == [False, True, False]
     assert "motion: cannot tell, nothing moves" in detection.summary()
     assert "depth: cannot tell" in detection.summary()
 
@@ -147,9 +147,9 @@ def test_black_frames_tell_nothing(frames: list[Frame]) -> None:
 def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     raws = planted(frames, Conventions())
     motion = [replace(raw, motion=raw.motion[..., ::-1]) for raw in raws]
-    assert any("Motion looks as if it were (y, x)" in note for note in detect_conventions(motion).notes)
+    assert any("motion[..., ::-1]" in note for note in detect_conventions(motion).notes)
     jitter = [replace(raw, jitter=raw.jitter[::-1]) for raw in raws if raw.jitter is not None]
-    assert any("Jitter looks as if it were (y, x)" in note for note in detect_conventions(jitter).notes)
+    assert any("frame.jitter is (y, x)" in note for note in detect_conventions(jitter).notes)
 
 
 def test_one_frame_is_too_few(frames: list[Frame]) -> None:

@@ -8,8 +8,9 @@ import pytest
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, FrameError
 from supersampler.validation.detector import _middle
-from supersampler.validation.evidence import Still, steps
-from supersampler.validation.rankings import _jitter_text, jitters_in_the_pixel, rank_jitter, rank_motion
+from supersampler.validation.evidence import Evidence
+from supersampler.validation.rankings import jitters_in_the_pixel, rank_jitter, rank_motion
+from supersampler.validation.reprojection import frame_pairs
 
 SIZE = (8, 6)
 
@@ -25,8 +26,8 @@ def raw(jitter: tuple[float, float] = (0.0, 0.0), **fields: Any) -> RawFrame:
 
 
 def readings(*jitters: tuple[float, float]) -> set[tuple[str, int, bool]]:
-    stills = [Still(raw(jitter), Conventions()) for jitter in jitters]
-    found = jitters_in_the_pixel(stills, Conventions())
+    seen = [Evidence.of_raw(raw(jitter), Conventions()) for jitter in jitters]
+    found = jitters_in_the_pixel(seen, Conventions())
     return {(o["jitter_unit"], o["jitter_sign"], o["jitter_flip_y"]) for o in found}
 
 
@@ -71,22 +72,22 @@ def test_fewer_than_two_frames_cannot_be_compared(length: int, asked: Any) -> No
 def test_vectors_of_display_size_are_read_at_the_middle_of_render_pixels() -> None:
     w, h = SIZE
     x, y = np.meshgrid(np.arange(2 * w), np.arange(2 * h))
-    still = Still(raw(motion=np.stack([x, y], axis=-1).astype(np.float32)), Conventions())
+    seen = Evidence.of_raw(raw(motion=np.stack([x, y], axis=-1).astype(np.float32)), Conventions())
     places = np.array([0, 2, 5]), np.array([0, 3, 7])
     want = np.array([[1, 1], [7, 5], [15, 11]])  # (2 i + 1) * 2 h // (2 h): the lower right of four
     plain = Conventions(motion_resolution="display", motion_unit="uv")
-    np.testing.assert_allclose(still.vectors(plain, places), want * [w, h])
-    np.testing.assert_allclose(still.vectors(plain, places, swapped=True), want[:, ::-1] * [w, h])
+    np.testing.assert_allclose(seen.vectors(plain, places), want * [w, h])
+    np.testing.assert_allclose(seen.vectors(plain, places, swapped=True), want[:, ::-1] * [w, h])
 
 
 def test_rows_of_bottom_up_frames_are_turned_and_srgb_is_decoded() -> None:
     color = np.full((6, 8, 3), 0.5, np.float32)
     color[0] = 0.0
-    still = Still(raw(color=color, depth=color[..., 0]), Conventions(bottom_up=True, srgb=True))
-    assert still.light is not None
-    assert still.light[-1, 0] == 0.0
-    assert still.light[0, 0] == pytest.approx(0.214, abs=1e-3)
-    assert still.depth[-1, 0] == 0.0
+    seen = Evidence.of_raw(raw(color=color, depth=color[..., 0]), Conventions(bottom_up=True, srgb=True))
+    assert seen.light is not None
+    assert seen.light[-1, 0] == 0.0
+    assert seen.light[0, 0] == pytest.approx(0.214, abs=1e-3)
+    assert seen.depth[-1, 0] == 0.0
 
 
 def test_only_shaded_neighbours_of_one_size_without_a_cut_are_compared() -> None:
@@ -97,16 +98,16 @@ def test_only_shaded_neighbours_of_one_size_without_a_cut_are_compared() -> None
     plain, cut, dark = raw((0.1, 0.2)), raw((0.3, -0.1), reset=True), raw(color=None)
 
     def compared(*frames: RawFrame) -> int:
-        return len(steps([Still(frame, Conventions()) for frame in frames]))
+        return len(frame_pairs([Evidence.of_raw(frame, Conventions()) for frame in frames]))
 
     assert compared(plain, plain, plain) == 2
     assert compared(plain, cut) == 0
     assert compared(cut, plain) == 1
     assert compared(plain, dark) == compared(dark, plain) == 0
     assert compared(plain, small) == 0
-    [step] = steps([Still(frame, Conventions()) for frame in (plain, raw((0.3, -0.1)))])
-    np.testing.assert_allclose(step.shift(Conventions()), [0.2, -0.3])
-    np.testing.assert_allclose(step.shift(Conventions(jitter_sign=-1)), [-0.2, 0.3])
+    [pair] = frame_pairs([Evidence.of_raw(frame, Conventions()) for frame in (plain, raw((0.3, -0.1)))])
+    np.testing.assert_allclose(pair.shift(Conventions()), [0.2, -0.3])
+    np.testing.assert_allclose(pair.shift(Conventions(jitter_sign=-1)), [-0.2, 0.3])
 
 
 @pytest.mark.parametrize(
@@ -114,7 +115,7 @@ def test_only_shaded_neighbours_of_one_size_without_a_cut_are_compared() -> None
 )
 def test_depth_and_motion_of_another_shape_are_refused(fields: dict[str, Any]) -> None:
     with pytest.raises(FrameError, match="motion"):
-        Still(raw(**fields), Conventions())
+        Evidence.of_raw(raw(**fields), Conventions())
 
 
 def test_what_cannot_be_told_is_said_with_the_reason() -> None:
@@ -124,14 +125,6 @@ def test_what_cannot_be_told_is_said_with_the_reason() -> None:
     assert "never changes" in rank_jitter([], [], Conventions()).reason
     jittered = Conventions(motion_jittered=True)
     assert "three frames" in rank_jitter([], jitters, jittered).reason
-    stills = [Still(raw((0.1 * i, 0.2)), Conventions()) for i in range(3)]
-    assert "three frames" in rank_jitter(steps(stills[:2]), jitters, jittered).reason
-    assert rank_jitter(steps(stills), jitters, jittered).certain
-
-
-def test_a_reading_of_the_jitter_is_said_in_words() -> None:
-    plain = {"jitter_unit": "uv", "jitter_sign": 1, "jitter_flip_y": False}
-    assert _jitter_text(plain) == "uv, centre + jitter"
-    assert (
-        _jitter_text({**plain, "jitter_sign": -1, "jitter_flip_y": True}) == "uv, centre - jitter, y flipped"
-    )
+    seen = [Evidence.of_raw(raw((0.1 * i, 0.2)), Conventions()) for i in range(3)]
+    assert "three frames" in rank_jitter(frame_pairs(seen[:2]), jitters, jittered).reason
+    assert rank_jitter(frame_pairs(seen), jitters, jittered).certain

@@ -8,9 +8,10 @@ import pytest
 from typer.testing import CliRunner, Result
 
 from lit_scene import LitScene
-from supersampler import Shot, ShotWriter, Upscaler, halton_jitter
+from supersampler import Shot, Upscaler, halton_jitter
 from supersampler.cli import app
 from supersampler.io.images import read_exr
+from supersampler.io.shot import ShotWriter
 
 SIZE, DISPLAY, PATTERN = (64, 36), (128, 72), "suusu"
 
@@ -70,7 +71,7 @@ def test_results_of_another_extrapolation_are_not_continued(folder: Path, tmp_pa
 
 def test_what_extrapolates_is_listed_apart_and_does_not_upscale(tmp_path: Path) -> None:
     assert re.search(r"models .*taau .*extrapolation guided-flow, guided-warp", said(run("info")))
-    assert "draws frames that were not shaded" in said(run("info", "guided-warp"))
+    assert "computes the colour of frames that were not shaded" in said(run("info", "guided-warp"))
     refused = run("upscale", "plaza", "--method", "guided-warp", "-o", tmp_path)
     assert refused.exit_code == 1
     assert "upscales nothing" in said(refused)

@@ -68,7 +68,7 @@ def assert_alike(
         if kind == "s":
             past = model.after_shaded(frame(index, size), past)
             continue
-        image, past = model.draw(frame(index, size, color=None), past)
+        image, past = model.extrapolate(frame(index, size, color=None), past)
         images.append(image)
     expected = drawn_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
     for image, other in zip(images, [each for each in expected if each is not None], strict=True):

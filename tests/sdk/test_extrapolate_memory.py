@@ -17,7 +17,7 @@ frame = dict(depth=ones[..., 0], motion=ones[..., :2], jitter=(0.0, 0.0),
 model = Extrapolator("guided-warp", ["CPUExecutionProvider"], 1)
 past = model.after_shaded(Frame(color=ones, **frame))
 before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-color, _ = model.draw(Frame(color=None, **frame), past)
+color, _ = model.extrapolate(Frame(color=None, **frame), past)
 assert np.allclose(color, 0.5, rtol=1e-4)
 print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before)
 """

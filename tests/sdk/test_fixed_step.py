@@ -15,10 +15,11 @@ from onnx import TensorProto
 
 from cuda_kernels import CPU_INPUTS, CUDA_KERNELS
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, ProviderError, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import NAMES, capturing
+from supersampler.errors import ProviderError
 from supersampler.methods.model_file import (
     extents,
     extrapolation_names,

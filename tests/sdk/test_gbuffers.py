@@ -11,17 +11,9 @@ from numpy.typing import NDArray
 
 from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
-from supersampler import (
-    ArgumentError,
-    Conventions,
-    Frame,
-    FrameError,
-    FrameWarning,
-    Model,
-    RawFrame,
-    Upscaler,
-)
+from supersampler import ArgumentError, Conventions, Frame, FrameError, Model, RawFrame, Upscaler
 from supersampler.backends.onnx.session import image_of, planes_of
+from supersampler.errors import FrameWarning
 from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped, listed, names_of
 from supersampler.recording import StepCall, open_recording

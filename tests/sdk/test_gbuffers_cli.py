@@ -9,10 +9,10 @@ from typer.testing import CliRunner, Result
 
 from gbuffer_method import RATIO, WANTED, exported, lit
 from noise import noise
-from supersampler import Conventions, Shot, ShotError, ShotWriter, Upscaler
+from supersampler import Conventions, Shot, ShotError, Upscaler
 from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import import_channels
+from supersampler.io.shot import ShotWriter, import_channels
 from supersampler.methods.gbuffers import GBUFFERS, names_of
 
 RENDER, DISPLAY, FRAMES = (32, 18), (64, 36), 3

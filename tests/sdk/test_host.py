@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 
 from noise import Size, noise
-from supersampler import ArgumentError, Frame, Model, ModelError, Upscaler, display_transform, shipped_shot
+from supersampler import ArgumentError, Frame, Model, ModelError, Shot, Upscaler
 from supersampler.backends.cpu.workspaces import KEPT, Workspaces
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
 
 METHODS = ["taa", "taau", "classifier", "classifier-small"]
@@ -88,7 +89,7 @@ def test_hostile_pixels_do_the_same_on_both(
 
 @pytest.mark.parametrize("method", METHODS)
 def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
-    frames = [item.frame for item in shipped_shot()][:12]
+    frames = [item.frame for item in Shot.open("plaza")][:12]
     pictures = step_both(models, method, frames, (480, 270))
     for one, other in (pictures[0], pictures[5], pictures[11]):
         compare(one.image, other.image, method)

@@ -54,7 +54,7 @@ def drawn(model: Extrapolator, frames: list[Frame], pattern: str) -> list[Float3
         if kind == "s":
             past = model.after_shaded(frame, past)
             continue
-        image, past = model.draw(replace(frame, color=None), past)
+        image, past = model.extrapolate(replace(frame, color=None), past)
         images.append(image)
     return images
 
@@ -119,9 +119,11 @@ def test_the_number_of_threads_changes_no_bit() -> None:
 def test_a_past_goes_from_kernels_to_the_graph_and_back(graph: Extrapolator, host: Extrapolator) -> None:
     frames = [surfaces(seed) for seed in range(4)]
     for one, other in ((graph, host), (host, graph)):
-        _, past = one.draw(replace(frames[1], color=None), one.after_shaded(frames[0]))
+        _, past = one.extrapolate(replace(frames[1], color=None), one.after_shaded(frames[0]))
         last = replace(frames[2], color=None)
-        check_alike([one.draw(last, past)[0]], [other.draw(last, other.load(one.save(past)))[0]])
+        check_alike(
+            [one.extrapolate(last, past)[0]], [other.extrapolate(last, other.load(one.save(past)))[0]]
+        )
 
 
 def test_frames_are_read_whatever_they_lie_in_memory(host: Extrapolator) -> None:
@@ -130,14 +132,14 @@ def test_frames_are_read_whatever_they_lie_in_memory(host: Extrapolator) -> None
     gbuffer = {name: np.asfortranarray(image) for name, image in (frame.gbuffer or {}).items()}
     past = host.after_shaded(first)
     np.testing.assert_array_equal(
-        host.draw(frame, past)[0], host.draw(replace(frame, gbuffer=gbuffer, **fields), past)[0]
+        host.extrapolate(frame, past)[0], host.extrapolate(replace(frame, gbuffer=gbuffer, **fields), past)[0]
     )
 
 
 def test_what_a_frame_leaves_is_not_written_to(host: Extrapolator) -> None:
     past = host.after_shaded(surfaces(0))
     before = host.save(past)
-    host.draw(replace(surfaces(1), color=None), past)
+    host.extrapolate(replace(surfaces(1), color=None), past)
     after = host.save(past)
     for name, array in before.items():
         np.testing.assert_array_equal(array, after[name])

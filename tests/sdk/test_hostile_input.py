@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter
+from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
+from supersampler.io.display import display_transform
 from supersampler_model.data.scenes.analytic import Plane, checker
 
 SIZE, DISPLAY = (32, 18), (64, 36)

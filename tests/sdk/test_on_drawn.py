@@ -153,7 +153,7 @@ def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, j
     ):
         with pytest.raises(ModelError, match=r"'joint-drawn' steps only on frames .*joint', extrapolation="):
             use(folder / "extrapolated")
-    with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and draws no frames"):
+    with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and extrapolates no unshaded frames"):
         make(joint, extrapolation=folder / "extrapolated")
     assert not {"extrapolated", "extrapolate-drawn"} & {*model_names(), *extrapolation_names()}
     with pytest.raises(ModelError, match="no model 'extrapolate-drawn'"):
@@ -220,6 +220,6 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
 
 def test_info_says_what_steps_on_drawn_frames(folder: Path) -> None:
     lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
-    assert [line.split() for line in lines if line.startswith("drawn frames")] == [
-        ["drawn", "frames", "by", "the", "model", "in", "extrapolated"]
+    assert [line.split() for line in lines if line.startswith("extrapolated frames")] == [
+        ["extrapolated", "frames", "by", "the", "model", "in", "extrapolated"]
     ]

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from noise import Size, noise
-from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter, jitter_phase_count
+from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
+from supersampler.conventions import jitter_phase_count
 
 RENDER: Size = (320, 180)
 DISPLAY: Size = (640, 360)

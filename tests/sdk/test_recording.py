@@ -14,8 +14,9 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, RecordingError, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.session import planes_of
+from supersampler.errors import RecordingError
 from supersampler.frame import Float32
 from supersampler.io.shot import Shot
 from supersampler.methods.model_file import CONTRACT

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import ArgumentError, Model, RecordingError, Upscaler
+from supersampler import ArgumentError, Model, Upscaler
+from supersampler.errors import RecordingError
 from supersampler.io.images import write_exr
 from supersampler.io.shot.safetensors import open_safetensors, write_safetensors
 from supersampler.recording import open_recording

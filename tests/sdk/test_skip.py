@@ -8,20 +8,14 @@ import numpy as np
 import pytest
 
 from noise import Size
-from supersampler import (
-    ArgumentError,
-    Frame,
-    Model,
-    Upscaler,
-    display_transform,
-    halton_jitter,
-    jitter_phase_count,
-)
+from supersampler import ArgumentError, Frame, Model, Upscaler, halton_jitter
 from supersampler.backends.cpu.layout import TILE
 from supersampler.backends.cpu.tile_reuse import allowed_change
 from supersampler.backends.cpu.tiles import Tiles
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32
 from supersampler.history import StepResult
+from supersampler.io.display import display_transform
 
 METHODS = ["taa", "taau", "classifier"]
 RENDER: Size = (160, 112)

@@ -10,8 +10,10 @@ import numpy as np
 import pytest
 
 from noise import noise
-from supersampler import ArgumentError, FrameError, Model, ModelError, ProviderError, Upscaler, model_names
+from supersampler import ArgumentError, FrameError, Model, ModelError, Upscaler
+from supersampler.errors import ProviderError
 from supersampler.frame import Float32
+from supersampler.methods.model_file import model_names
 from supersampler.presets import PRESETS, PresetName
 
 DISPLAY = (64, 36)

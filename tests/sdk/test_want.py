@@ -8,10 +8,11 @@ import pytest
 from typer.testing import CliRunner
 
 from noise import noise
-from supersampler import ArgumentError, Frame, FrameError, Model, ShotWriter, StepResult, Upscaler
+from supersampler import ArgumentError, Frame, FrameError, Model, StepResult, Upscaler
 from supersampler.aux_outputs import CLASS_COLORS, aux_output_layers, class_colors
 from supersampler.cli import app
 from supersampler.io.images import read_exr
+from supersampler.io.shot import ShotWriter
 from supersampler.validation import FrameChecker
 
 DISPLAY = (64, 36)

@@ -8,7 +8,8 @@ from math import lcm
 
 import numpy as np
 
-from supersampler import Frame, halton_jitter, jitter_phase_count, shipped_shot
+from supersampler import Frame, Shot, halton_jitter
+from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Size
 from supersampler_model.data.scenes.analytic import (
     FAR,
@@ -81,7 +82,7 @@ def frames_of(scene: Scene, render: Size, count: int) -> Sequence[Frame]:
 def real(render: Size) -> Sequence[Frame]:
     """The middle of the shipped shot's frames."""
     found = []
-    for item in islice(shipped_shot(), 24):
+    for item in islice(Shot.open("plaza"), 24):
         frame = item.frame
         left, top = (frame.size[0] - render[0]) // 2, (frame.size[1] - render[1]) // 2
         part = slice(top, top + render[1]), slice(left, left + render[0])

@@ -1,4 +1,4 @@
-"""`supersampler render OUT`."""
+"""`supersampler render OUT`. What it needs is imported when it runs, so that --help works without."""
 
 from pathlib import Path
 from typing import Annotated
@@ -9,9 +9,6 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from supersampler.cli.arguments import parse_size, size_text
 from supersampler.errors import ArgumentError
-from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
-from supersampler_model.data.dataset.sheet import write_sheet
-from supersampler_model.data.dataset.workers import render_dataset
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES
 
 app = typer.Typer(help="Render a training set with exact truth and labels.")
@@ -58,6 +55,10 @@ def render(
       supersampler render data --gbuffers --also 2,4
       supersampler render data --gltf my/scenes --gltf-share 0.3
     """
+    from supersampler_model.data.dataset import RenderPlan, create_dataset, plan_sequences
+    from supersampler_model.data.dataset.sheet import write_sheet
+    from supersampler_model.data.dataset.workers import render_dataset
+
     families = {"train": TRAIN_FAMILIES, "test": TEST_FAMILIES}.get(scenes, tuple(scenes.split(",")))
     plan = RenderPlan(
         families=families,

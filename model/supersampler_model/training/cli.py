@@ -1,34 +1,31 @@
-"""`supersampler train`."""
+"""`supersampler train`. Torch is imported when it runs, so that --help works without."""
+
+from __future__ import annotations
 
 import os
 from pathlib import Path
 from statistics import mean
-from typing import Annotated, Any, cast
+from typing import TYPE_CHECKING, Annotated, Any, cast
 
-import torch
 import typer
 from rich.console import Console
-from torch import distributed as dist
 
 from supersampler.cli.arguments import open_shot
-from supersampler.errors import ArgumentError
+from supersampler.errors import ArgumentError, did_you_mean
 from supersampler.io.atomic import check_ours
-from supersampler_model.data.dataset import open_dataset
-from supersampler_model.data.dataset.description import Split
-from supersampler_model.methods.weights_file import load_trained, save_trained, shipped_weights
-from supersampler_model.training.run_log import FILES as LOG_FILES
-from supersampler_model.training.run_log import RunLog
-from supersampler_model.training.shots import dataset_of_shots
-from supersampler_model.training.tasks import TASKS
-from supersampler_model.training.trainer import Plan, Trainer, Update
-from supersampler_model.training.validate import Validated, validate, validation_entries
+from supersampler.methods.catalog import LEARNED, listed_methods
+
+if TYPE_CHECKING:
+    from supersampler_model.data.dataset.description import Split
+    from supersampler_model.training.trainer import Trainer, Update
+    from supersampler_model.training.validate import Validated
 
 app = typer.Typer(help="Train a method that learns.")
 
 
 @app.command()
 def train(
-    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{', '.join(TASKS)}.")],
+    name: Annotated[str, typer.Argument(metavar="METHOD", help=f"{listed_methods(LEARNED)}.")],
     output: Annotated[Path, typer.Option("-o", "--output", help="Folder of the run.")],
     data: Annotated[list[Path] | None, typer.Option(help="Training set; any number of them.")] = None,
     shot: Annotated[list[Path] | None, typer.Option(help="Shot with references; any number.")] = None,
@@ -57,8 +54,19 @@ def train(
       supersampler train classifier --data data -o run
       supersampler train classifier --shot kitchen --init shipped -o kitchen-run --rate 1e-3
     """
-    if name not in TASKS:
-        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(TASKS)}")
+    if name not in LEARNED:
+        hint = did_you_mean(name, LEARNED)
+        raise ArgumentError("METHOD", got=name, want=f"one of {', '.join(LEARNED)}", hint=hint)
+    import torch
+    from torch import distributed as dist
+
+    from supersampler_model.data.dataset import open_dataset
+    from supersampler_model.methods.weights_file import load_trained, shipped_weights
+    from supersampler_model.training.shots import dataset_of_shots
+    from supersampler_model.training.tasks import TASKS
+    from supersampler_model.training.trainer import Plan, Trainer
+    from supersampler_model.training.validate import validate, validation_entries
+
     if "RANK" in os.environ:
         dist.init_process_group("nccl" if torch.cuda.is_available() else "gloo")
         torch.set_num_threads(max((os.cpu_count() or 1) // dist.get_world_size(), 1))
@@ -69,7 +77,7 @@ def train(
     for paths, split in ((shot, "train"), (validation_shot, "validation")):
         if paths:
             shots = [open_shot(str(path)) for path in paths]
-            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast(Split, split)))
+            datasets.append(dataset_of_shots(shots, output / f"{split}-shots", cast("Split", split)))
     if not any(dataset.entries("train") for dataset in datasets):
         raise ArgumentError("--data or --shot", got="neither", want="something to learn from")
     begin = shipped_weights(name) if init == "shipped" else init and Path(init)
@@ -106,6 +114,8 @@ def _check_free(output: Path) -> None:
     Raises:
         ShotError: names the file.
     """
+    from supersampler_model.training.run_log import FILES as LOG_FILES
+
     if not any(output.glob("checkpoint-*.pt")):  # which is written before all others, and checked when read
         for name in ("weights.safetensors", *LOG_FILES):
             check_ours(output / name, lambda _: False, "of a run in this folder: it has no checkpoint")
@@ -120,6 +130,9 @@ def _report(
     facts: dict[str, Any],
 ) -> None:
     """Write the weights and the log, and say how it goes."""
+    from supersampler_model.methods.weights_file import save_trained
+    from supersampler_model.training.run_log import RunLog
+
     scores = {} if found is None else {**found.scores, **found.overlap}
     name = trainer.task.baseline.name
     baselines = (

@@ -1,5 +1,6 @@
 """The top of the command: global options, errors in one line, and commands that live in other packages."""
 
+import re
 import sys
 from importlib import import_module
 from typing import Annotated, Any
@@ -9,7 +10,7 @@ from typer.core import TyperGroup
 
 from supersampler import __version__
 from supersampler.cli.arguments import printable
-from supersampler.errors import SupersamplerError
+from supersampler.errors import SupersamplerError, did_you_mean
 
 TOOLS = {
     "render": "supersampler_model.data.cli",
@@ -45,6 +46,9 @@ class Commands(TyperGroup):
         """Run a command."""
         try:
             return super().invoke(ctx)
+        except typer.BadParameter as error:
+            error.message = _with_suggestion(error.message)
+            raise
         except (SupersamplerError, ModuleNotFoundError, OSError, UnicodeDecodeError, MemoryError) as error:
             line = _line(error)
             if line is None or ctx.params.get("debug"):
@@ -79,6 +83,14 @@ def _line(error: Exception) -> str | None:
         return None
     install = f'pip install "supersampler[{EXTRAS[package]}]"'
     return f"this command needs {package}, which the runtime does not. Install it: {install}"
+
+
+def _with_suggestion(message: str) -> str:
+    """Add "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
+    given, _, choices = message.partition(" is not one of ")
+    word = given.rpartition("'")[0].rpartition("'")[2]
+    hint = did_you_mean(word, re.findall("'(.*?)'", choices))
+    return f"{message} {hint}".rstrip()
 
 
 def _print_version(wanted: bool) -> None:

@@ -2,7 +2,6 @@
 
 import re
 from enum import StrEnum
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, cast
 
 import typer
@@ -63,15 +62,8 @@ def open_shot(text: str) -> "Shot":
     Raises:
         ShotError: nothing that is known lies there.
     """
-    from supersampler.io.shot import open_source, shipped_shot
+    from supersampler.io.shot import open_source
 
-    is_name = not Path(text).exists() and Path(text).name == text
-    if is_name:
-        try:
-            return shipped_shot(text)
-        except ArgumentError as error:
-            hint = "That is neither a file or folder here nor a shipped shot."
-            raise ArgumentError("SHOT", got=repr(text), want=f"a path, or {error.want}", hint=hint) from error
     return open_source(text)
 
 

@@ -16,10 +16,10 @@ def demo(
     network: drag the split, step through the frames, zoom.
     """
     from supersampler.cli.run import UpscaleJob, run_job
-    from supersampler.io.shot import shipped_shot
+    from supersampler.io.shot import Shot
 
     job = UpscaleJob(
-        shot=shipped_shot(),
+        shot=Shot.open("plaza"),
         output=output,
         model=method,
         scale=2.0,

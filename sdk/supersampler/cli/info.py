@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from supersampler.cli.arguments import open_shot, printable, size_text
+from supersampler.errors import ShotError, did_you_mean
 
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
@@ -15,29 +16,48 @@ if TYPE_CHECKING:
 
 def info(
     what: Annotated[
-        str | None, typer.Argument(metavar="MODEL|SHOT", help="A model's name or folder, or a shot.")
+        str | None, typer.Argument(metavar="METHOD|SHOT", help="A method's name, a model folder, or a shot.")
     ] = None,
 ) -> None:
-    """Say what a model takes and gives, or what a shot holds. Without an argument: what ships.
+    """Say what a method takes and gives, or what a shot holds. Without an argument: what there is.
 
     \b
     Examples:
       supersampler info taau
       supersampler info renders/kitchen
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler.methods.catalog import UNTRAINED
     from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
 
     models, extrapolations = model_names(), extrapolation_names()
     if what is None:
         _print_rows(
-            {"models": ", ".join(models), "extrapolation": ", ".join(extrapolations), "shots": "plaza"}
+            {
+                "models": ", ".join(models),
+                "extrapolation": ", ".join(extrapolations),
+                "without weights": ", ".join(UNTRAINED),
+                "shots": "plaza",
+            }
         )
     elif what in [*models, *extrapolations] or (Path(what) / "model.json").is_file():
         _print_rows(_model_rows(read_model_info(find_model(what))))
+    elif what in UNTRAINED and not Path(what).exists():
+        _print_rows(_untrained_rows(what))
     elif (Path(what) / "dataset.json").is_file():
         _print_rows(import_module("supersampler_model.data.dataset.info").rows(Path(what)))
     else:
-        _print_rows(_shot_rows(open_shot(what)))
+        _print_rows(_shot_rows(_opened(what)))
+
+
+def _opened(what: str) -> "Shot":
+    """Open a shot; where there is none, suggest methods, too."""
+    from supersampler.methods.catalog import FIXED, LEARNED
+
+    try:
+        return open_shot(what)
+    except ShotError as error:
+        hint = did_you_mean(what, (*FIXED, *LEARNED))
+        raise ShotError(error.path, error.problem, hint or error.hint) from None
 
 
 def _print_rows(rows: dict[str, str]) -> None:
@@ -47,23 +67,42 @@ def _print_rows(rows: dict[str, str]) -> None:
             typer.echo(printable(f"{name if number == 0 else '':{width}}  {line}".rstrip()))
 
 
+def _ratio_text(ratios: tuple[float, float]) -> str:
+    text = f"only {ratios[0]}" if ratios[0] == ratios[1] else f"{ratios[0]} to {ratios[1]}"
+    return f"{text} (display over render size, each axis)"
+
+
+def _untrained_rows(name: str) -> dict[str, str]:
+    from supersampler.methods.catalog import UNTRAINED
+    from supersampler.methods.gbuffers import GBUFFERS, listed
+
+    method = UNTRAINED[name]
+    train, export = f"supersampler train {name}", f"supersampler export {name} --weights FILE -o FOLDER"
+    return {
+        "method": name,
+        "source": method.source,
+        "ratios": _ratio_text(method.ratios),
+        "G-buffers": listed([name for name in method.inputs if name in GBUFFERS]),
+        "weights": f"none ship\ntrain it: {train}\nand export it: {export}",
+    }
+
+
 def _model_rows(model: "ModelInfo") -> dict[str, str]:
     from supersampler.methods.gbuffers import listed
 
-    ratio = "only {}".format if model.only_ratio else "{} to {}".format
-    ratios = f"{ratio(*model.ratios)} (display over render size, each axis)"
+    ratios = _ratio_text(model.ratios)
     if model.extrapolates:
-        ratios = "none: it draws frames that were not shaded, at render size"
-    drawn = {"drawn frames": "no others"} if model.only_extrapolated else {}
+        ratios = "none: it computes the colour of frames that were not shaded, at render size"
+    extrapolated = {"extrapolated frames": "no others"} if model.only_extrapolated else {}
     if model.extrapolated is not None:
-        drawn = {"drawn frames": f"by the model in {model.extrapolated.name}"}
+        extrapolated = {"extrapolated frames": f"by the model in {model.extrapolated.name}"}
     return {
         "method": model.method,
         "source": model.source,
         "folder": str(model.folder),
         "contract": str(model.contract),
         "ratios": ratios,
-        **drawn,
+        **extrapolated,
         "inputs": "\n".join(map(_tensor_text, model.inputs)),
         "G-buffers": listed(model.gbuffers),
         "history": "\n".join(_tensor_text(item.input) for item in model.history) or "none",
@@ -99,7 +138,7 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
         "references": f"{len(shot.reference_indices)} frames",
         "conventions": repr(shot.conventions),
         "G-buffers": listed(names_of(frame)),
-        "carried": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
+        "AOVs": "none" if frame.aovs is None else f"{frame.aovs.shape[2]} channels",
         "licence": shot.license or "not stated",
         "attribution": "\n".join(shot.attribution) or "none",
     }

@@ -7,7 +7,7 @@ from typing import Any, Literal, Self, get_args
 from supersampler.arguments import as_number, checked_choice
 from supersampler.conventions.converter import Converter
 from supersampler.conventions.depth import DepthKind
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, did_you_mean, shown
 from supersampler.frame import Size
 
 Unit = Literal["pixels", "uv", "ndc"]
@@ -147,9 +147,8 @@ class Conventions:
         known = [field.name for field in fields(cls)]
         for name in overrides:
             if name not in known:
-                raise ArgumentError(
-                    "conventions", got=f"given {shown(name)}", want=f"one of {', '.join(known)}"
-                )
+                got, hint = f"given {shown(name)}", did_you_mean(name, known)
+                raise ArgumentError("conventions", got=got, want=f"one of {', '.join(known)}", hint=hint)
         return cls(**{**preset, **overrides})
 
     @classmethod

@@ -13,10 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from supersampler.conventions.ratios import only_ratio
-from supersampler.errors import ModelError, shown
+from supersampler.errors import ModelError, did_you_mean, shown
 from supersampler.frame import Size
 from supersampler.io.json_fields import Field, read_fields
 from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods.catalog import UNTRAINED
 from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape
@@ -184,10 +185,12 @@ def find_model(name_or_path: str | Path) -> Path:
             return path
     if str(name_or_path) in _described():
         return shipped_model(str(name_or_path))
-    known = ", ".join([*model_names(), *extrapolation_names()])
+    name, known = str(name_or_path), [*model_names(), *extrapolation_names()]
+    hint = f"No weights of it ship: `supersampler info {name}`." if name in UNTRAINED else ""
     raise ModelError(
-        f"no model {shown(str(name_or_path))}: it is neither one of {known} "
-        "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one."
+        f"no model {shown(name)}: it is neither one of {', '.join(known)} "
+        "nor a folder with a model.json. `supersampler export METHOD -o FOLDER` writes one. "
+        f"{hint or did_you_mean(name, known)}".rstrip()
     )
 
 

@@ -1,26 +1,25 @@
-"""`FrameChecker`: which frames are read, and what happens to what is found."""
+"""`FrameChecker`: decides which frames are read, and warns of mistakes or raises them."""
 
 import warnings
 from collections.abc import Collection, Sequence
-from dataclasses import replace
 from typing import Literal, get_args
 
 from supersampler.arguments import checked_choice
 from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
-from supersampler.validation.gbuffers import mistakes_of_gbuffers
-from supersampler.validation.mistake import Mistake
-from supersampler.validation.reprojection import luminance
-from supersampler.validation.single_frame import mistakes_alone
-from supersampler.validation.temporal import Memory, mistakes_between, remembered
+from supersampler.validation.evidence import Evidence
+from supersampler.validation.gbuffers import gbuffer_mistakes
+from supersampler.validation.mistakes import Mistake
+from supersampler.validation.single_frame import single_frame_mistakes
+from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 
 Validate = Literal["off", "warn", "strict"]
 
-_FRAMES = 3  # of a start or cut that "warn" reads: two pairs, and one jitter three times is no accident
+_FRAMES = 3  # that "warn" reads after a start or cut: two pairs, and three jitters
 
 
 class FrameChecker:
-    """Reads the pixels of the frames of one sequence, in order, and guesses which convention was missed.
+    """Reads the pixels of one sequence of frames, in order, and guesses which convention was missed.
 
     It compares frames at some thousand places, so that its cost hardly grows with their size.
 
@@ -38,11 +37,11 @@ class FrameChecker:
 
     def reset(self) -> None:
         """Forget all frames, as after a cut."""
-        self._memory, self._seen = Memory(), 0
-        self._told: frozenset[str] = frozenset()
+        self._seen, self._read = FramesSeen(), 0
+        self._reported: frozenset[str] = frozenset()
 
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
-        """Check one frame against itself and those before it.
+        """Check one frame by itself and against those before it.
 
         Args:
             frame: the next frame; one with `reset` starts anew.
@@ -56,35 +55,26 @@ class FrameChecker:
             FrameWarning: a mistake was found and `validate` is "warn"; or something was seen that may be one.
         """
         fresh = frame.reset
-        memory = Memory() if fresh else self._memory
-        seen, told = (0, frozenset[str]()) if fresh else (self._seen, self._told)
-        if self.validate == "strict" or (self.validate == "warn" and seen < _FRAMES):
-            memory, found = _examined(frame, display_size, memory, gbuffers)
-            told = self._tell(found, told)
-            seen += 1
+        seen = FramesSeen() if fresh else self._seen
+        read, reported = (0, frozenset[str]()) if fresh else (self._read, self._reported)
+        if self.validate == "strict" or (self.validate == "warn" and read < _FRAMES):
+            evidence = Evidence.of_frame(frame)
+            seen = seen.after(evidence, display_size)
+            found = [*single_frame_mistakes(frame, evidence.light), *gbuffer_mistakes(frame, gbuffers)]
+            if evidence.light is not None:
+                found += temporal_mistakes(seen, frame.size, display_size)
+            reported = self._report(found, reported)
+            read += 1
         elif self.validate == "warn":
-            memory = Memory()  # no more is read until the next cut
-        self._memory, self._seen, self._told = memory, seen, told
+            seen = FramesSeen()  # no more is read until the next cut
+        self._seen, self._read, self._reported = seen, read, reported
 
-    def _tell(self, found: Sequence[Mistake], told: frozenset[str]) -> frozenset[str]:
-        """Raise the first real mistake, or warn of each that was not told; return the kinds that were."""
+    def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:
+        """Raise the first certain mistake, or warn of each kind once; return the kinds reported so far."""
         for mistake in found:
             if self.validate == "strict" and not mistake.only_a_hint:
                 raise mistake.error()
         for mistake in found:
-            if mistake.kind not in told:
+            if mistake.kind not in reported:
                 warnings.warn(str(mistake.error()), FrameWarning, stacklevel=4)
-        return told | {mistake.kind for mistake in found}
-
-
-def _examined(
-    frame: Frame, display_size: Size, memory: Memory, gbuffers: Collection[str]
-) -> tuple[Memory, list[Mistake]]:
-    light = None if frame.color is None else luminance(frame.color)
-    found = [*mistakes_alone(frame, light), *mistakes_of_gbuffers(frame, gbuffers)]
-    if light is None:
-        memory = replace(memory, light=None, depth=None)
-    else:
-        memory = remembered(memory, frame, light, display_size)
-        found += mistakes_between(memory, frame.size, display_size)
-    return memory, found
+        return reported | {mistake.kind for mistake in found}

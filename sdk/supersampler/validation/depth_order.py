@@ -1,4 +1,4 @@
-"""Which kind of depth a buffer holds, told from its own shape and from what moves before what."""
+"""Which kind of depth a buffer holds, by its own shape and by which surfaces hide others."""
 
 from typing import Any, Literal
 
@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Array
+from supersampler.validation.evidence import Places
 
-Places = tuple[NDArray[np.intp], NDArray[np.intp]]
 DepthOrder = Literal["reversed", "forward", "linear"]
 ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")
 
@@ -32,8 +32,8 @@ def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
 def bend(depth: Array, order: DepthOrder) -> float:
     """Return how far surfaces are from planes: 1 / distance is linear on the screen along a plane.
 
-    It is the median second difference in parts of the first, above what rounding explains, in the middle of
-    the picture; NaN where no neighbours differ.
+    The median second difference divided by the first, above what rounding explains, in the middle of the
+    image; NaN where no neighbours differ.
     """
     height, width = depth.shape
     top, left = max(0, height // 2 - _PART // 2), max(0, width // 2 - _PART // 2)
@@ -53,7 +53,7 @@ def bend(depth: Array, order: DepthOrder) -> float:
 
 
 def sky_share(depth: Array, order: DepthOrder) -> float:
-    """Return which part of the pixels has the value that this order has at the sky."""
+    """Return the share of pixels that hold the value of the sky in this order."""
     if order == "linear":
         return float(np.mean(depth >= _FAR_AWAY))
     return float(np.mean(depth == _SKY[order]))
@@ -62,29 +62,30 @@ def sky_share(depth: Array, order: DepthOrder) -> float:
 def uncovered(
     now: Array, before: Array, order: DepthOrder, places: Places, offset: NDArray[np.floating[Any]]
 ) -> tuple[int, int]:
-    """Count places whose past shows another surface: (closer, farther) than their own.
+    """Count places where the previous frame shows another surface: (closer, farther) than their own.
 
-    What is seen now and was not before was hidden by something closer. Farther ones should not exist.
+    A closer surface hid what is visible now. With the right order there are no farther ones.
 
     Args:
         now: (h, w) depth.
-        before: (h, w) depth of the frame before.
-        order: what both are read as.
-        places: rows and columns (n,) of the frame now.
-        offset: (n, 2) pixels from each place to where it is read in the frame before.
+        before: (h, w) depth of the previous frame.
+        order: how to read both.
+        places: rows and columns (n,) of this frame.
+        offset: (n, 2) pixels from each place to its place in the previous frame.
     """
     height, width = now.shape
     rows, columns = places
     inside = np.isfinite(offset).all(axis=1)
     offset = np.where(inside[:, None], offset, 0)
-    past_rows = np.rint(rows + offset[:, 1]).astype(np.intp)
-    past_columns = np.rint(columns + offset[:, 0]).astype(np.intp)
-    inside &= (past_rows >= 0) & (past_rows < height) & (past_columns >= 0) & (past_columns < width)
+    previous_rows = np.rint(rows + offset[:, 1]).astype(np.intp)
+    previous_columns = np.rint(columns + offset[:, 0]).astype(np.intp)
+    inside &= (previous_rows >= 0) & (previous_rows < height)
+    inside &= (previous_columns >= 0) & (previous_columns < width)
     lowest, highest = _range(now, order, rows, columns)
-    past_lowest, past_highest = _range(before, order, past_rows, past_columns)
+    previous_lowest, previous_highest = _range(before, order, previous_rows, previous_columns)
     with np.errstate(invalid="ignore"):
-        closer = inside & (past_lowest > _GAP * highest)
-        farther = inside & (lowest > _GAP * past_highest)
+        closer = inside & (previous_lowest > _GAP * highest)
+        farther = inside & (lowest > _GAP * previous_highest)
     return int(closer.sum()), int(farther.sum())
 
 

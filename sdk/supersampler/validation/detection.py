@@ -1,4 +1,4 @@
-"""What the detector returns: ranked hypotheses, and the conventions to write."""
+"""What the detector returns: ranked hypotheses and the conventions to write."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -23,11 +23,11 @@ class Hypothesis:
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What was found out about one field.
+    """What the frames show about one field.
 
     Attributes:
         name: "motion", "jitter" or "depth".
-        ranked: hypotheses, best first; empty where the frames hold nothing to go by.
+        ranked: hypotheses, best first; empty where the frames hold no evidence.
         reason: why the frames cannot tell; "" where they can.
     """
 
@@ -52,14 +52,13 @@ class Verdict:
         """What the winner changes; nothing where the frames cannot tell."""
         return self.ranked[0].overrides if self.certain else {}
 
-    def row(self) -> dict[str, Any]:
-        """Return name, found, certain, error, margin, runner_up and reason; for tables."""
-        first, second = ([h.text for h in self.ranked] + ["", ""])[:2]
-        error = self.ranked[0].error if self.ranked else None
-        return {
-            "name": self.name, "found": first, "certain": self.certain, "error": error,
-            "margin": self.margin, "runner_up": second, "reason": self.reason,
-        }  # fmt: skip
+    @property
+    def text(self) -> str:
+        """One line for people: what was found and its margin, or why not."""
+        if not self.certain:
+            return f"{self.name}: cannot tell, {self.reason}"
+        found, runner_up = ([h.text for h in self.ranked] + [""])[:2]
+        return f"{self.name}: {found}; the next best, {runner_up}, is {self.margin:.2f}x worse"
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,9 +67,9 @@ class Detection:
 
     Attributes:
         motion, jitter, depth: the verdicts.
-        stated: the conventions that were given; they stand wherever the frames cannot tell.
+        stated: the conventions that were given; they are kept where the frames cannot tell.
         conventions: the conventions found. `call` is how to write them.
-        notes: what else was seen, one sentence each.
+        notes: other mistakes that were seen, one text each.
     """
 
     motion: Verdict
@@ -90,20 +89,21 @@ class Detection:
         """The Python expression to write: `Conventions(...)` with what is not as by default."""
         return repr(self.conventions)
 
-    def rows(self) -> list[dict[str, Any]]:
-        """Return one dict a verdict, as `Verdict.row` makes it: plain data for a table."""
-        return [verdict.row() for verdict in (self.motion, self.jitter, self.depth)]
+    @property
+    def verdicts(self) -> tuple[Verdict, Verdict, Verdict]:
+        """Of motion, jitter and depth."""
+        return self.motion, self.jitter, self.depth
 
     def summary(self) -> str:
         """Return lines for people: each verdict with its margin, the notes, and the call to write."""
-        lines = [_line(row) for row in self.rows()] + list(self.notes)
+        lines = [verdict.text for verdict in self.verdicts] + list(self.notes)
         if self.agrees:
             return "\n".join([*lines, f"The frames are as stated: {self.call}"])
         return "\n".join([*lines, f"The frames are not as stated: {self.stated!r}", f"Write: {self.call}"])
 
 
 def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> Verdict:
-    """Return the verdict of these hypotheses, of which there are some; near a tie the stated one is first."""
+    """Return the verdict over at least one hypothesis; near a tie the stated one is first."""
 
     def error(hypothesis: Hypothesis) -> float:
         holds = all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
@@ -114,9 +114,3 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
         first, second = verdict.ranked[:2]
         return Verdict(name, verdict.ranked, f"'{first.text}' and '{second.text}' fit alike")
     return verdict
-
-
-def _line(row: Mapping[str, Any]) -> str:
-    if not row["certain"]:
-        return f"{row['name']}: cannot tell, {row['reason']}"
-    return f"{row['name']}: {row['found']}; the next best, {row['runner_up']}, is {row['margin']:.2f}x worse"

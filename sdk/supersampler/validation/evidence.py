@@ -1,6 +1,6 @@
-"""Raw frames and pairs of them, ready to be read under any hypothesis."""
+"""What one frame shows, in one form for the checks (of a `Frame`) and the detector (of a `RawFrame`)."""
 
-from itertools import pairwise
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -10,44 +10,71 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.factors import jitter_factor, motion_factor
 from supersampler.conventions.srgb import srgb_decoded
 from supersampler.errors import FrameError
-from supersampler.frame import Float32, Size, as_array
-from supersampler.validation.reprojection import Pair, luminance
+from supersampler.frame import Array, Float32, Frame, Size, as_array
 
-Vectors = NDArray[np.float32]
 Places = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Rows and columns (n,) of pixels."""
+PLACES = 12_000
+"""About how many pixels a check reads."""
+
+_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 
 
-class Still:
-    """One frame with row 0 on top and its light linear; motion, depth and jitter are as they came.
+@dataclass(frozen=True, slots=True, eq=False)
+class Evidence:
+    """One frame with row 0 on top and linear luminance; depth, motion and jitter are as they came.
 
     Attributes:
+        light: (h, w) luminance; None where the frame was not shaded.
         depth: (h, w).
         motion: (h, w, 2), or at display size.
-        light: (h, w) luminance, or None where the frame was not shaded.
+        jitter: (x, y).
+        reset: as in `Frame`.
     """
 
-    def __init__(self, raw: RawFrame, stated: Conventions) -> None:
-        self.raw = raw
-        self.depth = _rows("depth", raw.depth, stated)
-        self.motion = _rows("motion", raw.motion, stated)
-        if self.depth.ndim != 2 or self.motion.ndim != 3 or self.motion.shape[2] != 2:
-            shapes = f"depth {self.depth.shape}, motion {self.motion.shape}"
+    light: Float32 | None
+    depth: Array
+    motion: Array
+    jitter: tuple[float, float]
+    reset: bool
+
+    @classmethod
+    def of_frame(cls, frame: Frame) -> "Evidence":
+        """Return a frame's own arrays; its colour becomes luminance."""
+        light = None if frame.color is None else luminance(frame.color)
+        return cls(light, frame.depth, frame.motion, frame.jitter, frame.reset)
+
+    @classmethod
+    def of_raw(cls, raw: RawFrame, stated: Conventions) -> "Evidence":
+        """Return a raw frame with rows and sRGB as stated.
+
+        Raises:
+            FrameError: depth or motion is of a wrong shape, or not an array.
+        """
+        depth, motion = _rows("depth", raw.depth, stated), _rows("motion", raw.motion, stated)
+        if depth.ndim != 2 or motion.ndim != 3 or motion.shape[2] != 2:
+            shapes = f"depth {depth.shape}, motion {motion.shape}"
             raise FrameError("motion", got=shapes, want="depth (h, w), motion (h, w, 2)")
-        self.light: Float32 | None = None
+        light = None
         if raw.color is not None:
             color = _rows("color", raw.color, stated)
-            self.light = luminance(srgb_decoded(color) if stated.srgb else color)
+            light = luminance(srgb_decoded(color) if stated.srgb else color)
+        return cls(light, depth, motion, raw.jitter or (0.0, 0.0), raw.reset)
 
     @property
     def size(self) -> Size:
         """Render size (width, height)."""
         return self.depth.shape[1], self.depth.shape[0]
 
-    def jitter(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return the jitter (x, y) in render pixels, read by these conventions."""
-        return np.multiply(self.raw.jitter or (0.0, 0.0), jitter_factor(conventions, self.size))
+    def copied(self) -> "Evidence":
+        """Return it in memory of its own, for the next frame: engines reuse their buffers."""
+        return replace(self, depth=self.depth.copy(), motion=self.motion.copy())
 
-    def vectors(self, conventions: Conventions, places: Places, *, swapped: bool = False) -> Vectors:
+    def jitter_pixels(self, conventions: Conventions) -> NDArray[np.float64]:
+        """Return the jitter (x, y) in render pixels, read by these conventions."""
+        return np.multiply(self.jitter, jitter_factor(conventions, self.size))
+
+    def vectors(self, conventions: Conventions, places: Places, *, swapped: bool = False) -> Float32:
         """Return (n, 2) motion in render pixels, read by these conventions, jitter left in.
 
         Args:
@@ -60,38 +87,26 @@ class Still:
         columns = (places[1] * 2 + 1) * own_width // (2 * self.size[0])
         vectors = self.motion[rows, columns].astype(np.float32)
         factor = np.array(motion_factor(conventions, self.size, (own_width, own_height)), np.float32)
-        result: Vectors = (vectors[:, ::-1] if swapped else vectors) * factor
+        result: Float32 = (vectors[:, ::-1] if swapped else vectors) * factor
         return result
-
-
-class Step:
-    """Two neighbouring frames of one size, both shaded, and the places where their pictures are compared."""
-
-    def __init__(self, before: Still, now: Still) -> None:
-        self.before, self.now = before, now
-        if now.light is None or before.light is None:
-            raise FrameError("color", got=None, want="shaded frames")
-        self.pair = Pair(now.light, before.light)
-        self.places = self.pair.rows, self.pair.columns
-
-    def shift(self, conventions: Conventions) -> NDArray[np.float64]:
-        """Return what jitter adds to an unjittered vector that leads to the same colour: (x, y) pixels."""
-        return self.now.jitter(conventions) - self.before.jitter(conventions)
-
-
-def steps(stills: list[Still]) -> list[Step]:
-    """Return the neighbours that can be compared: no cut between, both shaded, of one size."""
-    return [
-        Step(before, now)
-        for before, now in pairwise(stills)
-        if not now.raw.reset and now.size == before.size and None not in (_shape(now), _shape(before))
-    ]
-
-
-def _shape(still: Still) -> tuple[int, ...] | None:
-    return None if still.light is None else still.light.shape
 
 
 def _rows(name: str, value: object, stated: Conventions) -> NDArray[Any]:
     array = as_array(name, value)
     return array[::-1] if stated.bottom_up else array
+
+
+def luminance(color: Array) -> Float32:
+    """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
+    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Reprojection` leaves them out
+        values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
+    return values
+
+
+def grid(size: tuple[int, int], places: int) -> Places:
+    """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
+    step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
+    rows, columns = np.meshgrid(
+        np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"
+    )
+    return rows.ravel(), columns.ravel()

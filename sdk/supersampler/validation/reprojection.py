@@ -1,90 +1,123 @@
-"""How well a motion field explains a picture by the one before: one measure for the checks and the detector.
+"""How well motion explains an image by the previous one.
 
-The error is the mean squared difference of luminance, compressed to [0, 1], between a pixel and where it is
-said to have been; at some thousand places only, so that the cost does not grow with the picture. Squared, as
-a hard edge sampled once a pixel is often the same at the same pixel, and a median or mean difference would
-find that it had not moved. Both pictures are read through the same small filter: read at whole pixels they
-would else be sharper and noisier than between pixels, and wrong motion would win by blur.
+The error is the mean squared difference of luminance, compressed to [0, 1], between a pixel and its place in
+the previous image. It is taken at some thousand places, so that the cost does not grow with the image. It is
+squared because a hard edge sampled once a pixel is often the same at the same pixel: a median or mean
+difference would find no motion there. Both images are read through the same small filter: an image read at
+whole pixels is sharper and noisier than one read between pixels, and wrong motion would win by blur.
 """
 
+from collections.abc import Sequence
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Array, Float32
+from supersampler.conventions import Conventions
+from supersampler.errors import FrameError
+from supersampler.frame import Float32
+from supersampler.validation.depth_order import DepthOrder, uncovered
+from supersampler.validation.evidence import PLACES, Evidence, Places, grid
 
 MIN_PLACES = 1000
-"""With fewer places that have texture, chance is larger than the differences looked for."""
+"""With fewer textured places, chance is larger than the differences looked for."""
 
-_LUMINANCE = np.array([0.2126, 0.7152, 0.0722], np.float32)
 _TEXTURE = 0.01  # change of the compressed luminance from one pixel to the next
 
 
-def luminance(color: Array) -> Float32:
-    """Return (h, w) luminance of linear (h, w, 3) colour: a new array, which no caller overwrites."""
-    with np.errstate(invalid="ignore", over="ignore"):  # NaN and Inf stay; `Pair` leaves them out
-        values: Float32 = color.astype(np.float32, copy=False) @ _LUMINANCE
-    return values
-
-
-class Pair:
-    """Two neighbouring frames, ready to be asked how well motion explains the second.
+class FramePair:
+    """Two neighbouring frames of one size, both shaded, compared at some places.
 
     Attributes:
-        rows, columns: (n,) the places.
-        textured: how many of them differ from their neighbours.
+        before, now: the frames.
+        places: rows and columns (n,) of those places.
+        textured: whether enough of them differ from their neighbours.
     """
 
-    def __init__(self, now: Float32, before: Float32, *, places: int = 12_000) -> None:
-        """Choose at most about `places` places in two (h, w) luminances of equal size."""
-        rows, columns = grid((now.shape[1], now.shape[0]), places)
-        known = now[rows, columns]
+    def __init__(self, before: Evidence, now: Evidence) -> None:
+        self.before, self.now = before, now
+        if now.light is None or before.light is None:
+            raise FrameError("color", got=None, want="shaded frames")
+        self.places = rows, columns = grid((now.light.shape[1], now.light.shape[0]), PLACES)
+        known = now.light[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
         middle = float(np.median(known)) if known.size else 1.0
-        tone, self._before = _tone(now, middle), _tone(before, middle)
+        tone, self._tone_before = _tone(now.light, middle), _tone(before.light, middle)
         here = _read(tone, columns, rows)
         right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
-        self.rows, self.columns, self._now = rows, columns, here
-        self.textured = int((change > _TEXTURE).sum())  # NaN is not
+        self._tone_now = here
+        self.textured = int((change > _TEXTURE).sum()) >= MIN_PLACES  # NaN is not
 
     def error(self, offset: NDArray[np.floating[Any]], where: NDArray[np.bool_] | None = None) -> float:
         """Return the mean squared difference, in [0, 1]; inf where less than half is on screen.
 
         Args:
-            offset: (n, 2) or (2,) pixels from each place to where it is read in the frame before.
-            where: (n,) which places to ask, all by default; at least one.
+            offset: (n, 2) or (2,) pixels from each place to its place in the previous frame.
+            where: (n,) which places to compare, all by default; at least one.
         """
-        offset = np.broadcast_to(offset, (len(self.rows), 2))
+        rows, columns = self.places
+        offset = np.broadcast_to(offset, (len(rows), 2))
         use = slice(None) if where is None else where
-        past = _read(self._before, self.columns[use] + offset[use, 0], self.rows[use] + offset[use, 1])
-        difference = past - self._now[use]
+        before = _read(self._tone_before, columns[use] + offset[use, 0], rows[use] + offset[use, 1])
+        difference = before - self._tone_now[use]
         difference = difference[np.isfinite(difference)]
-        return float(np.mean(difference**2)) if 2 * len(difference) > len(past) else float("inf")
+        return float(np.mean(difference**2)) if 2 * len(difference) > len(before) else float("inf")
+
+    def shift(self, conventions: Conventions) -> NDArray[np.float64]:
+        """Return what jitter adds to an unjittered vector that leads to the same colour: (x, y) pixels."""
+        return self.now.jitter_pixels(conventions) - self.before.jitter_pixels(conventions)
+
+    def offset(
+        self,
+        conventions: Conventions,
+        places: Places | None = None,
+        *,
+        motion_swapped: bool = False,
+        jitter_swapped: bool = False,
+    ) -> NDArray[np.float64]:
+        """Return (n, 2) pixels from each place to its place in the previous frame.
+
+        Args:
+            conventions: how to read motion and jitter.
+            places: rows and columns; those compared where None.
+            motion_swapped: take y for x and x for y in motion.
+            jitter_swapped: likewise in jitter.
+        """
+        places = self.places if places is None else places
+        offset = self.now.vectors(conventions, places, swapped=motion_swapped).astype(np.float64)
+        if conventions.motion_jittered:
+            return offset
+        shift = self.shift(conventions)
+        return offset + (shift[::-1] if jitter_swapped else shift)
+
+    def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
+        """Return (n,) which places move: by a tenth of the longest vector, or more."""
+        length = np.abs(self.now.vectors(conventions, self.places)).max(axis=1)
+        length = np.where(np.isfinite(length), length, 0)
+        moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * np.percentile(length, 99))
+        return moves
+
+    def uncovered(self, order: DepthOrder, conventions: Conventions, places: int) -> tuple[int, int]:
+        """Count uncovered places that (closer, farther) surfaces hid before, of at most about `places`."""
+        looked_at = grid(self.now.size, places)
+        offset = self.offset(conventions, looked_at)
+        return uncovered(self.now.depth, self.before.depth, order, looked_at, offset)
 
 
-def grid(size: tuple[int, int], places: int) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Return rows and columns (n,) of an even grid of at most about `places` pixels of a (width, height)."""
-    step = max(1, int(np.ceil(np.sqrt(size[0] * size[1] / places))))
-    rows, columns = np.meshgrid(
-        np.arange(step // 2, size[1], step), np.arange(step // 2, size[0], step), indexing="ij"
-    )
-    return rows.ravel(), columns.ravel()
+def frame_pairs(frames: Sequence[Evidence]) -> list[FramePair]:
+    """Return the neighbours that can be compared: no cut between, both shaded, of one size."""
+    return [
+        FramePair(before, now)
+        for before, now in pairwise(frames)
+        if not now.reset and now.size == before.size and now.light is not None and before.light is not None
+    ]
 
 
-def moving(motion: Array) -> NDArray[np.bool_]:
-    """Return (n,) which of (n, 2) vectors of any unit count as motion: a tenth of the longest, or more."""
-    length = np.abs(motion).max(axis=1) if len(motion) else np.zeros(0)
-    length = np.where(np.isfinite(length), length, 0)
-    longest = np.percentile(length, 99) if length.size else 0.0
-    moves: NDArray[np.bool_] = (length > 0) & (length >= 0.1 * longest)
-    return moves
-
-
-def _tone(picture: Float32, middle: float) -> Float32:
+def _tone(image: Float32, middle: float) -> Float32:
     """Return luminance compressed to [0, 1], with one more pixel all round; NaN where it is not finite."""
-    tone = np.maximum(picture, 0)
+    tone = np.maximum(image, 0)
     with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which is left out
         tone /= tone + np.float32(middle)
     return np.pad(tone, 1, mode="edge")

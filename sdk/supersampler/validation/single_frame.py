@@ -7,21 +7,21 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32, Frame
-from supersampler.io.display import EXPOSURES, usable_exposure
+from supersampler.io.display import usable_exposure
+from supersampler.validation import mistakes
 from supersampler.validation.depth_order import bend, sky_share
-from supersampler.validation.mistake import Mistake, where
-from supersampler.validation.reprojection import grid
-
-_PLACES = 12_000
+from supersampler.validation.evidence import PLACES, grid
+from supersampler.validation.mistakes import Mistake, where
 
 
-def mistakes_alone(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
-    """Yield what is wrong with a frame by itself; `light` is the luminance of its colour."""
+def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
+    """Yield the mistakes that one frame shows; `light` is the luminance of its colour."""
     if frame.color is not None and light is not None:
         yield from _color(frame.color, light)
     yield from _depth(frame.depth)
     yield from _motion(frame)
-    yield from _exposure(frame.exposure)
+    if frame.exposure is not None and usable_exposure(frame.exposure) is None:
+        yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if light is not None:
         yield from _upside_down(frame.depth, light)
 
@@ -29,45 +29,29 @@ def mistakes_alone(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
 def _color(color: Array, light: Float32) -> Iterator[Mistake]:
     bad = ~np.isfinite(light)
     if bad.any():
-        hint = "A division by 0 or a power of a negative number in a shader; one such pixel would spread."
-        yield Mistake(
-            kind="color not finite", field="color", got=f"NaN or Inf {where(bad)}", want="finite", hint=hint
-        )
-    rows, columns = grid((color.shape[1], color.shape[0]), _PLACES)
-    values = color[rows, columns].astype(np.float32)
+        yield mistakes.COLOR_NOT_FINITE.found(where=where(bad))
+    values = color[grid((color.shape[1], color.shape[0]), PLACES)].astype(np.float32)
     negative = float(np.mean(values < -1e-6))
     if negative > 0.01:
-        hint = "Wide-gamut colours clip at 0: np.maximum(color, 0). A denoiser or sharpener runs too early."
-        got = f"negative in {negative:.0%} of its values"
-        yield Mistake(kind="color negative", field="color", got=got, want=">= 0", hint=hint)
+        yield mistakes.COLOR_NEGATIVE.found(share=negative)
     full = (values == 1.0).sum(axis=1)  # white may well be 1 1 1, but a light clipped at 1 is seldom white
     if np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
-        hint = "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True)."
-        got = "never above 1, and often 1 in one channel or two"
-        want = "linear scene colour from before tone mapping"
-        yield Mistake(kind="color clipped", field="color", got=got, want=want, hint=hint, only_a_hint=True)
+        yield mistakes.COLOR_CLIPPED
 
 
 def _depth(depth: Float32) -> Iterator[Mistake]:
     bad = ~np.isfinite(depth)
-    want = "near / distance, 0 at the sky"
     if bad.any():
-        hint = "Is it a distance? Conventions(depth='linear') takes inf for the sky."
-        yield Mistake(
-            kind="depth not finite", field="depth", got=f"NaN or Inf {where(bad)}", want="finite", hint=hint
-        )
+        yield mistakes.DEPTH_NOT_FINITE.found(where=where(bad))
         return
     least, greatest = float(depth.min()), float(depth.max())
     if least < 0:
-        got = f"negative, as small as {least:.3g}"
-        hint = "Depth in [-1, 1] is OpenGL's: (d + 1) / 2. A view-space z is negative: -z, depth='linear'."
-        yield Mistake(kind="depth negative", field="depth", got=got, want=want, hint=hint)
+        yield mistakes.DEPTH_NEGATIVE.found(least=least)
         return
     kind = _other_kind(depth, least, greatest)
     if kind:
-        hint = f"Conventions(depth='{kind}', ...) converts it."
-        got = f"of another kind: it looks {kind.replace('_', ', ')}"
-        yield Mistake(kind="depth not reversed", field="depth", got=got, want=want, hint=hint)
+        evidence = f"it looks {kind.replace('_', ', ')}"
+        yield mistakes.DEPTH_NOT_REVERSED.found(evidence=evidence, kind=kind)
 
 
 def _other_kind(depth: Float32, least: float, greatest: float) -> str:
@@ -76,7 +60,7 @@ def _other_kind(depth: Float32, least: float, greatest: float) -> str:
         return ""
     if greatest >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
         return "linear"
-    rows, columns = grid((depth.shape[1], depth.shape[0]), _PLACES)
+    rows, columns = grid((depth.shape[1], depth.shape[0]), PLACES)
     values = depth[rows, columns]
     if greatest == 1 and sky_share(values, "forward") > 0.02 and sky_share(values, "reversed") == 0:
         return "forward_infinite"
@@ -90,33 +74,15 @@ def _other_kind(depth: Float32, least: float, greatest: float) -> str:
 def _motion(frame: Frame) -> Iterator[Mistake]:
     bad = ~np.isfinite(np.add(frame.motion[..., 0], frame.motion[..., 1], dtype=np.float32))
     if bad.any():
-        hint = "Give 0, or the camera's motion, where nothing was drawn: at the sky, say."
-        got = f"NaN or Inf {where(bad)}"
-        yield Mistake(kind="motion not finite", field="motion", got=got, want="finite", hint=hint)
+        yield mistakes.MOTION_NOT_FINITE.found(where=where(bad))
         return
-    rows, columns = grid(frame.size, _PLACES)
+    rows, columns = grid(frame.size, PLACES)
     vectors = frame.motion[rows, columns].astype(np.float32)
     off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
     if off > 0.05 and min(frame.size) >= 16:
-        hint = "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1)."
-        got = f"longer than the whole image in {off:.0%} of the pixels"
-        yield Mistake(kind="motion too long", field="motion", got=got, want="render pixels", hint=hint)
+        yield mistakes.MOTION_TOO_LONG.found(share=off)
     if frame.depth.min() == frame.depth.max() > 0 and _not_a_plane(vectors, rows, columns):
-        hint = "Is the depth buffer bound, and read before it is cleared?"
-        got = "the same everywhere, though things move at different speeds"
-        want = "near / distance of each pixel"
-        yield Mistake(kind="depth constant", field="depth", got=got, want=want, hint=hint)
-
-
-def _exposure(exposure: float | None) -> Iterator[Mistake]:
-    if usable_exposure(exposure) is None and exposure is not None:
-        yield Mistake(
-            kind="exposure out of range",
-            field="exposure",
-            got=f"{exposure:.3g}",
-            want=f"{EXPOSURES[0]:.2g} to {EXPOSURES[1]:.2g}, what brings middle grey to 0.18",
-            hint="A measured one is used in its place, as for exposure=None.",
-        )
+        yield mistakes.DEPTH_CONSTANT
 
 
 def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) -> bool:
@@ -129,9 +95,9 @@ def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) ->
 
 
 def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
-    """Colour changes where depth does; if it does so only upside down, one of them is."""
+    """Colour changes where depth does. If edges agree only upside down, one of the two is upside down."""
     height, width = depth.shape
-    rows, columns = grid((width, height - 1), 4 * _PLACES)
+    rows, columns = grid((width, height - 1), 4 * PLACES)
     here, below = depth[rows, columns], depth[rows + 1, columns]
     with np.errstate(invalid="ignore"):  # Inf - Inf; another check reports it
         edge = np.abs(here - below) > 0.1 * np.maximum(here, below)
@@ -140,13 +106,11 @@ def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     upright = _change(light, rows, columns, edge)
     turned = _change(light[::-1], rows, columns, edge)
     if turned > 1.5 and turned > 1.5 * upright:
-        hint = "Turn one of them: array[::-1]; or Conventions(bottom_up=True) where all are upside down."
-        got = f"upside down against depth: edges agree {turned / max(upright, 1e-6):.1f} times better turned"
-        yield Mistake(kind="color upside down", field="color", got=got, want="row 0 on top", hint=hint)
+        yield mistakes.COLOR_UPSIDE_DOWN.found(times=turned / max(upright, 1e-6))
 
 
 def _change(light: Float32, rows: NDArray[Any], columns: NDArray[Any], edge: NDArray[np.bool_]) -> float:
-    """Change of brightness from row to row at edges, in parts of the change anywhere."""
+    """Mean change of brightness from row to row at edges, divided by that of all pixels."""
     here, below = np.maximum(light[rows, columns], 0), np.maximum(light[rows + 1, columns], 0)
     known = np.isfinite(here) & np.isfinite(below)
     if not (edge & known).any():

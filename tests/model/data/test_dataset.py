@@ -9,7 +9,8 @@ import pytest
 
 from gl_scenes import Yard
 from gltf_files import cube, strip
-from supersampler import ArgumentError, Upscaler, display_transform, halton_jitter
+from supersampler import ArgumentError, Upscaler, halton_jitter
+from supersampler.io.display import display_transform
 from supersampler_model.data.dataset import (
     Dataset,
     Description,

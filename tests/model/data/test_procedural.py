@@ -6,7 +6,7 @@ from functools import cache, partial
 import numpy as np
 import pytest
 
-from supersampler import display_transform
+from supersampler.io.display import display_transform
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.mesh import Mesh

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import display_transform
-from supersampler.io.display import to_uint8
+from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler_model.data.class_map import overlay, with_legend
 from supersampler_model.data.dataset.description import Dataset, SequenceEntry

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from supersampler import mip_bias
+from supersampler.conventions import mip_bias
 from supersampler_model.data.errors import SceneError
 from supersampler_model.data.rendered import Float16, Float32, Reference, Rendered, Surfaces
 from supersampler_model.data.renderer.assets import Assets

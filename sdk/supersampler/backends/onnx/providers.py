@@ -5,7 +5,7 @@ from importlib import metadata
 
 from supersampler.arguments import is_row
 from supersampler.backends.onnx.runtime import ort
-from supersampler.errors import ArgumentError, ProviderError, shown
+from supersampler.errors import ArgumentError, ProviderError, did_you_mean, shown
 
 NAMES = {
     "cpu": "CPUExecutionProvider",
@@ -63,7 +63,8 @@ def resolve_providers(providers: str | Sequence[str]) -> list[str]:
         if name not in (*NAMES.values(), *available, *ort.get_all_providers()):
             raise ProviderError(
                 f"no execution provider is called {shown(asked)}; known are {', '.join(NAMES)}, ONNX "
-                f"Runtime's own names, and 'auto' by itself. Available here: {', '.join(available)}."
+                f"Runtime's own names, and 'auto' by itself. Available here: {', '.join(available)}. "
+                f"{did_you_mean(asked, NAMES)}".rstrip()
             )
         if name not in available:
             raise ProviderError(

@@ -8,7 +8,6 @@ from supersampler.io.shot.blender import import_blender
 from supersampler.io.shot.channels import import_channels, import_described_channels
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import ClassMaps
-from supersampler.io.shot.shipped import shipped_shot
 from supersampler.io.shot.shot import Shot, ShotFrame
 from supersampler.io.shot.sources import open_source
 from supersampler.io.shot.writer import ShotWriter, copy_shot
@@ -26,5 +25,4 @@ __all__ = [
     "import_channels",
     "import_described_channels",
     "open_source",
-    "shipped_shot",
 ]

@@ -1,21 +1,27 @@
-"""The shots inside this package."""
+"""Names of the shots inside this package."""
 
+import os
 from pathlib import Path
 
-from supersampler.arguments import checked_choice
-from supersampler.io.shot.format import FILE_NAME
-from supersampler.io.shot.shot import Shot
+from supersampler.arguments import checked_path
+from supersampler.errors import ShotError, did_you_mean
 
-SHIPPED = "plaza"
-"""The name of the one that demonstrations and tests use."""
-_FOLDER = Path(__file__).parents[2] / "shots"
+SHIPPED = Path(__file__).parents[2] / "shots"
+"""Folder of the shots that ship."""
 
 
-def shipped_shot(name: str = SHIPPED) -> Shot:
-    """Open a shot that ships with this package.
+def path_or_shipped(path: str | Path) -> Path:
+    """Return a path; where nothing lies there, the folder of the shipped shot of that name.
 
     Raises:
-        ArgumentError: there is none of that name; the message lists those there are.
+        ArgumentError: it is neither text nor a path.
+        ShotError: it is a name without a folder, nothing lies there, and no shot of that name ships.
     """
-    names = sorted(path.parent.name for path in _FOLDER.glob(f"*/{FILE_NAME}"))
-    return Shot.open(_FOLDER / checked_choice("name", name, names))
+    path = Path(checked_path("path", path))
+    if path.name != str(path) or os.path.lexists(path):
+        return path
+    names = sorted(folder.name for folder in SHIPPED.iterdir())
+    if path.name in names:
+        return SHIPPED / path.name
+    hint = did_you_mean(path.name, names) or f"Shots that ship: {', '.join(names)}."
+    raise ShotError(path, "there is no such file or folder, and no shot of that name ships", hint)

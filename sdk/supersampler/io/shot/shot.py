@@ -6,13 +6,13 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
-from supersampler.arguments import checked_path
 from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.atomic import check_inside
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
+from supersampler.io.shot.shipped import path_or_shipped
 
 _AHEAD = 2  # frames held ready; more would cost memory and hide no more of the disk
 
@@ -37,7 +37,7 @@ class ShotFrame:
 class Shot:
     """A sequence of rendered frames on disk.
 
-    >>> shot = Shot.open("shots/plaza")
+    >>> shot = Shot.open("plaza")
     >>> for item in shot:  # read by one thread, two frames ahead
     ...     image = upscaler.step(item.frame)
 
@@ -61,16 +61,17 @@ class Shot:
 
     @classmethod
     def open(cls, path: Path | str) -> "Shot":
-        """Open a folder with a shot.json; pictures are read later, one by one.
+        """Open a folder with a shot.json; images are read later, one by one.
 
         Args:
-            path: the folder; or a JSON file in it, of the several that may share its pictures.
+            path: the folder; or a JSON file in it, of the several that may share its images; or the name of
+                a shot that ships with this package, "plaza", where nothing of that name lies here.
 
         Raises:
-            ShotError: shot.json is missing or wrong, or names a file that is not there, or that a link has
-                outside of the folder. The folder itself may be a link.
+            ShotError: nothing lies there; or shot.json is missing or wrong, or names a file that is not there
+                or that a link has outside of the folder. The folder itself may be a link.
         """
-        path = Path(checked_path("path", path))
+        path = path_or_shipped(path)
         description = path if path.suffix == ".json" else path / FILE_NAME
         folder = description.parent
         info, entries = load_shot_json(description)

@@ -4,13 +4,14 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Literal, TypeAlias, get_args
 
-from supersampler.arguments import checked_choice, checked_path
+from supersampler.arguments import checked_choice
 from supersampler.errors import ShotError
 from supersampler.io.images import read_exr_channels
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
 from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
 from supersampler.io.shot.format import FILE_NAME
+from supersampler.io.shot.shipped import path_or_shipped
 from supersampler.io.shot.shot import Shot
 
 Layout: TypeAlias = Literal["auto", "shot", "blender", "channels", "arm"]
@@ -24,7 +25,8 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
     """Open a shot of this package, a folder of Blender's or anybody's EXR frames, or an Arm sequence.
 
     Args:
-        path: the folder, its shot.json or another JSON file of that format, or the .safetensors file.
+        path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or the
+            name of a shot that ships, as of `Shot.open`.
         layout: "auto" looks at what is there; else "shot", "blender", "channels" or "arm".
         options: for `import_blender`, `import_channels` or `import_arm`, as the layout asks. Without a
             channel_map the layout "channels" reads the channels.json in the folder.
@@ -33,7 +35,7 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
         ShotError: nothing that is known lies there; the message says what was found.
         ArgumentError: the layout is unknown.
     """
-    path = Path(checked_path("path", path))
+    path = path_or_shipped(path)
     if path.name == FILE_NAME:
         path = path.parent
     checked_choice("layout", layout, get_args(Layout))

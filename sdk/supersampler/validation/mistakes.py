@@ -1,0 +1,139 @@
+"""The one list of mistakes that pixels can show; the pixel checks and the detector report from it.
+
+An entry says what came, what was wanted and what to do. Names in braces are filled in by `Mistake.found`.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import FrameError
+from supersampler.io.display import EXPOSURES
+
+
+@dataclass(frozen=True, slots=True)
+class Mistake:
+    """What is wrong with an input, in the parts of a `FrameError`.
+
+    Attributes:
+        kind: which mistake it is; each kind warns once until the next reset.
+        field: name of the `Frame`'s field.
+        got, want, hint: as in `FrameError`.
+        only_a_hint: True where a correct frame may look the same; then it never raises.
+    """
+
+    kind: str
+    field: str
+    got: str
+    want: str
+    hint: str = ""
+    only_a_hint: bool = False
+
+    def found(self, **facts: Any) -> "Mistake":
+        """Return it with the names in braces replaced by these facts."""
+        texts = ("kind", "field", "got", "want", "hint")
+        return replace(self, **{name: getattr(self, name).format(**facts) for name in texts})
+
+    def error(self) -> FrameError:
+        """Return it as an error, whose text also serves as a warning."""
+        return FrameError(self.field, got=self.got, want=self.want, hint=self.hint)
+
+
+def where(bad: NDArray[np.bool_]) -> str:
+    """Say how many pixels of a mask are True, at least one, and which is the first."""
+    row, column = np.argwhere(bad)[0]
+    return f"in {int(bad.sum())} pixels, first at (x={column}, y={row})"
+
+
+_DEPTH = "near / distance, 0 at the sky"
+_MOTION = "render pixels without jitter, previous minus current, y down"
+_JITTER = "pixel centre to sample, render pixels, y down"
+
+# fmt: off
+COLOR_NOT_FINITE = Mistake(
+    "color not finite", "color", "NaN or Inf {where}", "finite",
+    "A division by 0 or a power of a negative number in a shader; one such pixel would spread.")
+COLOR_NEGATIVE = Mistake(
+    "color negative", "color", "negative in {share:.0%} of its values", ">= 0",
+    "Wide-gamut colours clip at 0: np.maximum(color, 0). A denoiser or sharpener runs too early.")
+COLOR_CLIPPED = Mistake(
+    "color clipped", "color", "never above 1, and often 1 in one channel or two",
+    "linear scene colour from before tone mapping",
+    "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True).",
+    only_a_hint=True)
+COLOR_UPSIDE_DOWN = Mistake(
+    "color upside down", "color", "upside down against depth: edges agree {times:.1f} times better turned",
+    "row 0 on top",
+    "Turn one of them: array[::-1]; or Conventions(bottom_up=True) where all are upside down.")
+DEPTH_NOT_FINITE = Mistake(
+    "depth not finite", "depth", "NaN or Inf {where}", "finite",
+    "Is it a distance? Conventions(depth='linear') takes inf for the sky.")
+DEPTH_NEGATIVE = Mistake(
+    "depth negative", "depth", "negative, as small as {least:.3g}", _DEPTH,
+    "Depth in [-1, 1] is OpenGL's: (d + 1) / 2. A view-space z is negative: -z, depth='linear'.")
+DEPTH_NOT_REVERSED = Mistake(
+    "depth not reversed", "depth", "of another kind: {evidence}", _DEPTH,
+    "Conventions(depth='{kind}', ...) converts it.")
+DEPTH_CONSTANT = Mistake(
+    "depth constant", "depth", "the same everywhere, though things move at different speeds",
+    "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
+MOTION_NOT_FINITE = Mistake(
+    "motion not finite", "motion", "NaN or Inf {where}", "finite",
+    "Give 0, or the camera's motion, where nothing was rendered: at the sky, say.")
+MOTION_TOO_LONG = Mistake(
+    "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
+    "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1).")
+MOTION_MISREAD = Mistake(
+    "motion misread", "motion", "misread: frames fit {times:.1f} times better with it taken as {reading}",
+    _MOTION, "Try {call}.")
+MOTION_SWAPPED = Mistake(
+    "motion swapped", "motion", "(y, x): frames fit better so", "(x, y)", "Hand it in as motion[..., ::-1].")
+JITTER_CONSTANT = Mistake(
+    "jitter constant", "jitter", "{jitter} in {frames} frames on end",
+    "a new place in the pixel each frame, in render pixels",
+    "halton_jitter and jittered_projection make one; without it no detail can be gained.")
+JITTER_TOO_SMALL = Mistake(
+    "jitter too small", "jitter", "never more than {most:.2g}", JITTER_CONSTANT.want,
+    "Try Conventions(jitter_unit='ndc') or 'uv'.")
+JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
+JITTER_SWAPPED = Mistake(
+    "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")
+EXPOSURE_OUT_OF_RANGE = Mistake(
+    "exposure out of range", "exposure", "{exposure:.3g}",
+    f"{EXPOSURES[0]:.2g} to {EXPOSURES[1]:.2g}, what brings middle grey to 0.18",
+    "A measured one is used in its place, as for exposure=None.")
+
+GBUFFER_NOT_FINITE = Mistake(
+    "{place} not finite", "{place}", "NaN or Inf {where}", "finite",
+    "Clear the target to 0 where nothing is rendered, and normalise no vector of length 0.")
+GBUFFER_DEPTH_NOT_FINITE = replace(
+    GBUFFER_NOT_FINITE, hint="Is it a distance? The sky of near / distance is 0.")
+GBUFFER_OUT_OF_RANGE = Mistake(
+    "{place} out of range", "{place}",
+    "outside [0, 1] in {share:.0%} of its values, from {least:.3g} to {most:.3g}", "linear, in [0, 1]",
+    "It is a share of light or a parameter of the material, without lighting or exposure.")
+GBUFFER_BYTES = replace(
+    GBUFFER_OUT_OF_RANGE,
+    hint="Are these bytes? Divide by 255; a base colour in sRGB is to be made linear, too.")
+NORMAL_NOT_UNIT = Mistake(
+    "{place} not unit", "{place}",
+    "of a length that is neither 1 nor 0 in {share:.0%} of its pixels, from {least:.2g} to {most:.2g}",
+    "world-space normals of unit length, 0 at the sky",
+    "Normalise after the normal map is read, and do not average or resize.")
+NORMAL_ENCODED = replace(
+    NORMAL_NOT_UNIT,
+    got="encoded: it fits n * 0.5 + 0.5",
+    hint="Decode it: 2 * normal - 1, and 0 at the sky.")
+GBUFFER_DEPTH_NEGATIVE = Mistake(
+    "{place} negative", "{place}", "negative, as small as {least:.3g}",
+    "near / distance of the same near plane as frame.depth, 0 at the sky")
+GBUFFER_DEPTH_IS_DISTANCE = Mistake(
+    "{place} of another kind", "{place}", "a distance: it grows where frame.depth falls",
+    GBUFFER_DEPTH_NEGATIVE.want, "Write near / distance, with the near plane of frame.depth.")
+GBUFFER_DEPTH_SCALED = replace(
+    GBUFFER_DEPTH_IS_DISTANCE,
+    got="{scale:.3g} times frame.depth at the same places",
+    hint="Is it forward, a distance, or of another near plane? Write both by the same code.")
+# fmt: on
