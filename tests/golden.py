@@ -9,7 +9,7 @@ from OpenImageIO import ImageBuf
 from supersampler import Model, Upscaler, display_transform, halton_jitter
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
-from supersampler_bench.fitting import dressed
+from supersampler_bench.compatibility import dressed
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"

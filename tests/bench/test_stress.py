@@ -11,7 +11,7 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.state import State
-from supersampler_bench.cli import app
+from supersampler_bench.cli.app import app
 from supersampler_bench.stress.compare import Off, recovery
 from supersampler_bench.stress.contraction import contraction
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record

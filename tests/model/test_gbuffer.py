@@ -8,7 +8,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_bench import metrics
+from supersampler_bench.quality import metrics
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.depth import DepthGBuffer

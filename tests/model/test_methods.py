@@ -8,9 +8,9 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from studies.ablation_classifier import METHODS as VARIANTS
 from supersampler import Frame, Model, Upscaler, display_transform, halton_jitter, model_names
 from supersampler.frame import Float32
-from supersampler_bench.ablation_classifier import METHODS as VARIANTS
 from supersampler_model.data.scenes.analytic import (
     Cut,
     DiscOverPlane,

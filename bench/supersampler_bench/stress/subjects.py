@@ -10,7 +10,7 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import ModelInfo
 from supersampler.model import ExecutorName, Precision
 from supersampler.state import State
-from supersampler_bench.fitting import dressed
+from supersampler_bench.compatibility import dressed
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
