@@ -9,7 +9,7 @@ from OpenImageIO import ImageBuf
 from supersampler import Model, Upscaler, display_transform, halton_jitter
 from supersampler.io.display import to_uint8
 from supersampler.io.images import write_png
-from supersampler_bench.compatibility import dressed
+from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
@@ -28,7 +28,7 @@ def drawn(method: str) -> NDArray[np.uint8]:
     upscaler = Upscaler(model, display_size=display, validate="off")
     for index in range(FRAME + 1):
         frame = DiscOverPlane().frame(index, RENDER, halton_jitter(index, ratio))
-        image = upscaler.step(dressed(frame, model.info.gbuffers, display))
+        image = upscaler.step(with_default_gbuffers(frame, model.info.gbuffers, display))
     return to_uint8(display_transform(image))
 
 

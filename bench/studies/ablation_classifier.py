@@ -39,7 +39,7 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
     ),
     "means of differences around not seen": changed(around=()),
     "contrasts not seen": lambda: Classifier(without("contrast", "past_contrast")),
-    "range of the past not seen": lambda: Classifier(without("least", "most")),
+    "range of the history not seen": lambda: Classifier(without("least", "most")),
     "range only grows": changed(contraction=0.0),
     "distance of samples not seen": lambda: Classifier(without("confidence")),
     "count not seen": lambda: Classifier(without("count")),

@@ -105,7 +105,7 @@ def measure_colors(
     found: dict[str, list[float]] = {name: [] for name in ways}
     alternation = Alternation(EVERY_SECOND)
     for item in shot:
-        unshaded = alternation.hides(item)
+        unshaded = alternation.leaves_unshaded(item)
         for name, way in ways.items():
             color = way.show(item.frame, unshaded=unshaded)
             if unshaded and item.index >= WARM_UP_FRAMES:

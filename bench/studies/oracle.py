@@ -18,7 +18,13 @@ from supersampler.frame import Float32, Size
 from supersampler.io.shot import ShotFrame
 from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
 from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
-from supersampler_bench.quality.measure import Stepped, Stepper, measure_steppers, reference_size, stepper_of
+from supersampler_bench.quality.measure import (
+    StepImage,
+    Stepper,
+    measure_steppers,
+    reference_size,
+    stepper_of,
+)
 from supersampler_bench.quality.score_record import Measured, quality_record
 from supersampler_bench.quality.score_report import Report
 from supersampler_bench.quality.score_table import Summaries
@@ -126,7 +132,7 @@ def main(
 def oracle_stepper(display_size: Size) -> Stepper:
     """Return the oracle as `measure_steppers` takes it."""
     oracle = Oracle(display_size)
-    return Stepper("oracle", lambda item: Stepped(oracle.step(item)))
+    return Stepper("oracle", lambda item: StepImage(oracle.step(item)))
 
 
 if __name__ == "__main__":

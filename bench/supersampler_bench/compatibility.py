@@ -22,13 +22,13 @@ MATTE = {
 """What made-up G-buffers show everywhere: what is the same in each pixel of each frame fits any frames."""
 
 
-def why_not(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
+def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
     """Say why a method is to be left out; "" where it can be run.
 
     Args:
         model: name of a shipped one, or a folder.
         render: (width, height) of the frames.
-        display: of the pictures.
+        display: of the images.
         gbuffers: names of those that the frames have; None where they may be made up.
 
     Raises:
@@ -36,7 +36,7 @@ def why_not(model: str, render: Size, display: Size, gbuffers: Collection[str] |
     """
     info = read_model_info(find_model(model))
     if info.extrapolates:
-        return f"{model} is left out: it upscales nothing, but draws frames that were not shaded."
+        return f"{model} is left out: it does not upscale, it extrapolates unshaded frames."
     try:
         check_ratio(info.ratios, render, display)
     except FrameError as error:
@@ -50,7 +50,7 @@ def gbuffers_of(models: Iterable[str]) -> set[str]:
     return {name for model in models for name in read_model_info(find_model(model)).gbuffers}
 
 
-def dressed(frame: Frame, names: Iterable[str], display: Size) -> Frame:
+def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
     """Return a frame with the G-buffers of these tensors: its own, and for those it lacks a matte surface's.
 
     Depth of display size is the nearest sample of the frame's, 0 where that is no depth.
@@ -59,20 +59,20 @@ def dressed(frame: Frame, names: Iterable[str], display: Size) -> Frame:
     if all(array is not None for array in found.values()):
         return frame
     made = {
-        name: _made(GBUFFERS[name], frame, display) if array is None else array
+        name: _default_gbuffer(GBUFFERS[name], frame, display) if array is None else array
         for name, array in found.items()
     }
     gbuffer, gbuffer_display = grouped(made)
     return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
 
 
-def _made(place: Place, frame: Frame, display: Size) -> Float32:
+def _default_gbuffer(place: Place, frame: Frame, display: Size) -> Float32:
     if place.key == "depth":
         return _nearest_depth(frame, display)
     return _matte(place.key, place.shape(frame.size, display))
 
 
-@lru_cache(maxsize=len(GBUFFERS))  # of one size: those of large pictures are large
+@lru_cache(maxsize=len(GBUFFERS))  # of one size: those of large images are large
 def _matte(key: str, shape: tuple[int, ...]) -> Float32:
     return np.full((*shape[:2], len(MATTE[key])), MATTE[key], np.float32).reshape(shape)
 

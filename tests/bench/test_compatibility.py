@@ -12,8 +12,8 @@ from supersampler import ArgumentError, Shot, ShotWriter, Upscaler, shipped_shot
 from supersampler.io.display import auto_exposure, display_transform
 from supersampler.methods.gbuffers import GBUFFERS, names_of
 from supersampler.validation import FrameChecker
-from supersampler_bench.compatibility import dressed, gbuffers_of, why_not
-from supersampler_bench.quality.measure import Seen, measure_quality, runnable
+from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
+from supersampler_bench.quality.measure import ScoredImage, measure_quality, runnable
 from supersampler_bench.stress.runner import chosen, left_out, measure, runs
 from supersampler_bench.stress.subjects import subjects
 from supersampler_bench.timing.device import measure_device
@@ -28,32 +28,32 @@ def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 
 def test_made_up_buffers_are_right_ones_whatever_the_frame_holds() -> None:
-    frame = dressed(noise(1, (96, 54)), GBUFFERS, (192, 108))
+    frame = with_default_gbuffers(noise(1, (96, 54)), GBUFFERS, (192, 108))
     assert names_of(frame) == [*GBUFFERS]
     FrameChecker("strict").check(frame, (192, 108), GBUFFERS)
     bad = replace(noise(1), depth=np.full(RENDER[::-1], np.nan, np.float32))
     assert all(
-        np.isfinite(np.asarray(place.find(dressed(bad, GBUFFERS, DISPLAY)))).all()
+        np.isfinite(np.asarray(place.find(with_default_gbuffers(bad, GBUFFERS, DISPLAY)))).all()
         for place in GBUFFERS.values()
     )
 
 
 def test_buffers_that_a_frame_has_stay_and_others_are_not_made_up() -> None:
     frame = lit(1)
-    assert dressed(frame, WANTED, DISPLAY) is frame
-    assert dressed(frame, (), DISPLAY) is frame
-    part = dressed(lit(1, drop=WANTED[0]), WANTED, DISPLAY)
+    assert with_default_gbuffers(frame, WANTED, DISPLAY) is frame
+    assert with_default_gbuffers(frame, (), DISPLAY) is frame
+    part = with_default_gbuffers(lit(1, drop=WANTED[0]), WANTED, DISPLAY)
     assert set(names_of(part)) == set(WANTED)
     np.testing.assert_array_equal(GBUFFERS[WANTED[1]].find(part), GBUFFERS[WANTED[1]].find(frame))
 
 
 def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_model: Path) -> None:
     name = str(gbuffer_model)
-    assert why_not(name, RENDER, DISPLAY) == why_not(name, RENDER, DISPLAY, WANTED) == ""
-    assert why_not("taau", (33, 19), (49, 28), ()) == ""
-    assert f"{name} is left out: frame.size is (32, 18)" in why_not(name, RENDER, (96, 54))
+    assert incompatibility(name, RENDER, DISPLAY) == incompatibility(name, RENDER, DISPLAY, WANTED) == ""
+    assert incompatibility("taau", (33, 19), (49, 28), ()) == ""
+    assert f"{name} is left out: frame.size is (32, 18)" in incompatibility(name, RENDER, (96, 54))
     lacking = "the frames have no base_color at render size; normal at display size"
-    assert lacking in why_not(name, RENDER, DISPLAY, WANTED[1:2])
+    assert lacking in incompatibility(name, RENDER, DISPLAY, WANTED[1:2])
     assert gbuffers_of([name, "taau"]) == set(WANTED)
 
 
@@ -104,14 +104,14 @@ def shot(tmp_path: Path) -> Shot:
 
 
 def test_quality_is_measured_with_the_buffers_of_a_shot(shot: Shot, gbuffer_model: Path) -> None:
-    name, seen = str(gbuffer_model), list[Seen]()
+    name, seen = str(gbuffer_model), list[ScoredImage]()
     scores = measure_quality(shot, ["bilinear", name], watch=seen.append)
     assert [score.method for score in scores] == ["bilinear", name]
     upscaler = Upscaler(gbuffer_model, display_size=DISPLAY)
     exposure = auto_exposure(np.full((*DISPLAY[::-1], 3), 0.5, np.float32))
     drawn = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
-    for picture, own in zip([s.shown for s in seen if s.method == 1], drawn, strict=True):
-        np.testing.assert_array_equal(picture, own)
+    for image, own in zip([s.shown for s in seen if s.method == 1], drawn, strict=True):
+        np.testing.assert_array_equal(image, own)
 
 
 def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_model: Path) -> None:

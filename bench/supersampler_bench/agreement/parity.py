@@ -1,4 +1,4 @@
-"""Whether a method draws the same however it runs, for hundreds of frames that follow from one another."""
+"""Difference of the ONNX and CPU backends from torch, over hundreds of consecutive frames."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
@@ -36,8 +36,8 @@ Step = Callable[[Frame], Float32]
 
 
 @dataclass(frozen=True)
-class Apart:
-    """How far pictures are from those of torch, of what a screen shows.
+class Agreement:
+    """Difference of images from those of torch, after the display transform.
 
     Attributes:
         method: the model's name.
@@ -46,8 +46,8 @@ class Apart:
         frames: stepped.
         first: mean difference over the first tenth of the frames.
         last: over the last tenth.
-        psnr: of the pictures of the last tenth, dB, held against torch's.
-        most: at 99.9 % of all values, over all frames.
+        psnr: of the images of the last tenth, dB, against torch's.
+        p999: at 99.9 % of all values, over all frames.
     """
 
     method: str
@@ -58,13 +58,13 @@ class Apart:
     first: float
     last: float
     psnr: float
-    most: float
+    p999: float
 
 
 def measure_parity(
     methods: Sequence[str], frames: int, *, on_frame: Callable[[], None] = lambda: None
-) -> list[Apart]:
-    """Step torch, the graph and the kernels through the same frames, each with a history of its own.
+) -> list[Agreement]:
+    """Step torch and both backends through the same frames, each with a history of its own.
 
     Args:
         methods: names of shipped models.
@@ -72,22 +72,20 @@ def measure_parity(
         on_frame: called after each frame of a size.
     """
     results = []
-    for (render, display), drawn in methods_by_size(methods).items():
-        steppers = {(m, runs): step for m in drawn for runs, step in _steppers(m, render, display)}
-        off: dict[tuple[str, str], list[tuple[float, float, float]]] = {
+    for (render, display), names in methods_by_size(methods).items():
+        steppers = {(m, runs): step for m in names for runs, step in _steppers(m, render, display)}
+        found: dict[tuple[str, str], list[tuple[float, float, float]]] = {
             key: [] for key in steppers if key[1] != "torch"
         }
-        for frame in _sequence(render, display, frames, gbuffers=bool(gbuffers_of(drawn))):
-            shown = {
+        for frame in _sequence(render, display, frames, gbuffers=bool(gbuffers_of(names))):
+            images = {
                 key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
             }
-            for key, differences in off.items():
-                apart = np.abs(shown[key] - shown[key[0], "torch"])
-                differences.append(
-                    (float(apart.mean()), float(np.square(apart).mean()), float(np.quantile(apart, 0.999)))
-                )
+            for (method, runs), rows in found.items():
+                off = np.abs(images[method, runs] - images[method, "torch"])
+                rows.append((float(off.mean()), float(np.square(off).mean()), float(np.quantile(off, 0.999))))
             on_frame()
-        results += [_apart(*key, render, display, np.array(d)) for key, d in off.items()]
+        results += [_agreement(*key, render, display, np.array(rows)) for key, rows in found.items()]
     return results
 
 
@@ -103,18 +101,18 @@ def methods_by_size(methods: Sequence[str]) -> Mapping[tuple[Size, Size], Sequen
     return found
 
 
-def _apart(method: str, runs: str, render: Size, display: Size, differences: Any) -> Apart:
-    tenth = max(len(differences) // 10, 1)
-    return Apart(
+def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) -> Agreement:
+    tenth = max(len(found) // 10, 1)
+    return Agreement(
         method=method,
         runs=runs,
         render=render,
         display=display,
-        frames=len(differences),
-        first=float(differences[:tenth, 0].mean()),
-        last=float(differences[-tenth:, 0].mean()),
-        psnr=float(-10.0 * np.log10(max(differences[-tenth:, 1].mean(), 1e-12))),
-        most=float(differences[:, 2].max()),
+        frames=len(found),
+        first=float(found[:tenth, 0].mean()),
+        last=float(found[-tenth:, 0].mean()),
+        psnr=float(-10.0 * np.log10(max(found[-tenth:, 1].mean(), 1e-12))),
+        p999=float(found[:, 2].max()),
     )
 
 
@@ -157,24 +155,24 @@ def _sequence(render: Size, display: Size, frames: int, *, gbuffers: bool) -> It
         yield rendered_frame(renderer, sequence.scene(index), render, jitter, gbuffers=gbuffers)
 
 
-def parity_record(results: Sequence[Apart]) -> dict[str, Any]:
+def parity_record(results: Sequence[Agreement]) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {"bench": "parity", "results": [asdict(r) for r in results]}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    results = [Apart(**row) for row in record["results"]]
+    results = [Agreement(**row) for row in record["results"]]
     rows = [
         "| method | runs | display | first | last | PSNR dB, last | at 99.9 % |",
         "| --- | --- | --- | ---: | ---: | ---: | ---: |",
         *(
             f"| {r.method} | {r.runs} | {r.display[0]}x{r.display[1]} | {r.first:.1e} | {r.last:.1e} "
-            f"| {r.psnr:.1f} | {r.most:.1e} |"
+            f"| {r.psnr:.1f} | {r.p999:.1e} |"
             for r in results
         ),
         "",
-        "How far pictures are from those of torch, in [0, 1] as a screen shows them, over "
-        f"{results[0].frames} frames that follow from one another: means of the first and of the last tenth.",
+        "Difference from the images of torch, in [0, 1] after the display transform, over "
+        f"{results[0].frames} consecutive frames: means over the first and the last tenth.",
     ]
     return "\n".join(rows)

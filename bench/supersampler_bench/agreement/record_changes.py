@@ -1,4 +1,4 @@
-"""What got worse from one record of a bench to the next."""
+"""Values that got worse from one record of a bench to a later one."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -14,7 +14,7 @@ DIRECTIONS: Mapping[str, float] = {
     **dict.fromkeys(("psnr", "ssim", "tpsnr"), HIGHER),
     **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
     **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
-    **dict.fromkeys(("fresh", "later", "kept"), LOWER),
+    **dict.fromkeys(("cold_seconds", "warm_seconds", "cache_bytes"), LOWER),
     **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
     **dict.fromkeys((OF_BOUND, BROKEN), LOWER),
     "samples_per_hour": HIGHER,
@@ -33,7 +33,7 @@ CONTAINERS = (
     "summary",
     "warm_cropped",
     "timed",
-    "started",
+    "first_frames",
     "results",
     "rows",
     "scenes",
@@ -96,17 +96,17 @@ def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 def _identity(item: Mapping[str, Any]) -> str:
     """What tells a row from its neighbours: all that is no score."""
-    said = []
+    words = []
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
-            said.append(_identity(value))
+            words.append(_identity(value))
         elif _direction((name,)) or name in _NO_NAMES:
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
-            said.append(str(value))
+            words.append(str(value))
         elif _is_size(value):
-            said.append("x".join(map(str, value)))
-    return " ".join(said)
+            words.append("x".join(map(str, value)))
+    return " ".join(words)
 
 
 def _is_size(value: Any) -> bool:

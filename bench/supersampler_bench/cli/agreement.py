@@ -28,7 +28,7 @@ def parity(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Hold the graph and the kernels against torch, over a long sequence that is rendered here, with OpenGL.
+    """Hold the ONNX and CPU backends against torch, over a long sequence that is rendered here, with OpenGL.
 
     Example:
       supersampler bench parity --methods classifier --frames 300 --update docs/executors.md
@@ -55,7 +55,7 @@ def precision(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models that are learned, with commas between.")
     ] = "classifier,classifier-small",
-    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "320x180",
+    display_size: Annotated[str, typer.Option(help="Of the images.")] = "320x180",
     frames: Annotated[int, typer.Option(min=30, help="That follow from one another.")] = 300,
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,

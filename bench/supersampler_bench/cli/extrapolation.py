@@ -27,7 +27,7 @@ def extrapolation(
 ) -> None:
     """Hide the colour of every second frame, or of two of three, and hold what is shown against references.
 
-    Shown are the last picture, warped by motion; the same, where what was hidden shows the nearest
+    Shown are the last image, warped by motion; the same, where what was hidden shows the nearest
     background; what the methods make of colours that each model draws; and, as the bar, of all frames shaded.
     Figures are of hidden frames, but for frames between, the shaded ones, and tPSNR.
     Frames need the G-buffers that the models read.

@@ -1,4 +1,4 @@
-"""What commands of the bench have in common: options, lists in one word, where results go."""
+"""Options that several commands share, and where their results are written."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
 from pathlib import Path
@@ -35,7 +35,7 @@ Tables = Mapping[str, Callable[[Record], str]]
 
 
 def warn(text: str) -> None:
-    """Say what is to be known before figures are read."""
+    """Print a warning."""
     ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True, markup=False)
 
 
@@ -73,7 +73,7 @@ def publish(
     json: Path | None,
     page: Path | None,
     *,
-    unsaid: Collection[str] = (),
+    page_only: Collection[str] = (),
 ) -> None:
     """Print the tables of what was measured; write the record to `json`, the tables to the page.
 
@@ -82,12 +82,12 @@ def publish(
         tables: of the record.
         json: of the record; None writes none.
         page: has the blocks of the tables; None writes none.
-        unsaid: names of those that only the page has.
+        page_only: names of tables that are not printed.
     """
     record = {**measured, **setting()}
     texts = {name: make(record) for name, make in tables.items()}
-    said = [text for name, text in texts.items() if name not in unsaid]
-    Console().print("\n\n".join(said), markup=False, soft_wrap=True)
+    printed = [text for name, text in texts.items() if name not in page_only]
+    Console().print("\n\n".join(printed), markup=False, soft_wrap=True)
     if json is not None:
         write_json(record, json)
     if page is not None:

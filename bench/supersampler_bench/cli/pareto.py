@@ -19,7 +19,7 @@ def pareto(
             show_default="the scores of the shipped methods",
         ),
     ] = None,
-    display_size: Annotated[str, typer.Option(help="Of the pictures that are timed.")] = "960x540",
+    display_size: Annotated[str, typer.Option(help="Of the images that are timed.")] = "960x540",
     threads: Annotated[int, typer.Option(min=1, help="Of the processor.")] = 2,
     steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 20,
     budget_ms: Annotated[
@@ -31,7 +31,7 @@ def pareto(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Time every setting that was scored, and draw time against error: what leads, and what is beaten.
+    """Time every setting that was scored, and plot time against error.
 
     Quiet machines measure well: nothing else should run.
 
@@ -49,17 +49,22 @@ def pareto(
         preset_table,
         shots_of,
     )
-    from supersampler_bench.timing.pareto_extrapolated import BENCH, hidden_rows, hidden_table, measure_hidden
+    from supersampler_bench.timing.pareto_extrapolated import (
+        BENCH,
+        measure_unshaded,
+        unshaded_rows,
+        unshaded_table,
+    )
 
-    tables = {"pareto": markdown_table, "presets": preset_table, "pareto hidden": hidden_table}
+    tables = {"pareto": markdown_table, "presets": preset_table, "pareto unshaded": unshaded_table}
     check_page(update, tables)
     records, size = [read_record(path) for path in quality or [SHIPPED_PARETO]], parse_size(display_size)
     scored = [record for record in records if record["bench"] != BENCH]
     with ERRORS.status("timing"):
         points = measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
-        hidden = measure_hidden(records, size, threads=threads, steps=steps)
+        unshaded = measure_unshaded(records, size, threads=threads, steps=steps)
     record = pareto_record(points, shots_of(scored[0]), size, threads)
-    publish({**record, "hidden": hidden_rows(hidden)}, tables, json, update)
+    publish({**record, "unshaded": unshaded_rows(unshaded)}, tables, json, update)
     if output is not None:
         from supersampler_bench.report.pareto_figures import draw_pareto  # needs matplotlib
 

@@ -43,11 +43,11 @@ def quality(
         typer.Option(help="Rewrite the tables between this Markdown file's bench marks; any number."),
     ] = None,
 ) -> None:
-    """Compare the pictures of methods with a shot's references.
+    """Compare the images of methods with a shot's references.
 
     PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR where
     something was hidden a frame ago, where the light changes, where one sample does not tell the colour, and
-    where the picture moves; and what a classifier took pixels for. All on pictures as a screen shows them:
+    where the image moves; and what a classifier took pixels for. All on images as a screen shows them:
     exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean. docs/quality.md has
     what each metric is. Methods that cannot draw a shot, at its ratio or without its G-buffers, are left out.
 

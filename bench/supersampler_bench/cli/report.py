@@ -58,7 +58,7 @@ def report(
         bool, typer.Option("--quick", help="Measure everything briefly first, on this machine.")
     ] = False,
 ) -> None:
-    """Make one HTML page of all records: tables, figures, machine and versions, pictures side by side.
+    """Make one HTML page of all records: tables, figures, machine and versions, images side by side.
 
     The page needs no other file and no network. With --quick it is of rough numbers of this machine:
     quality of the shipped shot, speed, one against the other, parity, stress.

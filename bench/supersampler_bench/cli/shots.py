@@ -10,7 +10,7 @@ from supersampler.cli.arguments import open_shot
 from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
 from supersampler_bench.cli.options import listed, warn
-from supersampler_bench.shots import test_shots as public_shots
+from supersampler_bench.shots import public_shots
 from supersampler_bench.shots.public_shots import PublicShot
 
 SHOT = Annotated[

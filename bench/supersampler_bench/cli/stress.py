@@ -69,4 +69,4 @@ def stress(
     if output is not None:
         for path in draw_sheets(outcomes, output):
             ERRORS.print(str(path))
-    publish(stress_record(outcomes, quick=quick), tables, json, update, unsaid=[scenario_block])
+    publish(stress_record(outcomes, quick=quick), tables, json, update, page_only=[scenario_block])

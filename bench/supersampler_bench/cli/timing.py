@@ -26,7 +26,7 @@ def cost(
         str,
         typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
     ] = "classifier,classifier-small",
-    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    display_size: Annotated[str, typer.Option(help="Of the images.")] = "960x540",
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -46,36 +46,36 @@ def cost(
 
 def startup(
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+        str, typer.Option(help="Shipped models or model folders, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
     size: Annotated[str, typer.Option(help="Of the frame, render pixels.")] = "480x270",
-    fresh: Annotated[int, typer.Option(min=1, help="Processes that begin with no kernels kept.")] = 3,
-    later: Annotated[int, typer.Option(min=1, help="Processes after that.")] = 5,
+    cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
+    warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Time the first picture of a program: where kernels are compiled, and where they are kept.
+    """Time the first frame of a program: with an empty kernel cache, and with a full one.
 
     Example:
       supersampler bench startup --methods classifier --update docs/executors.md
     """
-    from supersampler_bench.timing.startup import markdown_table, measure_start, start_record
+    from supersampler_bench.timing.startup import markdown_table, measure_startup, startup_record
 
     tables = {"startup": markdown_table}
     check_page(update, tables)
     names, render = listed(methods), parse_size(size)
     with Progress(console=ERRORS, transient=True) as progress:
-        task = progress.add_task("starting", total=len(names) * (fresh + later))
-        results = measure_start(
-            names, render, fresh=fresh, later=later, on_start=lambda: progress.advance(task)
+        task = progress.add_task("programs", total=len(names) * (cold + warm))
+        results = measure_startup(
+            names, render, cold=cold, warm=warm, on_process=lambda: progress.advance(task)
         )
-    publish(start_record(results, render, 2.0), tables, json, update)
+    publish(startup_record(results, render, 2.0), tables, json, update)
 
 
 def speed(
     context: typer.Context,
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+        str, typer.Option(help="Shipped models or model folders, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
     sizes: Annotated[
         str | None,
@@ -135,8 +135,8 @@ def speed(
     tables = {"speed": markdown_table}
     check_page(update, tables)
     names, kinds = listed(methods), parse_executors(executors)
-    kept = listed(precisions)
-    if not set(kept) <= {"auto", "fp32", "fp16", "int8"}:
+    kinds_of_precision = listed(precisions)
+    if not set(kinds_of_precision) <= {"auto", "fp32", "fp16", "int8"}:
         raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, fp16, int8")
     counts = [int(text) for text in listed(threads or "1,2")]
     displays = [parse_size(text) for text in listed(sizes or "960x540,1920x1080")]
@@ -146,7 +146,7 @@ def speed(
             displays,
             kinds,
             counts,
-            precisions=[cast("Precision", kind) for kind in kept],
+            precisions=[cast("Precision", kind) for kind in kinds_of_precision],
             skips=[parse_skip(text) for text in listed(skip)],
             ratio=ratio,
             steps=steps,
@@ -158,7 +158,7 @@ def speed(
 
 def device(
     methods: Annotated[
-        str, typer.Option(help="Names of shipped models or model folders, with commas between.")
+        str, typer.Option(help="Shipped models or model folders, with commas between.")
     ] = "taau,classifier-small,classifier",
     sizes: Annotated[str, typer.Option(help="Display sizes, with commas between.")] = "1920x1080,3840x2160",
     precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
@@ -171,7 +171,7 @@ def device(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Time the graphs on a device: frames and pictures stay in its memory.
+    """Time the ONNX backend on a device: frames and images stay in its memory.
 
     Example:
       supersampler bench device --provider cuda --capture --json device.json
@@ -206,13 +206,15 @@ def skip(
         str, typer.Option(help="Families of test shots, with commas between.")
     ] = "court,gallery,market",
     methods: Annotated[str, typer.Option(help="That have kernels, with commas between.")] = "taau,classifier",
-    display_size: Annotated[str, typer.Option(help="Of the pictures.")] = "960x540",
+    display_size: Annotated[str, typer.Option(help="Of the images.")] = "960x540",
     ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
     samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Measure what skipping saves and costs, in test shots whose camera stands: rendered here, with OpenGL.
+    """Measure the time that static-tile reuse saves and its error, in test shots with a fixed camera.
+
+    Frames are rendered here, with OpenGL.
 
     Quiet machines measure well: nothing else should run.
 

@@ -1,4 +1,4 @@
-"""What a classifier took pixels for, against the truth classes of a shot: counts, overlaps."""
+"""Predicted against true classes of a shot's pixels: counts and overlaps."""
 
 from collections.abc import Mapping
 
@@ -10,7 +10,7 @@ from supersampler.io.shot import ClassMaps
 from supersampler_bench.quality.metrics import crop
 
 Counts = NDArray[np.int64]
-"""(2, 3, 3): pixels by group, true class and class said."""
+"""(2, 3, 3): pixels by group, true class and predicted class."""
 
 GROUPS: Mapping[str, tuple[str, str, str]] = {
     "ghosting": ("none", "visibility", "shading"),
@@ -20,9 +20,9 @@ GROUPS: Mapping[str, tuple[str, str, str]] = {
 
 
 def count(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
-    """Count display pixels, without `border`; each is said to be of the likeliest class of its 2x2 pixels.
+    """Count display pixels, without `border`; the prediction is the likeliest class of each block of 2x2.
 
-    So a class that is finer than 2x2 pixels is never met in full.
+    So a class that is finer than 2x2 pixels is never matched in full.
 
     Args:
         class_map: (H / 2, W / 2, 6), sizes rounded up, see `StepResult.class_map`.
@@ -33,21 +33,21 @@ def count(class_map: Float32, truth: ClassMaps, border: int = 0) -> Counts:
     for group, labels in enumerate((truth.ghost, truth.alias)):
         coarse = class_map[..., 3 * group : 3 * group + 3].argmax(axis=-1)
         height, width = labels.shape
-        said = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
+        predicted = coarse.repeat(2, axis=0).repeat(2, axis=1)[:height, :width]
         true = crop(labels, border).astype(np.intp)
-        cells = np.bincount((3 * true + crop(said, border)).ravel(), minlength=9)
+        cells = np.bincount((3 * true + crop(predicted, border)).ravel(), minlength=9)
         counts[group] = cells.reshape(3, 3)
     return counts
 
 
 def overlap(matrix: Counts) -> NDArray[np.float64]:
-    """Intersection over union of a group's classes, (3, 3) to (3,); NaN of one neither there nor said."""
+    """Intersection over union of each class, (3, 3) to (3,); NaN of one neither present nor predicted."""
     together = np.diagonal(matrix).astype(np.float64)
     either = matrix.sum(axis=0) + matrix.sum(axis=1) - together
     return np.asarray(np.divide(together, either, out=np.full(3, np.nan), where=either > 0))
 
 
 def shares(matrix: Counts) -> NDArray[np.float64]:
-    """Share of each true class's pixels that is said to be of each class, (3, 3); NaN of one not there."""
+    """Share of each true class's pixels by predicted class, (3, 3); NaN of a class without pixels."""
     there = matrix.sum(axis=1, keepdims=True)
     return np.asarray(np.divide(matrix, there, out=np.full((3, 3), np.nan), where=there > 0))

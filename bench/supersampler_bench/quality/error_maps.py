@@ -1,4 +1,4 @@
-"""Where pictures are wrong: the error of each pixel, its mean over the frames and in one frame."""
+"""Where images are wrong: the error of each pixel, its mean over the frames and in one frame."""
 
 from dataclasses import dataclass
 
@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.frame import Float32
-from supersampler_bench.quality.measure import Seen
+from supersampler_bench.quality.measure import ScoredImage
 from supersampler_bench.quality.summaries import WARM_UP_FRAMES
 
 
@@ -16,12 +16,12 @@ class Shown:
 
     Attributes:
         frame: its number.
-        pictures: (H, W, 3) each, as a screen shows them.
+        images: (H, W, 3) each, as a screen shows them.
         errors: (H, W) each, LDR-FLIP.
     """
 
     frame: int
-    pictures: list[Float32]
+    images: list[Float32]
     errors: list[Float32]
 
 
@@ -41,11 +41,11 @@ class ErrorMaps:
         self._sums: list[NDArray[np.float64]] = []
         self._count, self._largest, self._warm = 0, -1.0, False
 
-    def __call__(self, seen: Seen) -> None:
-        """Take one picture; those of a frame follow one another in the order of the methods."""
+    def __call__(self, seen: ScoredImage) -> None:
+        """Take one image; those of a frame follow one another in the order of the methods."""
         if seen.method == 0:
             self._now = Shown(seen.frame, [], [])
-        self._now.pictures.append(seen.shown)
+        self._now.images.append(seen.shown)
         self._now.errors.append(seen.flip)
         if len(self._now.errors) == len(self.methods):
             self._take(self._now)

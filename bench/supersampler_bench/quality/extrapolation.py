@@ -1,13 +1,13 @@
-"""Frames that were not shaded: what is shown of them in several ways, held against references.
+"""Unshaded frames, extrapolated and upscaled, compared with references and with two baselines.
 
-The colour of every second frame of a shot is hidden, or of two of three. All ways have the same upscaler:
+The colour of every second frame of a shot is removed, or of two of three. Each upscaler runs in these ways:
 
-    shaded          nothing is hidden: what there is to reach
-    warp            the last picture, warped by the frame's motion
-    warp, filled    the same, where what was hidden then shows the nearest background
-    a model's name  the upscaler steps on the colour that the model draws
+    shaded          all frames are shaded: the upper limit
+    warp            unshaded frames show the last image, warped by motion
+    warp, filled    the same, with disoccluded pixels filled from the nearest background
+    a model's name  the upscaler steps on the colour that the model extrapolates
 
-To warp, an engine upscales shaded frames alone: its motion then leads over the frames between.
+The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -21,7 +21,7 @@ from supersampler.methods.gbuffers import listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.upscaler import Upscaler
 from supersampler_bench.quality.confusion import Counts
-from supersampler_bench.quality.measure import Stepped, Stepper, measure_steppers, reference_size, runnable
+from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size, runnable
 from supersampler_bench.quality.score_record import RecordedScores, scores_record, shot_record
 from supersampler_bench.quality.score_table import Column, sizes
 from supersampler_bench.quality.score_table import markdown_table as scores_table
@@ -31,16 +31,16 @@ from supersampler_bench.quality.summaries import (
     MeanScores,
     MethodScores,
     Scores,
-    Summarised,
+    Summarized,
 )
-from supersampler_bench.quality.warping import further_back, warped, with_background
+from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
 from supersampler_bench.record import Record
 from supersampler_bench.specs import parse_spec
 
 EVERY_SECOND = "1:1"
-"""The alternation that hides one frame after each shaded one."""
-BETWEEN = "psnr_between"
-"""Of the frames that were shaded, which step on what hidden ones have left."""
+"""One unshaded frame after each shaded one."""
+PSNR_SHADED = "psnr_shaded"
+"""PSNR of the shaded frames, whose history passed through unshaded ones."""
 COLUMNS = (
     Column("psnr", "PSNR dB ↑", 2, True),
     Column("ssim", "SSIM ↑", 4, True),
@@ -48,34 +48,34 @@ COLUMNS = (
     Column("psnr_disoccluded", "PSNR dB, disoccluded ↑", 2, True),
     Column("psnr_changing_light", "PSNR dB, changing light ↑", 2, True),
     Column("psnr_moving", "PSNR dB, moving ↑", 2, True),
-    Column(BETWEEN, "PSNR dB, frames between ↑", 2, True),
+    Column(PSNR_SHADED, "PSNR dB, shaded frames ↑", 2, True),
     Column("tpsnr", "tPSNR dB, all frames ↑", 2, True),
 )
-ACROSS = ("tpsnr", "warped_error_difference", "strred")
-"""Metrics of changes from frame to frame, which are of all frames."""
+TEMPORAL_METRICS = ("tpsnr", "warped_error_difference", "strred")
+"""Metrics of changes from frame to frame, over all frames."""
 
 
 class Alternation:
-    """Which frames of a shot are hidden: after each shaded one, so many; none that is first after a cut.
+    """Which frames of a shot are unshaded: a fixed number after each shaded one; never the first after a cut.
 
     Args:
-        text: "1:1" hides every second frame, "2:1" two of three.
+        text: unshaded to shaded frames: "1:1" leaves out every second frame, "2:1" two of three.
 
     Raises:
         ArgumentError: it is something else.
     """
 
     def __init__(self, text: str) -> None:
-        hidden, _, shaded = text.partition(":")
-        if not hidden.isdecimal() or int(hidden) < 1 or shaded != "1":
-            want = "hidden frames to a shaded one: 1:1, 2:1"
+        unshaded, _, shaded = text.partition(":")
+        if not unshaded.isdecimal() or int(unshaded) < 1 or shaded != "1":
+            want = "unshaded to shaded frames, as 1:1 or 2:1"
             raise ArgumentError("--alternation", got=repr(text), want=want)
-        self.text, self._hidden = text, int(hidden)
+        self.text, self._hidden = text, int(unshaded)
         self.indices: set[int] = set()
         self._since: dict[int, int] = {}  # frames since the last shaded one
 
-    def hides(self, item: ShotFrame) -> bool:
-        """Tell whether a frame is hidden; frames come in order, each any number of times."""
+    def leaves_unshaded(self, item: ShotFrame) -> bool:
+        """Return whether a frame is unshaded; frames come in order, each any number of times."""
         before = self._since.get(item.index - 1)
         since = 0 if item.frame.reset or before is None else (before + 1) % (self._hidden + 1)
         self._since[item.index] = since
@@ -85,16 +85,16 @@ class Alternation:
 
 
 @dataclass(frozen=True)
-class HiddenScores:
-    """One way's scores: of hidden frames alone, PSNR of those between, changes from frame to frame of all.
+class UnshadedScores:
+    """Scores of unshaded frames, PSNR of the shaded ones, and changes from frame to frame over all frames.
 
     Attributes:
         scores: of all frames.
-        hidden: indices of those that were hidden.
+        unshaded: indices of the unshaded ones.
     """
 
     scores: MethodScores
-    hidden: frozenset[int]
+    unshaded: frozenset[int]
 
     @property
     def method(self) -> str:
@@ -104,15 +104,17 @@ class HiddenScores:
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """See `MethodScores`."""
         alone, between = (
-            MethodScores(self.method, [f for f in self.scores.frames if (f.frame in self.hidden) is hidden])
-            for hidden in (True, False)
+            MethodScores(
+                self.method, [f for f in self.scores.frames if (f.frame in self.unshaded) is unshaded]
+            )
+            for unshaded in (True, False)
         )
         every = self.scores.summary(warm=warm, cropped=cropped)
-        found = alone.summary(warm=warm, cropped=cropped) | {name: every[name] for name in ACROSS}
-        return found | {BETWEEN: between.summary(warm=warm, cropped=cropped)["psnr"]}
+        found = alone.summary(warm=warm, cropped=cropped) | {name: every[name] for name in TEMPORAL_METRICS}
+        return found | {PSNR_SHADED: between.summary(warm=warm, cropped=cropped)["psnr"]}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:  # noqa: ARG002
-        """None: a drawn colour is no sample that a class could be told of."""
+        """None: an extrapolated colour is no sample that has a class."""
         return None
 
 
@@ -128,7 +130,7 @@ class Extrapolated:
 
     shot: Shot
     origin: dict[str, Any]
-    alternations: dict[str, list[HiddenScores]]
+    alternations: dict[str, list[UnshadedScores]]
 
 
 def measure_extrapolation(
@@ -141,7 +143,7 @@ def measure_extrapolation(
     on_left_out: Callable[[str], None] = lambda _: None,
     on_frame: Callable[[int], None] | None = None,
 ) -> Extrapolated:
-    """Hide frames of a shot, show them in all ways, and score them.
+    """Remove the colour of some frames of a shot, extrapolate them in all ways, and score them.
 
     Args:
         shot: all of its frames are shaded and have the G-buffers that the models read.
@@ -149,7 +151,7 @@ def measure_extrapolation(
         models: that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
         origin: see `Extrapolated`.
-        on_left_out: called with the name of each upscaler that cannot draw the shot, and why.
+        on_left_out: called with the name of each upscaler that cannot upscale the shot, and why.
         on_frame: called with the number of frames done, after each.
 
     Raises:
@@ -165,7 +167,7 @@ def measure_extrapolation(
     for alternation in map(Alternation, alternations):
         steppers = [s for name in upscalers for s in _ways(name, models, display, alternation)]
         found = measure_steppers(shot, steppers, on_frame=on_frame)
-        scores[alternation.text] = [HiddenScores(s, frozenset(alternation.indices)) for s in found]
+        scores[alternation.text] = [UnshadedScores(s, frozenset(alternation.indices)) for s in found]
     return Extrapolated(shot, origin or {}, scores)
 
 
@@ -184,16 +186,16 @@ def check_gbuffers(shot: Shot, model: str) -> None:
 
 def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alternation) -> list[Stepper]:
     shaded = _made(upscaler, display)
-    plain, filled = (Warping(_made(upscaler, display), alternation, filled=f) for f in (False, True))
+    plain, filled = (WarpBaseline(_made(upscaler, display), alternation, filled=f) for f in (False, True))
 
     def way(name: str, show: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
-        return Stepper(f"{upscaler}, {name}", lambda item: Stepped(show(item)), gbuffers)
+        return Stepper(f"{upscaler}, {name}", lambda item: StepImage(show(item)), gbuffers)
 
     def drawn(model: str) -> Stepper:
         drawing = _made(upscaler, display, extrapolation=model)
 
         def show(item: ShotFrame) -> Float32:
-            if alternation.hides(item):
+            if alternation.leaves_unshaded(item):
                 return drawing.extrapolate(replace(item.frame, color=None))
             return drawing.step(item.frame)
 
@@ -219,31 +221,31 @@ def _made(upscaler: str, display: Size, extrapolation: str | None = None) -> Ups
     )
 
 
-class Warping:
-    """Upscales shaded frames alone, and shows the last picture on the others.
+class WarpBaseline:
+    """Upscales shaded frames alone, and warps the last image on the others.
 
     Args:
         upscaler: of the shaded ones.
         alternation: says which are.
-        filled: whether what was hidden shows the nearest background.
+        filled: whether disoccluded pixels are filled from the nearest background.
     """
 
     def __init__(self, upscaler: Upscaler, alternation: Alternation, *, filled: bool) -> None:
         self._upscaler, self._alternation, self._filled = upscaler, alternation, filled
         self._last: tuple[Frame, Float32] | None = None
-        self._since: Array | None = None  # motion of the frame before back to the last shaded one
+        self._since: Array | None = None  # motion of the previous frame to the last shaded one
 
     def step(self, item: ShotFrame) -> Float32:
-        """Return the picture of the next frame."""
-        frame, since, hidden = item.frame, None, self._alternation.hides(item)
+        """Return the image of the next frame."""
+        frame, since, unshaded = item.frame, None, self._alternation.leaves_unshaded(item)
         if frame.reset or self._last is None:
             image = self._upscaler.step(frame)
         else:
             before, last = self._last
-            since = further_back(frame, self._since, before.jitter)
-            if hidden:
+            since = motion_over_two_frames(frame, self._since, before.jitter)
+            if unshaded:
                 image = warped(last, frame)
-                image = with_background(image, frame, before) if self._filled else image
+                image = with_background_filled(image, frame, before) if self._filled else image
             else:
                 image, since = self._upscaler.step(replace(frame, motion=since)), None
         self._last, self._since = (frame, image), since
@@ -305,10 +307,10 @@ def markdown_table(record: Record) -> str:
 
 
 def _table(about: str, row: Record) -> str:
-    results: list[Summarised] = [RecordedScores(method) for method in row["methods"]]
+    results: list[Summarized] = [RecordedScores(method) for method in row["methods"]]
     caption = (
-        f"{about}, {row['alternation']} hidden to shaded frames: of the hidden ones, but for frames between, "
-        "which are the shaded ones, and tPSNR; "
+        f"{about}, {row['alternation']} unshaded to shaded frames. "
+        "Scores are of the unshaded ones; tPSNR is of all; "
         f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
     )
     return scores_table(caption, results, COLUMNS)

@@ -1,9 +1,9 @@
-"""The folder of figures that a measurement leaves: one folder a shot, and the classes of all."""
+"""The folder of figures that `bench quality -o` writes: a folder for each shot, and the classes of all."""
 
 from pathlib import Path
 
 from supersampler_bench.quality import figures
-from supersampler_bench.quality.class_table import said_of_classes
+from supersampler_bench.quality.class_table import confusions_of
 from supersampler_bench.quality.error_maps import ErrorMaps
 from supersampler_bench.quality.score_record import Measured, shot_record
 from supersampler_bench.quality.score_report import Report
@@ -22,18 +22,18 @@ class FigureFolder:
         self._folder = folder
 
     def add(self, measured: Measured, maps: ErrorMaps) -> None:
-        """Draw curves, errors and, where a method tells them, classes of one shot."""
+        """Draw curves, errors and, where a method predicts them, classes of one shot."""
         shot, results = measured.shot, measured.methods
         facts = shot_record(shot)
         ratio = measured.origin.get("ratio")
         folder = self._folder / (shot.name if ratio is None else f"{shot.name}-{variant_name(ratio)}")
         figures.draw_curves(sizes(facts), results, folder / "curves.png")
         figures.draw_errors(sizes(facts), maps, folder / "errors.png")
-        if told := said_of_classes(results):
-            figures.draw_classes(caption(facts), told, folder / "classes.png")
+        if confusions := confusions_of(results):
+            figures.draw_classes(caption(facts), confusions, folder / "classes.png")
 
     def add_means(self, report: Report) -> None:
         """Draw the classes of all shots at each ratio, where there are several shots."""
         for (title, scores), ratio in zip(report.mean_tables(), report.ratios, strict=True):
-            if told := said_of_classes(scores):
-                figures.draw_classes(title, told, self._folder / f"classes-{variant_name(ratio)}.png")
+            if confusions := confusions_of(scores):
+                figures.draw_classes(title, confusions, self._folder / f"classes-{variant_name(ratio)}.png")

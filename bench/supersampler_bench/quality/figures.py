@@ -19,14 +19,14 @@ from supersampler_bench.quality.summaries import BORDER, FRAME_METRICS, WARM_UP_
 
 _FALSE_COLORS = ListedColormap(false_color(np.linspace(0.0, 1.0, 256)[None])[0] / 255.0)
 _DPI = 100
-_PANEL = 6.4  # inches, 640 pixels: larger pictures are averaged down
+_PANEL = 6.4  # inches, 640 pixels: larger images are averaged down
 
 
 def draw_curves(title: str, results: Sequence[MethodScores], path: Path) -> None:
     """Draw each metric of each method over the frames, without the border; the warm-up is shaded.
 
     Args:
-        title: what is seen.
+        title: of the figure.
         results: of one shot.
         path: of the PNG.
     """
@@ -50,10 +50,10 @@ def draw_curves(title: str, results: Sequence[MethodScores], path: Path) -> None
 
 
 def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
-    """Draw, by method, its picture of the worst frame, the error there and the mean error, to one scale.
+    """Draw, by method, its image of the worst frame, the error there and the mean error, to one scale.
 
     Args:
-        title: what is seen.
+        title: of the figure.
         maps: that have watched at least one frame.
         path: of the PNG.
     """
@@ -63,10 +63,10 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
     figure.set_layout_engine("constrained", w_pad=0.02, h_pad=0.02)
     panels = figure.subplots(len(means), 3, squeeze=False)
     limits = [_limit(errors) for errors in (worst.errors, means)]
-    for row, method, picture, error, mean in zip(
-        panels, maps.methods, worst.pictures, worst.errors, means, strict=True
+    for row, method, image, error, mean in zip(
+        panels, maps.methods, worst.images, worst.errors, means, strict=True
     ):
-        row[0].imshow(picture)
+        row[0].imshow(image)
         shown = [
             axes.imshow(values, cmap=_FALSE_COLORS, vmin=0.0, vmax=limit)
             for axes, values, limit in zip(row[1:], (error, mean), limits, strict=True)
@@ -82,17 +82,17 @@ def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
         figure.savefig(partial, format="png")
 
 
-def draw_classes(title: str, told: Sequence[tuple[str, Counts]], path: Path) -> None:
-    """Draw, by method, what pixels of each true class were held for.
+def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Path) -> None:
+    """Draw, by method, the predicted classes of each true class.
 
     Args:
-        title: what is seen.
-        told: methods and what they said.
+        title: of the figure.
+        confusions: methods and their class counts.
         path: of the PNG.
     """
-    figure = Figure(figsize=(10.0, 4.2 * len(told) + 0.5), dpi=_DPI, layout="constrained")
-    panels = figure.subplots(len(told), len(GROUPS), squeeze=False)
-    for row, (method, counts) in zip(panels, told, strict=True):
+    figure = Figure(figsize=(10.0, 4.2 * len(confusions) + 0.5), dpi=_DPI, layout="constrained")
+    panels = figure.subplots(len(confusions), len(GROUPS), squeeze=False)
+    for row, (method, counts) in zip(panels, confusions, strict=True):
         for axes, (group, names), matrix in zip(row, GROUPS.items(), counts, strict=True):
             _draw_matrix(axes, names, matrix)
             axes.set_title(f"{method}: {group}", fontsize="medium")
@@ -109,11 +109,11 @@ def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
     axes.set_xticks(range(len(names)), names)
     labels = zip(names, part, iou, strict=True)
     axes.set_yticks(range(len(names)), [f"{n}\n{p:.2%} of pixels\nIoU {i}" for n, p, i in labels])
-    axes.set(xlabel="said", ylabel="true")
-    for (true, said), value in np.ndenumerate(share):
+    axes.set(xlabel="predicted", ylabel="true")
+    for (true, predicted), value in np.ndenumerate(share):
         ink = "white" if value > 0.5 else "black"
         text = "–" if np.isnan(value) else f"{value:.1%}"
-        axes.text(said, true, text, ha="center", va="center", color=ink)
+        axes.text(predicted, true, text, ha="center", va="center", color=ink)
 
 
 def _limit(errors: Sequence[Float32]) -> float:

@@ -1,4 +1,4 @@
-"""Which pixels a method finds hard: by the truth classes of a shot, else by its frames' depth and motion."""
+"""Masks of difficult pixels: from a shot's truth classes, else from depth and motion of its frames."""
 
 from typing import Any
 
@@ -14,31 +14,31 @@ MOVING_PIXELS = 0.5
 """Motion, in render pixels a frame, beyond which a pixel counts as moving: what jitter alone can span."""
 
 DEPTH_RATIO = 1.1
-"""How much closer the past must be, as a ratio of distances, to have hidden what is seen now."""
+"""Ratio of distances above which the previous surface occluded the current one."""
 
 
 def moving(frame: Frame) -> Bool:
-    """(h, w), True where the picture moves by more than `MOVING_PIXELS`, be it camera or object."""
+    """(h, w), True where it moves by more than `MOVING_PIXELS`, be it camera or object."""
     motion = frame.motion.astype(np.float32)
     return np.asarray(np.hypot(motion[..., 0], motion[..., 1]) > MOVING_PIXELS)
 
 
 def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) -> Bool:
-    """(h, w), True where what is seen now was hidden or off screen in the previous frame.
+    """(h, w), True where the visible surface was occluded or off screen in the previous frame.
 
-    Hidden: all four samples around the place it came from were closer by more than `DEPTH_RATIO`; `in_part`,
-    one of them. Everything is, after a cut or a change of the render size, and on the first frame.
+    Occluded: all four samples around its previous position were closer by more than `DEPTH_RATIO`; with
+    `in_part`, one of them. All True after a cut or a change of the render size, and on the first frame.
     """
     if previous is None or frame.reset or previous.size != frame.size:
         return np.ones(frame.depth.shape, bool)
     height, width = frame.depth.shape
     rows, columns = np.indices((height, width))
     motion = frame.motion.astype(np.float64)
-    # where the surface was on the screen, corner (0, 0): a sample lies at centre + jitter
+    # previous position on the screen, corner (0, 0); a sample lies at centre + jitter
     x = columns + 0.5 + frame.jitter[0] + motion[..., 0]
     y = rows + 0.5 + frame.jitter[1] + motion[..., 1]
     inside = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
-    x, y = x - 0.5 - previous.jitter[0], y - 0.5 - previous.jitter[1]  # and among the samples of then
+    x, y = x - 0.5 - previous.jitter[0], y - 0.5 - previous.jitter[1]  # relative to the previous samples
     left, top = (np.floor(np.where(inside, v, 0)).astype(np.intp) for v in (x, y))
     taps = [
         previous.depth[np.clip(top + dy, 0, height - 1), np.clip(left + dx, 0, width - 1)]
@@ -51,12 +51,12 @@ def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) 
 
 def of_classes(classes: ClassMaps) -> dict[str, Bool]:
     """Return (H, W) each: `disoccluded`, `changing_light` and `aliased`, at display size."""
-    hidden, relit = classes.ghost == 1, classes.ghost == 2
-    return {"disoccluded": hidden, "changing_light": relit, "aliased": classes.alias != 0}
+    occluded, relit = classes.ghost == 1, classes.ghost == 2
+    return {"disoccluded": occluded, "changing_light": relit, "aliased": classes.alias != 0}
 
 
 def to_display(plane: NDArray[Any], jitter: tuple[float, float], display_size: Size) -> NDArray[Any]:
-    """Bring (h, w, ...) at render size to display size (H, W, ...) by the nearest sample.
+    """Resample (h, w, ...) at render size to display size (H, W, ...) by the nearest sample.
 
     Display pixel p looks at (p + 0.5) / r - 0.5 - jitter in the input, per axis. Values are not scaled.
     """

@@ -1,7 +1,7 @@
 """Quality of methods on a shot: one pass, one frame at a time, all methods side by side.
 
 What is measured and how: metrics.py, strred.py, masks.py and confusion.py. Each frame's
-scores are kept for the whole picture ("full") and without a border ("cropped"), summaries of all frames
+scores are kept for the whole image ("full") and without a border ("cropped"), summaries of all frames
 ("all") and without the first ones ("warm").
 """
 
@@ -20,7 +20,7 @@ from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import ClassMaps, Shot, ShotFrame
 from supersampler.methods.gbuffers import names_of
 from supersampler.upscaler import Upscaler
-from supersampler_bench.compatibility import why_not
+from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.quality import confusion, masks, metrics, strred
 from supersampler_bench.quality.confusion import Counts
 from supersampler_bench.quality.summaries import (
@@ -34,12 +34,12 @@ from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
 Bands = tuple[strred.Plane, strred.Plane]
-"""Of a picture and the one before, which comes first."""
+"""Of a image and the one before, which comes first."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One method's picture of a frame that has a reference, for those who watch.
+class ScoredImage:
+    """One method's image of a frame that has a reference, for those who watch.
 
     Attributes:
         method: its place in the list of methods.
@@ -55,7 +55,7 @@ class Seen:
 
 
 @dataclass(frozen=True)
-class Stepped:
+class StepImage:
     """What a step drew: the image (H, W, 3), linear RGB, and `StepResult.class_map`."""
 
     image: Float32
@@ -66,7 +66,7 @@ class Stepper(NamedTuple):
     """What draws the frames of a shot, in order, and the names of the G-buffers that it reads."""
 
     name: str
-    step: Callable[[ShotFrame], Stepped]
+    step: Callable[[ShotFrame], StepImage]
     gbuffers: Collection[str] = ()
 
 
@@ -74,7 +74,7 @@ def measure_quality(
     shot: Shot,
     methods: Sequence[str | Path],
     *,
-    watch: Callable[[Seen], None] = lambda _: None,
+    watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[int], None] | None = None,
 ) -> list[MethodScores]:
     """Step every method through the shot and score the frames that have a reference.
@@ -83,7 +83,7 @@ def measure_quality(
         shot: at least one frame with a reference.
         methods: names of shipped models, or model folders, as they run by default or as `parse_spec` reads
             what is after them (":fp32", ":exact").
-        watch: called with each picture that is scored.
+        watch: called with each image that is scored.
         on_frame: called with the number of frames done, after each.
 
     Returns:
@@ -102,7 +102,7 @@ def measure_steppers(
     shot: Shot,
     steppers: Sequence[Stepper],
     *,
-    watch: Callable[[Seen], None] = lambda _: None,
+    watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[int], None] | None = None,
 ) -> list[MethodScores]:
     """Do what `measure_quality` does, with whatever draws."""
@@ -115,10 +115,10 @@ def measure_steppers(
         for i, stepper in enumerate(steppers):
             stepped = stepper.step(item)
             if truth is not None:
-                picture = display_transform(stepped.image, truth.exposure)
-                flip = metrics.flip_map(picture, truth.shown)
-                frames[i].append(_score(picture, stepped.class_map, before[i], flip, truth))
-                watch(Seen(i, item.index, picture, flip))
+                image = display_transform(stepped.image, truth.exposure)
+                flip = metrics.flip_map(image, truth.shown)
+                frames[i].append(_score(image, stepped.class_map, before[i], flip, truth))
+                watch(ScoredImage(i, item.index, image, flip))
             before[i] = stepped.image if truth is not None else None
         if on_frame is not None:
             on_frame(item.index + 1)
@@ -137,7 +137,7 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
         ArgumentError: no method is left.
     """
     display, there = reference_size(shot), names_of(shot.read_raw(0))
-    reasons = {m: why_not(parse_spec(m).model, shot.render_size, display, there) for m in methods}
+    reasons = {m: incompatibility(parse_spec(m).model, shot.render_size, display, there) for m in methods}
     for reason in filter(None, reasons.values()):
         on_left_out(f"{shot.name}: {reason}")
     kept = [method for method in methods if not reasons[method]]
@@ -154,9 +154,11 @@ def stepper_of(method: str | Path, display_size: Size) -> Stepper:
     )
     want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
-    def step(item: ShotFrame) -> Stepped:
+    def step(item: ShotFrame) -> StepImage:
         result = upscaler.step(item.frame, outputs=want)
-        return Stepped(result.image, result.class_map) if isinstance(result, StepResult) else Stepped(result)
+        return (
+            StepImage(result.image, result.class_map) if isinstance(result, StepResult) else StepImage(result)
+        )
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
 
@@ -175,7 +177,7 @@ def reference_size(shot: Shot) -> Size:
 
 @dataclass(frozen=True)
 class _Truth:
-    """What the pictures of one frame are held against, the same for all methods."""
+    """What the images of one frame are compared with, the same for all methods."""
 
     frame: int
     exposure: float
@@ -252,22 +254,22 @@ def _score(
 
 
 def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float32, border: int) -> Scores:
-    """Score one picture without `border` pixels; what looks at neighbours has seen them before the crop."""
-    picture, reference = metrics.crop(shown, border), metrics.crop(truth.shown, border)
+    """Score one image without `border` pixels; what looks at neighbours has seen them before the crop."""
+    image, reference = metrics.crop(shown, border), metrics.crop(truth.shown, border)
     scores = {
-        "psnr": metrics.psnr(picture, reference),
-        "ssim": metrics.ssim(picture, reference),
+        "psnr": metrics.psnr(image, reference),
+        "ssim": metrics.ssim(image, reference),
         "flip": float(metrics.crop(flip, border).mean(dtype=np.float64)),
         "tpsnr": float("nan"),
         "warped_error_difference": float("nan"),
     }
     for name in MASKED:
         mask = metrics.crop(truth.masks.get(name, np.zeros(shown.shape[:2], bool)), border)
-        scores[f"psnr_{name}"] = metrics.psnr(picture, reference, mask)
+        scores[f"psnr_{name}"] = metrics.psnr(image, reference, mask)
         scores[f"pixels_{name}"] = float(mask.sum())
     if previous is not None and truth.previous is not None:
         earlier, earlier_reference = metrics.crop(previous, border), metrics.crop(truth.previous, border)
-        scores["tpsnr"] = metrics.tpsnr(picture, earlier, reference, earlier_reference)
+        scores["tpsnr"] = metrics.tpsnr(image, earlier, reference, earlier_reference)
         valid = np.zeros_like(truth.masks["disoccluded"])
         metrics.crop(valid, border)[...] = ~metrics.crop(truth.masks["disoccluded"], border)
         scores["warped_error_difference"] = metrics.warped_error_difference(

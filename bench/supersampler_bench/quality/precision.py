@@ -24,7 +24,7 @@ from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
 PRECISIONS: tuple[Precision, ...] = ("fp32", "fp16", "int8")
-"""The first is what the others are held against."""
+"""The first is what the others are compared with."""
 SCORED = 24  # frames at the end that have references
 
 
@@ -82,7 +82,7 @@ def measure_precision(
     Args:
         families: of the test shots, made longer.
         methods: names of models that are learned.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         frames: of each sequence; the last `SCORED` count.
         ratio: display over render size.
         samples: a pixel of the references.
@@ -156,7 +156,7 @@ def markdown_table(record: Record) -> str:
             f"| {base.tpsnr:.2f} | {' | '.join(tpsnrs)} |"
         )
     caption = (
-        f"Pictures of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
+        f"Images of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
         f"{record['frames']} frames, against references; {' and '.join(others)} as what they differ by "
         f"from {first}."
     )

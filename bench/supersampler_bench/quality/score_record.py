@@ -17,7 +17,7 @@ from supersampler_bench.quality.summaries import (
     MeanScores,
     MethodScores,
     Scores,
-    Summarised,
+    Summarized,
 )
 from supersampler_bench.record import Record, setting
 
@@ -87,7 +87,7 @@ def _method_record(result: MethodScores) -> dict[str, Any]:
     return {**scores_record(result), "frames": frames}
 
 
-def scores_record(scores: Summarised) -> dict[str, Any]:
+def scores_record(scores: Summarized) -> dict[str, Any]:
     """Return the summaries of one method, as `RecordedScores` reads them."""
     ways = list(product((True, False), repeat=2))
     return {

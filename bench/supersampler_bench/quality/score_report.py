@@ -1,4 +1,4 @@
-"""What the record of a measurement of one shot, or of all test shots, says: tables, Markdown."""
+"""Tables of a quality record, of one shot or of all test shots, as Markdown blocks."""
 
 from collections.abc import Iterable
 
@@ -15,7 +15,7 @@ from supersampler_bench.quality.score_table import (
 from supersampler_bench.record import Record
 
 Titled = tuple[str, Summaries]
-NO_CLASSES = "No method tells classes, or the shots have no truth of them."
+NO_CLASSES = "No method predicts classes, or the shots have no true classes."
 
 
 def block_names(name: str) -> list[str]:
@@ -59,16 +59,16 @@ class Report:
         return self.mean_tables(everything=everything) or self.shot_tables(everything=everything)
 
     def frame_block(self) -> str:
-        """Return as Markdown what README shows."""
+        """Return the table that README shows."""
         return _joined(markdown_table(*t) for t in self._tables())
 
     def clip_block(self) -> str:
-        """Return as Markdown what concerns all pixels, with the metrics of clips; then with all of them."""
+        """Return the metrics of all pixels: without warm-up and border, then with them."""
         whole = [markdown_table(*t, CLIP_COLUMNS, everything=True) for t in self._tables(everything=True)]
         return _joined([*(markdown_table(*t, CLIP_COLUMNS) for t in self._tables()), *whole])
 
     def class_block(self) -> str:
-        """Return as Markdown what classifiers took pixels for."""
+        """Return predicted against true classes."""
         told = [(title, class_tables(scores)) for title, scores in self._tables()]
         return _joined(f"{text}\n\n{title}." for title, text in told if text) or NO_CLASSES
 

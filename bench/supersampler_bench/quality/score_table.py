@@ -7,9 +7,9 @@ from typing import Any, TypeAlias
 
 from rich.table import Table
 
-from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES, Summarised
+from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES, Summarized
 
-Summaries: TypeAlias = Sequence[Summarised]
+Summaries: TypeAlias = Sequence[Summarized]
 ShotFacts: TypeAlias = Mapping[str, Any]
 """What a record says of a shot."""
 
@@ -70,7 +70,7 @@ def _column(column: Column, results: Summaries, bold: str, everything: bool = Fa
     return [bold.format(f) if f != "–" and float(f) == best else f for f in figures]
 
 
-def _value(metric: str, result: Summarised, everything: bool) -> float:
+def _value(metric: str, result: Summarized, everything: bool) -> float:
     return result.summary(warm=not everything, cropped=not everything)[metric]
 
 

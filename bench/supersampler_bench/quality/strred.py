@@ -1,14 +1,14 @@
 """Spatio-temporal reduced-reference entropic differencing, STRRED: Soundararajan and Bovik 2013.
 
-Two pictures that follow one another are reduced to one subband of a steerable pyramid, whose blocks of 3x3
+Two images that follow one another are reduced to one subband of a steerable pyramid, whose blocks of 3x3
 are held for a Gaussian scale mixture. What is compared with the reference is how much information each block
-of the band has (spatial, SRRED), and each of the change from one picture to the next (temporal, TRRED).
+of the band has (spatial, SRRED), and each of the change from one image to the next (temporal, TRRED).
 
 >>> pair = information(band(luma_before), band(luma))
 >>> srred, trred = distance(pair, information(band(reference_luma_before), band(reference_luma)))
 
 STRRED of a clip is mean SRRED times mean TRRED over its pairs, which do not overlap. It cannot see what the
-band does not pass: waves shorter than some 20 pixels, and brightness that flickers all over the picture,
+band does not pass: waves shorter than some 20 pixels, and brightness that flickers all over the image,
 which gives 0. So it stands beside other metrics.
 """
 
@@ -24,7 +24,7 @@ from supersampler.io.display import to_uint8
 Plane = NDArray[np.float64]
 
 BAND_PIXELS = 8
-"""How many pixels of a picture, across and down, there are to one of the band."""
+"""How many pixels of a image, across and down, there are to one of the band."""
 
 _LEVELS = 4  # the band is that of the coarsest
 _BLOCK = 3
@@ -67,7 +67,7 @@ def luma255(shown: Array) -> Plane:
 
 
 def band(luma: Plane) -> Plane:
-    """Reduce a picture to the coarsest band, of what changes from row to row.
+    """Reduce a image to the coarsest band, of what changes from row to row.
 
     Args:
         luma: (H, W), 0 to 255.

@@ -1,4 +1,4 @@
-"""What a method scored: frame by frame, and the summaries of a shot and of several."""
+"""Scores of a method: of each frame, and their summary over a shot and over several shots."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -27,8 +27,8 @@ FRAME_METRICS = (
 )
 
 
-class Summarised(Protocol):
-    """What tables show of one method."""
+class Summarized(Protocol):
+    """Summary of one method, as tables show it."""
 
     @property
     def method(self) -> str:
@@ -38,14 +38,14 @@ class Summarised(Protocol):
         """Return each metric; NaN where it is not known. See `MethodScores.summary`."""
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return what was said of all pixels; None where no class is known."""
+        """Return the class counts of all pixels; None where classes are unknown."""
 
 
 @dataclass(frozen=True)
 class FrameScores:
-    """One method's scores of one frame, for the whole picture and without a border of `BORDER` pixels.
+    """One method's scores of one frame, for the whole image and without a border of `BORDER` pixels.
 
-    Classes, too: what was said of the pixels; None of a method or a shot without classes.
+    Class counts are None for a method or a shot without classes.
     """
 
     frame: int
@@ -82,7 +82,7 @@ class MethodScores:
         return {name: _pooled(name, scores) for name in FRAME_METRICS}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return what was said of all pixels, as `summary` counts them; None where no class is known."""
+        """Return the class counts of the pixels that `summary` counts; None where classes are unknown."""
         counts = [f.cropped_classes if cropped else f.full_classes for f in self._counted(warm)]
         known = [c for c in counts if c is not None]
         return np.sum(known, axis=0) if known else None
@@ -93,10 +93,10 @@ class MethodScores:
 
 @dataclass(frozen=True)
 class MeanScores:
-    """One method's scores of several shots, each of which weighs the same."""
+    """One method's scores of several shots, equally weighted."""
 
     method: str
-    shots: Sequence[Summarised]
+    shots: Sequence[Summarized]
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """Return the mean of the shots' summaries that have a metric; NaN where none has."""
@@ -105,7 +105,7 @@ class MeanScores:
         return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
 
     def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return what was said of all pixels of all shots; None where no class is known."""
+        """Return the class counts of all shots; None where classes are unknown."""
         known = [c for shot in self.shots if (c := shot.classes(warm=warm, cropped=cropped)) is not None]
         return np.sum(known, axis=0) if known else None
 

@@ -1,4 +1,4 @@
-"""What is shown on frames that were not shaded without a model: the last picture, warped."""
+"""The baseline without a model for unshaded frames: the last image, warped."""
 
 from collections.abc import Iterator
 
@@ -10,31 +10,31 @@ from supersampler_bench.quality import masks, metrics
 
 Bool = NDArray[np.bool_]
 REACH = 32
-"""Display pixels around a hidden one within which its background is looked for."""
+"""Radius, display pixels, of the search for a disoccluded pixel's background."""
 
 
-def warped(picture: Float32, frame: Frame) -> Float32:
-    """Return the picture of the frame before, (H, W, 3), by the motion of this one; the border goes on."""
-    height, width = picture.shape[:2]
+def warped(image: Float32, frame: Frame) -> Float32:
+    """Reproject the previous image, (H, W, 3), by a frame's motion; off screen repeats the border."""
+    height, width = image.shape[:2]
     motion = masks.display_motion(frame, (width, height))
     rows, columns = np.indices((height, width))
     x, y = (np.clip(columns + motion[..., 0], 0, width - 1), np.clip(rows + motion[..., 1], 0, height - 1))
-    found, _ = metrics.warp(picture, np.stack([x - columns, y - rows], axis=-1))
+    found, _ = metrics.warp(image, np.stack([x - columns, y - rows], axis=-1))
     return found.astype(np.float32)
 
 
-def with_background(picture: Float32, frame: Frame, before: Frame) -> Float32:
-    """Return a warped picture, where what was hidden or off screen shows the nearest background.
+def with_background_filled(image: Float32, frame: Frame, before: Frame) -> Float32:
+    """Fill disoccluded and off-screen pixels of a warped image from the nearest background.
 
-    That is the nearest pixel, within REACH, that was wholly in sight and is not closer than what is hidden.
+    That is the nearest pixel, within REACH, that was fully visible and is not closer than the filled one.
 
     Args:
-        picture: (H, W, 3), by `warped`.
+        image: (H, W, 3), by `warped`.
         frame: this one.
-        before: the one before, of either kind.
+        before: the previous one, of either kind.
     """
-    size = (picture.shape[1], picture.shape[0])
-    hidden, in_part, depth = (
+    size = (image.shape[1], image.shape[0])
+    unshaded, in_part, depth = (
         masks.to_display(plane, frame.jitter, size)
         for plane in (
             masks.disoccluded(frame, before),
@@ -42,28 +42,28 @@ def with_background(picture: Float32, frame: Frame, before: Frame) -> Float32:
             frame.depth,
         )
     )
-    filled, (rows, columns) = picture.copy(), np.nonzero(hidden)
+    filled, (rows, columns) = image.copy(), np.nonzero(unshaded)
     for down, across in _outwards():
         y, x = rows + down, columns + across
         inside = (y >= 0) & (y < size[1]) & (x >= 0) & (x < size[0])
         y, x = np.clip(y, 0, size[1] - 1), np.clip(x, 0, size[0] - 1)
         behind = depth[y, x] <= masks.DEPTH_RATIO * depth[rows, columns]
         found = inside & ~in_part[y, x] & behind
-        filled[rows[found], columns[found]] = picture[y[found], x[found]]
+        filled[rows[found], columns[found]] = image[y[found], x[found]]
         rows, columns = rows[~found], columns[~found]
         if not len(rows):
             break
     return filled
 
 
-def further_back(frame: Frame, since: Array | None, jitter: tuple[float, float]) -> Array:
-    """Return motion of a frame, (h, w, 2), to where that of the frame before, `since`, led in its turn.
+def motion_over_two_frames(frame: Frame, since: Array | None, jitter: tuple[float, float]) -> Array:
+    """Return motion of a frame, (h, w, 2), concatenated with `since`, that of the previous frame.
 
     Args:
         frame: this one.
-        since: (h, w, 2) of the frame before, back to one further in the past; None where it is not to be
+        since: (h, w, 2) of the frame before, back to one further in the history; None where it is not to be
             passed over.
-        jitter: of the frame before.
+        jitter: of the previous frame.
     """
     if since is None:
         return frame.motion

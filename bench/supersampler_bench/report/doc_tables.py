@@ -1,4 +1,4 @@
-"""Every table of README.md and docs/*.md, by the record that it is made of; none is written by hand."""
+"""The tables of README.md and docs/**/*.md, each made of a record in bench/results."""
 
 import re
 from collections.abc import Callable, Iterator, Mapping
@@ -15,7 +15,7 @@ from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
 from supersampler_bench.timing import against, device, pareto, skip, speed, startup
 from supersampler_bench.timing import network_cost as cost
-from supersampler_bench.timing.pareto_extrapolated import hidden_table
+from supersampler_bench.timing.pareto_extrapolated import unshaded_table
 
 RESULTS = Path("bench/results")
 """Where the records of published numbers are, in the repository."""
@@ -53,7 +53,7 @@ def blocks_of(name: str, record: Record) -> Blocks:
     if bench == "pareto":
         return {
             block: partial(pareto.markdown_table, record),
-            f"{block} hidden": partial(hidden_table, record),
+            f"{block} unshaded": partial(unshaded_table, record),
             "presets": partial(pareto.preset_table, record),
         }
     if bench == "stress":
@@ -90,7 +90,7 @@ def read_records(folder: Path) -> dict[str, Record]:
 
 @dataclass(frozen=True)
 class Block:
-    """One block of a Markdown file, held against its record.
+    """One block of a Markdown file, compared with its record.
 
     Attributes:
         page: the file.
@@ -113,7 +113,7 @@ class Block:
 
 
 def find_all(root: Path) -> Iterator[Block]:
-    """Return all blocks of README.md and docs/*.md of a repository.
+    """Return all blocks of README.md and docs/**/*.md of a repository.
 
     Raises:
         ArgumentError: there are no records, one is damaged, or a page has a block twice.
@@ -122,7 +122,7 @@ def find_all(root: Path) -> Iterator[Block]:
     if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
         records["pareto"] = read_record(pareto_path)
     makers = {block: maker for name in records for block, maker in blocks_of(name, records[name]).items()}
-    for page in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
+    for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
             if name.startswith(STUDY):
                 continue

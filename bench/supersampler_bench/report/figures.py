@@ -47,7 +47,7 @@ def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
     if not any(r.stages for r in timed):
         return []
     draw_speed(timed, path)
-    return [("Stages of a step on the host", path)]
+    return [("Stages of a step on the CPU backend", path)]
 
 
 def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:

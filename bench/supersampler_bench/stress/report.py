@@ -65,9 +65,9 @@ def markdown_table(record: Record) -> str:
 
 def scenario_list() -> str:
     """Return as Markdown what each scenario does, and for how many frames."""
-    rows = ["| scenario | what is done | frames, host | graph |", "| --- | --- | ---: | ---: |"]
+    rows = ["| scenario | what is done | frames, cpu | onnx |", "| --- | --- | ---: | ---: |"]
     for s in (s for family in FAMILIES.values() for s in family):
-        rows.append(f"| {s.name} | {s.done} | {s.host or '–'} | {s.graph or '–'} |")
+        rows.append(f"| {s.name} | {s.done} | {s.cpu or '–'} | {s.onnx or '–'} |")
     return "\n".join(rows)
 
 

@@ -13,17 +13,17 @@ from supersampler.model import TOLERANCE
 from supersampler.state import State
 
 STEP = 1.0 / 255.0
-"""Of an 8-bit picture: what pictures that should be alike may differ by on average."""
+"""Of an 8-bit image: what images that should be alike may differ by on average."""
 REST = TOLERANCE
-"""What a picture at rest may change by in a period: skipping leaves it as it is from there on."""
+"""What a image at rest may change by in a period: skipping leaves it as it is from there on."""
 ROUNDING = 1e-5
-"""What single precision makes pictures differ by, on average, where nothing is in bytes."""
+"""What single precision makes images differ by, on average, where nothing is in bytes."""
 RECOVERY = 48
 """Frames, one and a half periods of the jitter at ratio 2, in which most methods forget what was bad."""
 REACH = 8.0
 """Display pixels around a bad one that may look different; of a network, beside what it sees."""
 DECAY = 0.1
-"""dB of PSNR that a picture may lose from one loop to a later one, or be below what it is held against."""
+"""dB of PSNR that a image may lose from one loop to a later one, or be below what it is compared with."""
 LARGEST = 65504.0
 
 
@@ -68,7 +68,7 @@ class Subject:
 
     @property
     def tolerance(self) -> float:
-        """What two ways to the same picture may differ by on average, as a screen shows it."""
+        """What two ways to the same image may differ by on average, as a screen shows it."""
         return ROUNDING if self.precision == "fp32" else STEP
 
 
@@ -105,7 +105,7 @@ class Trial:
 
     Attributes:
         subject: what is stressed.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         frames: how many to step, about.
         opened: all sessions that the scenario began.
     """
@@ -163,11 +163,11 @@ class Scenario:
         name: of a few words.
         curve: what its curve shows, over what: "y / x".
         run: does it, and says what in its docstring.
-        host, graph: frames in that executor, which is much slower as a graph.
+        cpu, onnx: frames on that backend; the ONNX backend is much slower.
         quick: frames of a short run in any; 0: it is left out there.
         remembers: only of methods with a past.
-        pairs: only of subjects that are held against single precision.
-        same_size: graphs draw as large pictures as the host does.
+        pairs: only of subjects that are compared with single precision.
+        same_size: the ONNX backend has images as large as the CPU backend.
         logarithmic: whether its curve is drawn so.
         ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
     """
@@ -175,8 +175,8 @@ class Scenario:
     name: str
     curve: str
     run: Callable[[Trial], Measured]
-    host: int
-    graph: int
+    cpu: int
+    onnx: int
     quick: int = 0
     remembers: bool = True
     pairs: bool = False
@@ -191,21 +191,21 @@ class Scenario:
 
     def suits(self, subject: Subject) -> bool:
         """Whether it makes sense for this one, which draws at its ratios."""
-        if not self.is_drawn_by(subject):
+        if not self.supports(subject):
             return False
         if self.pairs:
             return subject.exact is not None
         return subject.remembers or not self.remembers
 
-    def is_drawn_by(self, subject: Subject) -> bool:
+    def supports(self, subject: Subject) -> bool:
         """Whether the subject draws at all ratios that it asks for."""
         if self.ratios is None:
             return True
         return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
-        """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
-        graph = subject.executor == "onnx"
-        small = quick or self.pairs or (graph and not self.same_size)
-        frames = self.quick if quick else self.graph if graph else self.host
+        """Return a run of it: 96x64 pixels on the CPU backend, 48x32 on the ONNX backend or in short runs."""
+        onnx = subject.executor == "onnx"
+        small = quick or self.pairs or (onnx and not self.same_size)
+        frames = self.quick if quick else self.onnx if onnx else self.cpu
         return Trial(subject, (48, 32) if small else (96, 64), frames)

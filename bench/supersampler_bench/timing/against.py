@@ -23,9 +23,9 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.compatibility import dressed, gbuffers_of, why_not
+from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.timing.other_version import Process, Side
+from supersampler_bench.timing.other_version import Process, Version
 from supersampler_bench.timing.speed import frames_of
 
 COVERAGE = 0.95
@@ -39,7 +39,7 @@ FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
 """What is timed: a step; a program from its first line to its first image, where kernels are kept or not."""
 Pair: TypeAlias = tuple[float, float]
 """Of this version and of the other."""
-Sides: TypeAlias = tuple[Side, Side]
+Versions: TypeAlias = tuple[Version, Version]
 T = TypeVar("T")
 R = TypeVar("R")
 
@@ -130,9 +130,11 @@ def measure_against(
     results: list[Compared] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        sides = _sides(python, folder)
+        sides = _versions(python, folder)
         for display, count in product(displays, threads):
-            able = [method for method in methods if not why_not(method, _render(display, ratio), display)]
+            able = [
+                method for method in methods if not incompatibility(method, _render(display, ratio), display)
+            ]
             frames = folder / "frames.npz"
             _write_frames(frames, able, _render(display, ratio), display)
             results += _steps(sides, frames, able, display, count, rounds, on_round)
@@ -141,16 +143,16 @@ def measure_against(
                 on_left_out(reason)
             else:
                 results += _first_images(sides, method, displays[0], ratio, rounds, on_round)
-        return {side.name: side.about for side in sides}, results
+        return {version.name: version.about for version in sides}, results
 
 
-def _sides(python: str, folder: Path) -> Sides:
-    other = Side("other", python, folder / "other")  # first: what is wrong is said at once
-    return Side("this", sys.executable, folder / "this"), other
+def _versions(python: str, folder: Path) -> Versions:
+    other = Version("other", python, folder / "other")  # first: what is wrong is said at once
+    return Version("this", sys.executable, folder / "this"), other
 
 
 def _no_first_image(method: str, render: Size, display: Size) -> str:
-    if reason := why_not(method, render, display):
+    if reason := incompatibility(method, render, display):
         return reason
     info = read_model_info(find_model(method))
     return f"{method}: no first image is timed, as its frames have no G-buffers." if info.gbuffers else ""
@@ -167,7 +169,7 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
     arrays["jitter"] = np.array([frame.jitter for frame in frames])
     arrays["exposure"] = np.array([frame.exposure for frame in frames])
     names = gbuffers_of(methods)
-    first = dressed(frames[0], names, display)
+    first = with_default_gbuffers(frames[0], names, display)
     for name in names:
         place, array = GBUFFERS[name], GBUFFERS[name].find(first)
         if array is not None:
@@ -176,7 +178,7 @@ def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Siz
 
 
 def _steps(
-    sides: Sides,
+    sides: Versions,
     frames: Path,
     methods: Sequence[str],
     display: Size,
@@ -204,7 +206,7 @@ def _steps(
 
 
 def _first_images(
-    sides: Sides,
+    sides: Versions,
     method: str,
     display: Size,
     ratio: float,
@@ -213,7 +215,7 @@ def _first_images(
 ) -> Iterator[Compared]:
     render = _render(display, ratio)
     for what, count, fresh in ((FIRST_FRESH, rounds.fresh, True), (FIRST, rounds.starts, False)):
-        timed = partial(Side.first_image, method=method, render=render, scale=ratio, fresh=fresh)
+        timed = partial(Version.first_image, method=method, render=render, scale=ratio, fresh=fresh)
         if count and not fresh:
             _in_turns(0, sides, timed)  # what this process compiles is kept for the others
         pairs = []
@@ -291,6 +293,6 @@ def markdown_table(record: Record) -> str:
     return "\n".join([*rows, "", caption])
 
 
-def _named(side: Mapping[str, Any]) -> str:
-    commit = f", commit {side['commit']}" if side["commit"] else ""
-    return f"{side['version']}{commit}, Python {side['python']}"
+def _named(version: Mapping[str, Any]) -> str:
+    commit = f", commit {version['commit']}" if version["commit"] else ""
+    return f"{version['version']}{commit}, Python {version['python']}"

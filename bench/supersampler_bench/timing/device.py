@@ -1,4 +1,4 @@
-"""How long a graph takes on its device, frame in the device's memory to picture in the device's memory."""
+"""How long a graph takes on its device, frame in the device's memory to image in the device's memory."""
 
 import itertools
 import statistics
@@ -15,7 +15,7 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.model import Precision
-from supersampler_bench.compatibility import dressed, why_not
+from supersampler_bench.compatibility import incompatibility, with_default_gbuffers
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.timing.speed import COPIED, WARM_UP, frames_of, measure_limits
 
@@ -26,12 +26,12 @@ class OnDevice:
 
     Attributes:
         method: which.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         precision: of what is learned.
         provider: of ONNX Runtime.
         capture: see `Model.load`.
         median, p95, p99: wall time of a step, the device waited for.
-        moved: bytes that a step must move: the frame, the history before and after, the picture.
+        moved: bytes that a step must move: the frame, the history before and after, the image.
     """
 
     method: str
@@ -62,7 +62,7 @@ class _Runner:
             method, providers=provider, executor="onnx", precision=precision, capture=capture
         )
         device = self._model.device
-        frames = [dressed(frame, self._model.info.gbuffers, display) for frame in frames]
+        frames = [with_default_gbuffers(frame, self._model.info.gbuffers, display) for frame in frames]
         self._display = display
         self._upscaler = Upscaler(self._model, display_size=display, validate="off")
         images = [tensor.name for tensor in self._model.info.inputs if len(tensor.shape) == 4]
@@ -124,19 +124,19 @@ def measure_device(
 
     Args:
         methods: names of models.
-        displays: (width, height) of the pictures.
+        displays: (width, height) of the images.
         precisions: of those that a method has.
         provider: see `Model.load`.
         ratio: display over render size.
         steps: that count, of each.
         captures: each `capture` to time; see `Model.load`.
         on_step: called after each.
-        on_left_out: called with the name of a method that cannot draw so, and why.
+        on_left_out: called with the name of a method that does not run so, and why.
     """
     results = []
     for display in displays:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-        reasons = {method: why_not(method, frames[0].size, display) for method in methods}
+        reasons = {method: incompatibility(method, frames[0].size, display) for method in methods}
         for reason in filter(None, reasons.values()):
             on_left_out(reason)
         kept = [method for method in methods if not reasons[method]]
@@ -196,8 +196,8 @@ def markdown_table(record: Record) -> str:
         )
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
     caption = (
-        f"A step at ratio {record['ratio']:g}, frame and picture in the device's memory; settings of a size "
-        f"take turns. {machine_name(record)}. MB: frame, history before and after, and picture. Of a copy: "
+        f"A step at ratio {record['ratio']:g}, frame and image in the device's memory; settings of a size "
+        f"take turns. {machine_name(record)}. MB: frame, history before and after, and image. Of a copy: "
         f"how many times as long as moving these{limit}."
     )
     return "\n".join([*rows, "", caption])

@@ -93,8 +93,8 @@ class Process:
         about: what runs there: version, folder and python.
     """
 
-    def __init__(self, side: "Side", process: "subprocess.Popen[bytes]", said: IO[bytes]) -> None:
-        self._side, self._process, self._said = side, process, said
+    def __init__(self, version: "Version", process: "subprocess.Popen[bytes]", stderr: IO[bytes]) -> None:
+        self._version, self._process, self._stderr = version, process, stderr
         self._requests, self._answers = cast("IO[bytes]", process.stdin), cast("IO[bytes]", process.stdout)
         self.about = self._answer()
 
@@ -123,17 +123,17 @@ class Process:
     def _answer(self) -> dict[str, Any]:
         line = self._answers.readline()
         if not line:
-            raise self._side.error(_ended(self._process.wait(), self._said))
+            raise self._version.error(_ended(self._process.wait(), self._stderr))
         try:
             answer: dict[str, Any] = json.loads(line)
         except ValueError:
-            raise self._side.error(f"no Python: it says {line[:60]!r}") from None
+            raise self._version.error(f"no Python: it says {line[:60]!r}") from None
         if "error" in answer:
-            raise self._side.error(answer["error"])
+            raise self._version.error(answer["error"])
         return answer
 
 
-class Side:
+class Version:
     """One version.
 
     Args:
@@ -162,14 +162,14 @@ class Side:
         Raises:
             ArgumentError: it does not start.
         """
-        with TemporaryFile() as said:
+        with TemporaryFile() as stderr:
             pipe = subprocess.PIPE
             try:
                 process = subprocess.Popen(  # noqa: S603  # what the user names
                     [self._python, "-c", _SERVE],
                     stdin=pipe,
                     stdout=pipe,
-                    stderr=said,
+                    stderr=stderr,
                     bufsize=0,
                     env=self._environment(self._cache),
                 )
@@ -177,7 +177,7 @@ class Side:
                 raise self.error(f"not to be started: {error.strerror}") from error
             with process:
                 try:
-                    yield Process(self, process, said)
+                    yield Process(self, process, stderr)
                 finally:
                     process.kill()
 
@@ -194,13 +194,13 @@ class Side:
             ArgumentError: it fails.
         """
         command = [self._python, "-c", FIRST_IMAGE, method, *map(str, render), str(scale)]
-        with TemporaryDirectory() as empty, TemporaryFile() as said:
+        with TemporaryDirectory() as empty, TemporaryFile() as stderr:
             environment = self._environment(Path(empty) if fresh else self._cache)
             done = subprocess.run(  # noqa: S603  # as above
-                command, stdout=subprocess.PIPE, stderr=said, env=environment
+                command, stdout=subprocess.PIPE, stderr=stderr, env=environment
             )
             if done.returncode:
-                raise self.error(_ended(done.returncode, said))
+                raise self.error(_ended(done.returncode, stderr))
             return 1e3 * float(done.stdout)
 
     def error(self, got: str) -> ArgumentError:
@@ -216,12 +216,12 @@ class Side:
         return environment
 
 
-def _ended(code: int, said: IO[bytes]) -> str:
+def _ended(code: int, stderr: IO[bytes]) -> str:
     """Say how a process ended: by which signal, or with which code and last line."""
     if code < 0:
         return f"ended by signal {-code}"
-    said.seek(0)
-    lines = said.read().decode(errors="replace").split("\n")
+    stderr.seek(0)
+    lines = stderr.read().decode(errors="replace").split("\n")
     last = next((line.strip() for line in reversed(lines) if line.strip()), "")
     return f"ended with code {code}{': ' * bool(last)}{last[:200]}"
 

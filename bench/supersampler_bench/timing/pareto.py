@@ -26,7 +26,7 @@ CLEARLY, HARDLY = 1.0, 0.05  # dB: what a preset must gain over no history, and 
 
 @dataclass(frozen=True)
 class Metric:
-    """An error or a quality of pictures.
+    """An error or a quality of images.
 
     Attributes:
         name: in a quality record.
@@ -85,11 +85,11 @@ def measure_pareto(
 
     Args:
         records: of `bench quality --json` or `bench pareto --json`, of the same shots.
-        display: (width, height) of the pictures that are timed.
+        display: (width, height) of the images that are timed.
         threads: of the processor.
         steps: that count, of each setting.
         on_ratio: called before the settings of a ratio.
-        on_left_out: called with the name of a method that cannot draw that size at a ratio, and why.
+        on_left_out: called with the name of a method that does not run at that size and ratio, and why.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
@@ -160,14 +160,14 @@ def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:
 def presets(points: Sequence[Point]) -> dict[str, Spec]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
-    fast: the fastest that is `CLEARLY` better than pictures without a history. high: the fastest that is
+    fast: the fastest that is `CLEARLY` better than images without a history. high: the fastest that is
     within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
     over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
     what skipping saves, shots in motion do not show. Methods that read G-buffers are left out: not all frames
     have them.
     """
-    psnr, dressed = METRICS[0], {name for name in model_names() if gbuffers_of([name])}
-    for_all = [p for p in points if p.spec.model not in dressed]
+    psnr, with_default_gbuffers = METRICS[0], {name for name in model_names() if gbuffers_of([name])}
+    for_all = [p for p in points if p.spec.model not in with_default_gbuffers]
     line = frontier([p for p in for_all if p.spec.skip == "auto"], psnr)
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
@@ -214,7 +214,7 @@ def pareto_record(
     Args:
         points: by `measure_pareto`.
         shots: names of those that were scored.
-        display: (width, height) of the pictures that were timed.
+        display: (width, height) of the images that were timed.
         threads: of the processor.
     """
     return {

@@ -1,4 +1,4 @@
-"""What skipping saves, and what it costs: scenes that stand still in part, drawn with and without."""
+"""Static-tile reuse: time saved and error, in partly static scenes, stepped with and without it."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -21,25 +21,25 @@ from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
 SKIPS: tuple[Literal["exact", "auto"], ...] = ("exact", "auto")
-AT = 12  # frame of the test shot that the camera is held at
+HELD_FRAME = 12  # frame of the test shot whose camera is kept
 SCORED = 16  # frames at the end, after four periods of the jitter
 
 
 @dataclass(frozen=True)
-class Skipped:
+class StaticTileTimes:
     """One scene and method, over the last frames.
 
     Attributes:
-        scene: family of the test shot whose camera is held.
-        time_stands: nothing moves; else what moves by itself does.
+        scene: family of the test shot whose camera is fixed.
+        all_static: nothing moves; else objects do.
         method: the model's name.
-        work: share of the work that was done, of a step that draws all.
+        work: share of a full step that was computed.
         milliseconds: median of a step, by `SKIPS`.
         psnr: against the reference, by `SKIPS`.
     """
 
     scene: str
-    time_stands: bool
+    all_static: bool
     method: str
     work: float
     milliseconds: dict[str, float]
@@ -47,7 +47,7 @@ class Skipped:
 
 
 class _Runner:
-    """One way to draw a scene."""
+    """One way to step through a scene."""
 
     def __init__(self, method: str, display: Size, skip: Skip) -> None:
         self._upscaler = Upscaler(
@@ -62,7 +62,7 @@ class _Runner:
         self.psnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None) -> None:
-        """Draw a frame; it counts where its truth is known."""
+        """Step; the frame counts where its reference is known."""
         done = self._upscaler.stats.work
         began = time.perf_counter()
         self._upscaler.step(frame, out=self._image)
@@ -82,13 +82,13 @@ def measure_skipping(
     ratio: float = 2.0,
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
-) -> list[Skipped]:
-    """Draw each scene as it stands and as its parts move, with all methods, skipping and not, in turns.
+) -> list[StaticTileTimes]:
+    """Step through each scene, static and with moving objects, with and without reuse, in turns.
 
     Args:
         families: of the test shots.
         methods: names of models that have kernels.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         ratio: display over render size.
         samples: a pixel of the references.
         on_frame: called after each frame of a scene.
@@ -96,13 +96,13 @@ def measure_skipping(
     renderer = Renderer(display, samples=samples)
     results = []
     for family in families:
-        for time_stands in (True, False):
+        for all_static in (True, False):
             runners = {(m, skip): _Runner(m, display, skip) for m in methods for skip in SKIPS}
-            for frame, truth in _frames(renderer, family, ratio, time_stands=time_stands):
+            for frame, truth in _frames(renderer, family, ratio, all_static=all_static):
                 for runner in runners.values():
                     runner.step(frame, truth)
                 on_frame()
-            results += [_skipped(family, time_stands, m, [runners[m, s] for s in SKIPS]) for m in methods]
+            results += [_summary(family, all_static, m, [runners[m, s] for s in SKIPS]) for m in methods]
     return results
 
 
@@ -111,26 +111,26 @@ def frame_count(ratio: float) -> int:
     return 4 * jitter_phase_count(ratio) + SCORED
 
 
-def _frames(renderer: Renderer, family: str, ratio: float, *, time_stands: bool) -> Any:
+def _frames(renderer: Renderer, family: str, ratio: float, *, all_static: bool) -> Any:
     count = frame_count(ratio)
     spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
-    sequence = HeldSequence(spec, AT, time_stands=time_stands)
+    sequence = HeldSequence(spec, HELD_FRAME, time_stands=all_static)
     size = render_size(renderer.display_size, ratio)
     truth: Float32 | None = None
     rendered: dict[tuple[float, float], Frame] = {}  # by jitter: where nothing moves, frames repeat
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
-        if index >= count - SCORED and (truth is None or not time_stands):
+        if index >= count - SCORED and (truth is None or not all_static):
             truth = renderer.reference(scene).color
-        if not time_stands or jitter not in rendered:
+        if not all_static or jitter not in rendered:
             rendered[jitter] = rendered_frame(renderer, scene, size, jitter)
         yield rendered[jitter], truth
 
 
-def _skipped(scene: str, time_stands: bool, method: str, runners: Sequence[_Runner]) -> Skipped:
-    return Skipped(
+def _summary(scene: str, all_static: bool, method: str, runners: Sequence[_Runner]) -> StaticTileTimes:
+    return StaticTileTimes(
         scene=scene,
-        time_stands=time_stands,
+        all_static=all_static,
         method=method,
         work=float(np.mean(runners[SKIPS.index("auto")].work)),
         milliseconds={s: median(r.milliseconds) for s, r in zip(SKIPS, runners, strict=True)},
@@ -138,13 +138,13 @@ def _skipped(scene: str, time_stands: bool, method: str, runners: Sequence[_Runn
     )
 
 
-def skip_record(results: Sequence[Skipped], display: Size, ratio: float) -> dict[str, Any]:
+def skip_record(results: Sequence[StaticTileTimes], display: Size, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {
         "bench": "skip",
         "display": list(display),
         "ratio": ratio,
-        "at": AT,
+        "held_frame": HELD_FRAME,
         "scored": SCORED,
         "frames": frame_count(ratio),
         "scenes": [asdict(r) for r in results],
@@ -155,18 +155,18 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     width, height = record["display"]
     rows = [
-        "| scene | moves | method | work | ms, all drawn | ms | of that | PSNR dB, all drawn | PSNR dB |",
+        "| scene | moves | method | work | ms, exact | ms | share | PSNR dB, exact | PSNR dB |",
         "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
     ]
-    for r in (Skipped(**row) for row in record["scenes"]):
+    for r in (StaticTileTimes(**row) for row in record["scenes"]):
         exact, auto = (r.milliseconds[s] for s in SKIPS)
         all_drawn, skipped = (r.psnr[s] for s in SKIPS)
         rows.append(
-            f"| {r.scene} | {'nothing' if r.time_stands else 'its own'} | {r.method} | {100 * r.work:.0f} % "
+            f"| {r.scene} | {'nothing' if r.all_static else 'objects'} | {r.method} | {100 * r.work:.0f} % "
             f"| {exact:.1f} | {auto:.1f} | {auto / exact:.2f} | {all_drawn:.2f} | {skipped:.2f} |"
         )
     caption = (
-        f"Pictures of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
-        f"{record['frames']} frames: test shots whose camera stands. {machine_name(record)}."
+        f"Images of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
+        f"{record['frames']} frames: test shots with a fixed camera. {machine_name(record)}."
     )
     return "\n".join([*rows, "", caption])

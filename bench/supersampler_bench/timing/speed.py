@@ -17,11 +17,11 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision, Skip
-from supersampler_bench.compatibility import dressed, why_not
+from supersampler_bench.compatibility import incompatibility, with_default_gbuffers
 from supersampler_bench.record import Record, machine_name
 
 WARM_UP = 4  # steps of each setting before any counts
-REFERENCE = "taa"  # on the host: what others are a multiple of
+REFERENCE = "taa"  # on the CPU backend: what others are a multiple of
 SLOW = 10.0  # times the reference: such steps leave cold caches to those that they take turns with
 COPIED = 1 << 28  # bytes; several times what caches hold
 
@@ -48,9 +48,9 @@ class Timed:
         precision: of what is learned that it came to.
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
-        multiple: median over that of the host's `taa` at the same size and threads.
-        stages: mean wall time by stage; empty for a graph.
-        moved: bytes that a step must move: the frame, the history before and after, the picture.
+        multiple: median over that of `taa` on the CPU backend at the same size and threads.
+        stages: mean wall time by stage; empty for the ONNX backend.
+        moved: bytes that a step must move: the frame, the history before and after, the image.
         multiply_adds: of what is learned.
         resident: bytes by which the process grew while the setting was made and warmed up; 0 where the system
             does not say.
@@ -91,7 +91,7 @@ class _Runner:
             executor=setting.executor,
             precision=setting.precision,
         )
-        frames = [dressed(frame, model.info.gbuffers, setting.display) for frame in frames]
+        frames = [with_default_gbuffers(frame, model.info.gbuffers, setting.display) for frame in frames]
         self.setting, self._model = setting, model
         self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
@@ -157,7 +157,7 @@ def measure_speed(
 
     Args:
         methods: names of shipped models.
-        displays: (width, height) of the pictures.
+        displays: (width, height) of the images.
         executors: of those that a method has.
         threads: of the processor.
         precisions: of those that an executor has.
@@ -165,7 +165,7 @@ def measure_speed(
         ratio: display over render size.
         steps: that count, of each setting.
         on_step: called after each.
-        on_left_out: called with the name of a method that cannot draw so, and why.
+        on_left_out: called with the name of a method that does not run so, and why.
     """
     results = []
     for display, count in itertools.product(displays, threads):
@@ -195,7 +195,7 @@ def measure_settings(
         steps: that count, of each.
         frames: that are stepped, again and again; the shipped shot, repeated to the size, where None.
         on_step: called after each.
-        on_left_out: called with the name of a method that cannot draw so, and why.
+        on_left_out: called with the name of a method that does not run so, and why.
 
     Returns:
         The reference first.
@@ -204,7 +204,7 @@ def measure_settings(
     if frames is None:
         frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
     first = Setting(REFERENCE, display, "cpu", threads)
-    reasons = {s.method: why_not(s.method, frames[0].size, display) for s in settings}
+    reasons = {s.method: incompatibility(s.method, frames[0].size, display) for s in settings}
     for reason in filter(None, reasons.values()):
         on_left_out(reason)
     others = [s for s in settings if s != first and not reasons[s.method]]
@@ -308,9 +308,9 @@ def markdown_table(record: Record) -> str:
             f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
         )
     caption = (
-        f"A step at ratio {record['ratio']:g}, frame in memory to picture in memory, on the shipped shot, "
+        f"A step at ratio {record['ratio']:g}, from frame in memory to image in memory, on the shipped shot, "
         f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}. "
-        "Cores: milliseconds of all together. Memory: share of the step in which frame, history and picture "
+        "Cores: milliseconds of all together. Memory: share of the step in which frame, history and image "
         f"could be moved, at the {1e-9 * limits.moved:.1f} GB/s of a copy on all cores. G/s: multiply-adds "
         "of the network over the time of the whole step; a product of matrices in single precision reaches "
         f"{1e-9 * limits.multiplied:.0f}. MiB: what the process grew by."

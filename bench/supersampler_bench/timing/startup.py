@@ -1,4 +1,4 @@
-"""How long the first picture takes: where a method was never used, and in each process after that."""
+"""First-frame time: from the start of a process to its first image, with a cold and a warm kernel cache."""
 
 import os
 import subprocess
@@ -32,54 +32,54 @@ Its gray frame is made, not read: an engine has its frames in memory.
 
 
 @dataclass(frozen=True)
-class Started:
-    """Seconds from a process's first line, before it imports anything, to the first picture; medians.
+class FirstFrame:
+    """Median seconds from a process's first line, before any import, to its first image.
 
     Attributes:
         method: the model's name.
-        fresh: where no kernels are kept.
-        later: where they are.
-        kept: bytes of the kernels.
+        cold_seconds: with an empty kernel cache.
+        warm_seconds: with the kernels cached.
+        cache_bytes: size of the cached kernels.
     """
 
     method: str
-    fresh: float
-    later: float
-    kept: int
+    cold_seconds: float
+    warm_seconds: float
+    cache_bytes: int
 
 
-def measure_start(
+def measure_startup(
     methods: Sequence[str],
     render: Size,
     *,
     scale: float = 2.0,
-    fresh: int = 3,
-    later: int = 5,
-    on_start: Callable[[], None] = lambda: None,
-) -> list[Started]:
-    """Start processes, one after the other; each of the fresh ones has an empty folder to keep kernels in.
+    cold: int = 3,
+    warm: int = 5,
+    on_process: Callable[[], None] = lambda: None,
+) -> list[FirstFrame]:
+    """Start processes, one after the other; each cold one has an empty cache folder of its own.
 
     Args:
         methods: names of shipped models or model folders that read no G-buffers.
         render: (width, height) of the frame.
         scale: display over render size.
-        fresh: processes for each method that begin with nothing kept.
-        later: processes after one of those.
-        on_start: called after each.
+        cold: processes for each method that start with an empty cache.
+        warm: processes that use the cache of the last cold one.
+        on_process: called after each process.
     """
     results = []
     for method in methods:
         command = [sys.executable, "-c", FIRST_IMAGE, method, *map(str, render), str(scale)]
-        first, others, kept = [], [], 0
-        for index in range(fresh):
+        first, others, cache_bytes = [], [], 0
+        for index in range(cold):
             with TemporaryDirectory() as cache:
                 first.append(_seconds(command, cache))
-                on_start()
-                kept = sum(path.stat().st_size for path in Path(cache).rglob("*") if path.is_file())
-                for _ in range(later if index == fresh - 1 else 0):
+                on_process()
+                cache_bytes = sum(path.stat().st_size for path in Path(cache).rglob("*") if path.is_file())
+                for _ in range(warm if index == cold - 1 else 0):
                     others.append(_seconds(command, cache))
-                    on_start()
-        results.append(Started(method, median(first), median(others), kept))
+                    on_process()
+        results.append(FirstFrame(method, median(first), median(others), cache_bytes))
     return results
 
 
@@ -91,13 +91,13 @@ def _seconds(command: Sequence[str], cache: str) -> float:
     return float(done.stdout)
 
 
-def start_record(results: Sequence[Started], render: Size, scale: float) -> dict[str, Any]:
+def startup_record(results: Sequence[FirstFrame], render: Size, scale: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {
         "bench": "startup",
         "render": list(render),
         "scale": scale,
-        "started": [asdict(result) for result in results],
+        "first_frames": [asdict(result) for result in results],
     }
 
 
@@ -105,14 +105,14 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     width, height = record["render"]
     rows = [
-        "| method | first time, s | later, s | kernels kept, KiB |",
+        "| method | cold cache, s | warm cache, s | cache, KiB |",
         "| --- | ---: | ---: | ---: |",
         *(
-            f"| {r.method} | {r.fresh:.1f} | {r.later:.2f} | {r.kept / 1024:.0f} |"
-            for r in (Started(**row) for row in record["started"])
+            f"| {r.method} | {r.cold_seconds:.1f} | {r.warm_seconds:.2f} | {r.cache_bytes / 1024:.0f} |"
+            for r in (FirstFrame(**row) for row in record["first_frames"])
         ),
         "",
-        "Seconds from the first line of a program, before it imports anything, to its first picture. "
-        f"Medians. Frames of {width}x{height}, ratio {record['scale']:g}. {machine_name(record)}.",
+        "Median seconds from the first line of a program, before any import, to its first image. "
+        f"Frames of {width}x{height}, ratio {record['scale']:g}. {machine_name(record)}.",
     ]
     return "\n".join(rows)

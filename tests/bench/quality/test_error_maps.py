@@ -3,13 +3,13 @@
 import numpy as np
 
 from supersampler_bench.quality.error_maps import ErrorMaps
-from supersampler_bench.quality.measure import Seen
+from supersampler_bench.quality.measure import ScoredImage
 
 
 def watch(maps: ErrorMaps, frame: int, *errors: float) -> None:
     for method, error in enumerate(errors):
         flip = np.full((2, 3), error, np.float32)
-        maps(Seen(method, frame, np.full((2, 3, 3), frame, np.float32), flip))
+        maps(ScoredImage(method, frame, np.full((2, 3, 3), frame, np.float32), flip))
 
 
 def test_the_mean_is_over_the_frames_after_the_warm_up() -> None:
@@ -26,4 +26,4 @@ def test_a_shot_that_ends_in_the_warm_up_is_shown_all_the_same() -> None:
     watch(maps, 3, 0.1)
     np.testing.assert_allclose(maps.means[0], 0.15)
     assert maps.worst.frame == 2
-    assert maps.worst.pictures[0][0, 0, 0] == 2
+    assert maps.worst.images[0][0, 0, 0] == 2

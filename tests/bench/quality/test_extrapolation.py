@@ -15,18 +15,18 @@ from supersampler.cli import app
 from supersampler.frame import Float32
 from supersampler.io.shot import ShotFrame
 from supersampler_bench.quality.extrapolation import (
-    ACROSS,
-    BETWEEN,
+    PSNR_SHADED,
+    TEMPORAL_METRICS,
     Alternation,
-    HiddenScores,
-    Warping,
+    UnshadedScores,
+    WarpBaseline,
     extrapolation_record,
     markdown_table,
     measure_extrapolation,
 )
 from supersampler_bench.quality.masks import disoccluded
 from supersampler_bench.quality.summaries import FRAME_METRICS, MASKED, FrameScores, MethodScores
-from supersampler_bench.quality.warping import further_back, warped, with_background
+from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
 from supersampler_bench.record import read_record, setting, write_json
 from supersampler_bench.report.doc_tables import blocks_of
 
@@ -45,12 +45,12 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def hidden(text: str, resets: set[int], count: int = 9) -> str:
+def unshaded(text: str, resets: set[int], count: int = 9) -> str:
     alternation, said = Alternation(text), ""
     for index in range(count):
         item = ShotFrame(index=index, frame=SCENE.frame(index, SIZE, reset=index in resets), **ITEM)
-        said += "u" if alternation.hides(item) else "s"
-        assert alternation.hides(item) == (said[-1] == "u")  # each way asks
+        said += "u" if alternation.leaves_unshaded(item) else "s"
+        assert alternation.leaves_unshaded(item) == (said[-1] == "u")  # each way asks
     assert alternation.indices == {index for index, kind in enumerate(said) if kind == "u"}
     return said
 
@@ -67,7 +67,7 @@ def hidden(text: str, resets: set[int], count: int = 9) -> str:
 def test_frames_are_hidden_after_each_shaded_one_and_never_after_a_cut(
     text: str, resets: set[int], said: str
 ) -> None:
-    assert hidden(text, resets) == said
+    assert unshaded(text, resets) == said
 
 
 @pytest.mark.parametrize("text", ["1", "0:1", "1:2", "a:1", "-1:1", ""])
@@ -86,20 +86,20 @@ def test_what_is_counted_is_hidden_frames_and_changes_of_all() -> None:
     scores = MethodScores(
         "m", [scores_of(8, 10.0), scores_of(9, 20.0), scores_of(10, 30.0), scores_of(11, 60.0)]
     )
-    summary = HiddenScores(scores, frozenset({9, 11})).summary()
-    assert (summary["psnr"], summary["flip"], summary[BETWEEN]) == (40.0, 40.0, 20.0)
-    assert {summary[name] for name in ACROSS if name != "strred"} == {30.0}
+    summary = UnshadedScores(scores, frozenset({9, 11})).summary()
+    assert (summary["psnr"], summary["flip"], summary[PSNR_SHADED]) == (40.0, 40.0, 20.0)
+    assert {summary[name] for name in TEMPORAL_METRICS if name != "strred"} == {30.0}
 
 
 # --- warping ---
 
 
 def test_a_picture_is_warped_by_motion_and_goes_on_at_the_border() -> None:
-    picture = np.random.default_rng(0).random((36, 64, 3), np.float32)
+    image = np.random.default_rng(0).random((36, 64, 3), np.float32)
     frame = LitScene(velocity=(3.0, -2.0)).frame(1, (64, 36))
-    image = warped(picture, frame)
-    np.testing.assert_allclose(image[:-2, 3:], picture[2:, :-3], atol=1e-6)
-    np.testing.assert_allclose(image[:-2, 0], picture[2:, 0], atol=1e-6)
+    image = warped(image, frame)
+    np.testing.assert_allclose(image[:-2, 3:], image[2:, :-3], atol=1e-6)
+    np.testing.assert_allclose(image[:-2, 0], image[2:, 0], atol=1e-6)
 
 
 def test_what_was_hidden_shows_the_background_nearby() -> None:
@@ -107,27 +107,27 @@ def test_what_was_hidden_shows_the_background_nearby() -> None:
     before, frame = scene.frame(0, (64, 36)), scene.frame(1, (64, 36))
     assert before.color is not None
     assert frame.color is not None
-    image, hidden = warped(before.color, frame), disoccluded(frame, before)
-    filled = with_background(image, frame, before)
-    assert (scene.uncovered(1) & hidden).sum() > 20
-    assert np.abs(image - frame.color)[hidden].mean() > 1.0
-    assert np.abs(filled - frame.color)[hidden].max() < 0.1
-    np.testing.assert_array_equal(filled[~hidden], image[~hidden])
+    image, unshaded = warped(before.color, frame), disoccluded(frame, before)
+    filled = with_background_filled(image, frame, before)
+    assert (scene.uncovered(1) & unshaded).sum() > 20
+    assert np.abs(image - frame.color)[unshaded].mean() > 1.0
+    assert np.abs(filled - frame.color)[unshaded].max() < 0.1
+    np.testing.assert_array_equal(filled[~unshaded], image[~unshaded])
 
 
 def test_what_has_no_background_near_is_left() -> None:
     scene = LitScene(radius=200.0, disc_velocity=(3.0, 0.0))
-    before, picture = scene.frame(0, (64, 36)), np.ones((36, 64, 3), np.float32)
+    before, image = scene.frame(0, (64, 36)), np.ones((36, 64, 3), np.float32)
     behind = replace(scene.frame(1, (64, 36)), depth=np.full((36, 64), 1e-3, np.float32))
-    np.testing.assert_array_equal(with_background(picture, behind, before), picture)
+    np.testing.assert_array_equal(with_background_filled(image, behind, before), image)
 
 
 def test_motion_is_followed_over_hidden_frames_to_the_sample_that_it_led_from() -> None:
     x = np.arange(48, dtype=np.float32)[None, :, None]
     sheared = np.broadcast_to(x * np.array([0.1, -0.05]), (27, 48, 2)).astype(np.float32)
     frame = replace(SCENE.frame(1, SIZE), motion=np.full((27, 48, 2), -1.5, np.float32), jitter=(0.3, -0.1))
-    assert further_back(frame, None, (0.0, 0.0)) is frame.motion
-    total = further_back(frame, sheared, (-0.2, 0.4))
+    assert motion_over_two_frames(frame, None, (0.0, 0.0)) is frame.motion
+    total = motion_over_two_frames(frame, sheared, (-0.2, 0.4))
     places = x - 1.5 + 0.5  # of the samples then: moved, and this jitter less that
     expected = np.broadcast_to(-1.5 + 0.1 * places, (27, 48, 1))[..., 0]
     np.testing.assert_allclose(total[3:, 3:, 0], expected[3:, 3:], atol=1e-5)
@@ -148,7 +148,7 @@ class Taker:
 @pytest.mark.parametrize("filled", [False, True])
 def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(filled: bool) -> None:
     taker: Any = Taker()
-    warping, scene = Warping(taker, Alternation("2:1"), filled=filled), LitScene(velocity=(1.0, -0.5))
+    warping, scene = WarpBaseline(taker, Alternation("2:1"), filled=filled), LitScene(velocity=(1.0, -0.5))
     images = [
         warping.step(ShotFrame(index=index, frame=scene.frame(index, SIZE), **ITEM)) for index in range(7)
     ]

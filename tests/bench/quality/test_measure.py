@@ -119,9 +119,9 @@ def test_a_picture_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is
 
 def test_the_masks_are_those_of_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     shot = write_shot(tmp_path, references=[3])
-    hidden = SCENE.disoccluded(3, DISPLAY)
-    wrong_there = painted(monkeypatch, shot, lambda i: np.where(hidden[..., None], 0, truth(i)))[0].full
-    assert 0.7 * hidden.sum() < wrong_there["pixels_disoccluded"] < 1.3 * hidden.sum()
+    unshaded = SCENE.disoccluded(3, DISPLAY)
+    wrong_there = painted(monkeypatch, shot, lambda i: np.where(unshaded[..., None], 0, truth(i)))[0].full
+    assert 0.7 * unshaded.sum() < wrong_there["pixels_disoccluded"] < 1.3 * unshaded.sum()
     assert wrong_there["psnr_disoccluded"] < wrong_there["psnr"] - 6
     moving_share = wrong_there["pixels_moving"] / (DISPLAY[0] * DISPLAY[1])
     disc_share = np.pi * 8**2 / (64 * 36)  # moves by 0.84 render pixels; the background by 0.38
@@ -194,9 +194,9 @@ def test_the_border_is_left_out_of_the_cropped_scores(
     shot = write_shot(tmp_path, references=[4, 5])
 
     def framed(index: int) -> Float32:
-        picture = truth(index) * (index % 2)
-        metrics.crop(picture, BORDER)[...] = metrics.crop(truth(index), BORDER)
-        return picture
+        image = truth(index) * (index % 2)
+        metrics.crop(image, BORDER)[...] = metrics.crop(truth(index), BORDER)
+        return image
 
     scores = painted(monkeypatch, shot, framed)[-1]
     assert scores.cropped["psnr"] > 60 > 30 > painted(monkeypatch, shot, framed)[0].full["psnr"]

@@ -13,14 +13,14 @@ from supersampler import ArgumentError, SupersamplerError
 from supersampler.io.display import CEILING_DB
 from supersampler_bench.quality import metrics
 
-Picture = NDArray[np.float64]
+Image = NDArray[np.float64]
 
 
-def grey(level: float, size: tuple[int, int] = (20, 24)) -> Picture:
+def grey(level: float, size: tuple[int, int] = (20, 24)) -> Image:
     return np.full((*size, 3), level)
 
 
-def noise(seed: int, size: tuple[int, int] = (20, 24)) -> Picture:
+def noise(seed: int, size: tuple[int, int] = (20, 24)) -> Image:
     return np.random.default_rng(seed).uniform(0, 1, (*size, 3))
 
 
@@ -29,9 +29,9 @@ def test_psnr_of_an_error_of_a_tenth_is_20_db() -> None:
 
 
 def test_psnr_counts_all_three_channels() -> None:
-    picture = grey(0.5)
-    picture[..., 1] += 0.1  # a third of the values, so a third of the error
-    assert metrics.psnr(picture, grey(0.5)) == pytest.approx(20.0 + 10 * math.log10(3))
+    image = grey(0.5)
+    image[..., 1] += 0.1  # a third of the values, so a third of the error
+    assert metrics.psnr(image, grey(0.5)) == pytest.approx(20.0 + 10 * math.log10(3))
 
 
 def test_psnr_of_equal_pictures_is_the_ceiling_and_not_infinite() -> None:
@@ -39,15 +39,15 @@ def test_psnr_of_equal_pictures_is_the_ceiling_and_not_infinite() -> None:
 
 
 def test_psnr_in_a_mask_sees_nothing_outside_it() -> None:
-    picture, mask = grey(0.5), np.zeros((20, 24), bool)
-    picture[:10] = 0.0
-    picture[10:] += 0.01
+    image, mask = grey(0.5), np.zeros((20, 24), bool)
+    image[:10] = 0.0
+    image[10:] += 0.01
     mask[10:] = True
-    assert metrics.psnr(picture, grey(0.5), mask) == pytest.approx(40.0)
-    assert math.isnan(metrics.psnr(picture, grey(0.5), np.zeros((20, 24), bool)))
+    assert metrics.psnr(image, grey(0.5), mask) == pytest.approx(40.0)
+    assert math.isnan(metrics.psnr(image, grey(0.5), np.zeros((20, 24), bool)))
 
 
-def slow_ssim(x: Picture, y: Picture) -> float:
+def slow_ssim(x: Image, y: Image) -> float:
     """Wang et al. 2004, one window at a time."""
     window = np.array([[math.exp(-(i * i + j * j) / 4.5) for i in range(-5, 6)] for j in range(-5, 6)])
     window /= window.sum()
@@ -65,10 +65,10 @@ def slow_ssim(x: Picture, y: Picture) -> float:
 
 
 def test_ssim_is_its_definition_on_bt709_luma() -> None:
-    picture, reference = noise(1), noise(2)
+    image, reference = noise(1), noise(2)
     luma = np.array([0.2126, 0.7152, 0.0722])
-    assert metrics.ssim(picture, reference) == pytest.approx(slow_ssim(picture @ luma, reference @ luma))
-    assert metrics.ssim(picture, picture) == pytest.approx(1.0)
+    assert metrics.ssim(image, reference) == pytest.approx(slow_ssim(image @ luma, reference @ luma))
+    assert metrics.ssim(image, image) == pytest.approx(1.0)
 
 
 def test_ssim_of_two_greys_is_the_luminance_term() -> None:
@@ -82,14 +82,14 @@ def test_ssim_says_when_the_picture_is_smaller_than_its_window() -> None:
 
 def test_flip_is_0_for_equal_pictures_1_at_most_and_local() -> None:
     pytest.importorskip("flip_evaluator")
-    picture = noise(3, (40, 60))
-    assert metrics.flip_map(picture, picture).max() == 0.0
+    image = noise(3, (40, 60))
+    assert metrics.flip_map(image, image).max() == 0.0
     opposite = metrics.flip_map(grey(1.0, (40, 60)), grey(0.0, (40, 60)))
     assert opposite.shape == (40, 60)
     assert 0.9 < opposite.mean() <= 1.0
-    spot = picture.copy()
+    spot = image.copy()
     spot[5:8, 5:8] = 1.0 - spot[5:8, 5:8]
-    errors = metrics.flip_map(spot, picture)
+    errors = metrics.flip_map(spot, image)
     assert errors[6, 6] > 0.1 > 10 * errors[30:, 40:].max()
 
 
@@ -134,7 +134,7 @@ def test_motion_that_is_not_a_number_has_no_past() -> None:
 
 def test_warped_error_is_zero_for_a_pan_and_the_change_otherwise() -> None:
     before = noise(6)
-    after = np.roll(before, 3, axis=1)  # the picture moved right, so it came from the left
+    after = np.roll(before, 3, axis=1)  # the image moved right, so it came from the left
     motion = np.zeros((20, 24, 2), np.float32)
     motion[..., 0] = -3
     valid = np.ones((20, 24), bool)
@@ -153,6 +153,6 @@ def test_warped_error_difference_charges_too_calm_a_picture_as_well() -> None:
 
 
 def test_crop_takes_the_border_off_every_side() -> None:
-    picture = noise(7)
-    np.testing.assert_array_equal(metrics.crop(picture, 8), picture[8:12, 8:16])
-    np.testing.assert_array_equal(metrics.crop(picture, 0), picture)
+    image = noise(7)
+    np.testing.assert_array_equal(metrics.crop(image, 8), image[8:12, 8:16])
+    np.testing.assert_array_equal(metrics.crop(image, 0), image)

@@ -146,7 +146,7 @@ def test_the_command_draws_what_is_wrong_and_fills_every_page(tmp_path: Path) ->
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
     assert set(drawn) == {"curves.png", "errors.png", "classes.png"}
-    assert all(picture.std() > 10.0 for picture in drawn.values())
+    assert all(image.std() > 10.0 for image in drawn.values())
 
 
 def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:

@@ -35,14 +35,14 @@ def scene(time: int) -> NDArray[np.float64]:
     return 255.0 * np.where(disc, np.roll(texture(11), 5 * time, axis=1), texture(1, shift=2 * time))
 
 
-def blurred(picture: NDArray[np.float64]) -> NDArray[np.float64]:
+def blurred(image: NDArray[np.float64]) -> NDArray[np.float64]:
     """A mean of 3x3, six times over."""
     height, width = SIZE
     for _ in range(6):
-        padded = np.pad(picture, 1, mode="edge")
+        padded = np.pad(image, 1, mode="edge")
         shifted = (padded[i : i + height, j : j + width] for i in range(3) for j in range(3))
-        picture = np.mean(list(shifted), axis=0)
-    return picture
+        image = np.mean(list(shifted), axis=0)
+    return image
 
 
 def clip(frame: Callable[[int], NDArray[np.float64]]) -> Clip:

@@ -13,10 +13,10 @@ from typer.testing import CliRunner
 
 from supersampler import ArgumentError
 from supersampler.io.shot import Shot, ShotWriter
-from supersampler_bench.agreement.parity import Apart, parity_record
+from supersampler_bench.agreement.parity import Agreement, parity_record
 from supersampler_bench.cli.app import app
 from supersampler_bench.record import Record, read_record, setting, write_json
-from supersampler_bench.report import image_comparison as pictures
+from supersampler_bench.report import image_comparison as images
 from supersampler_bench.report import quick_measurements as quick
 from supersampler_bench.report.doc_tables import RESULTS, find_all, read_records
 from supersampler_bench.report.image_comparison import split_view
@@ -40,7 +40,7 @@ def of_pareto() -> dict[str, Any]:
 
 
 def of_parity(method: str) -> dict[str, Any]:
-    apart = Apart(method, "host, int8", (32, 18), (64, 36), 10, 1e-3, 1e-3, 50.0, 1e-2)
+    apart = Agreement(method, "host, int8", (32, 18), (64, 36), 10, 1e-3, 1e-3, 50.0, 1e-2)
     return {**parity_record([apart]), **setting()}
 
 
@@ -137,7 +137,7 @@ def test_names_in_records_are_text(tmp_path: Path) -> None:
 
 def test_figures_that_lie_beside_a_record_are_on_the_page(tmp_path: Path) -> None:
     (tmp_path / "parity").mkdir()
-    (tmp_path / "parity" / "some curves.png").write_bytes(b"a picture")
+    (tmp_path / "parity" / "some curves.png").write_bytes(b"a image")
     html = page(tmp_path, {"parity": of_parity("taau")})
     assert f'alt="some curves" src="{PNG}YSBwaWN0dXJl"' in html
 
@@ -178,12 +178,12 @@ def test_quick_makes_the_page_of_what_it_measured_beside_it(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(quick, "_PARTS", {"parity": lambda *_: of_parity("taau")})
-    monkeypatch.setattr(pictures, "split_view", lambda shot: f"pictures of {shot.name}")
+    monkeypatch.setattr(images, "split_view", lambda shot: f"images of {shot.name}")
     answer = CliRunner().invoke(app, ["report", "--quick", "-o", str(tmp_path / "here.html")])
     assert answer.exit_code == 0, answer.output
     assert "parity: measuring" in answer.output
     html = (tmp_path / "here.html").read_text(encoding="utf-8")
-    assert "pictures of plaza" in html
+    assert "images of plaza" in html
     assert "measured quickly</span>" in html
     assert '<section id="speed">' not in html
     assert (tmp_path / "here-records" / "parity.json").is_file()

@@ -12,7 +12,7 @@ from supersampler import ShotError
 from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot, copy_shot, shipped_shot
-from supersampler_bench.shots import test_shots as public_shots
+from supersampler_bench.shots import public_shots
 from supersampler_bench.shots.public_shots import (
     PublicShot,
     TestShots,

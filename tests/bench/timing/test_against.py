@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 from supersampler.cli import app as supersampler
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.app import app
-from supersampler_bench.timing import other_version as side
+from supersampler_bench.timing import other_version as version
 from supersampler_bench.timing.against import (
     COVERAGE,
     FIRST,
@@ -27,7 +27,7 @@ from supersampler_bench.timing.against import (
     _in_turns,
     interval,
 )
-from supersampler_bench.timing.other_version import Side
+from supersampler_bench.timing.other_version import Version
 
 SMALL = (32, 18)
 
@@ -72,7 +72,7 @@ def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
 
 
 def test_each_round_has_new_processes(measured: Measured) -> None:
-    served = [command for command in measured.started if side._SERVE in command]
+    served = [command for command in measured.started if version._SERVE in command]
     assert len(served) == 2 + 2 * 10  # each side once to say what it is
 
 
@@ -101,7 +101,7 @@ def test_the_interval_holds_the_median_as_often_as_it_says() -> None:
 def test_first_images_are_of_programs_with_kernels_kept_and_without(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    sides = Side("this", sys.executable, tmp_path / "a"), Side("other", sys.executable, tmp_path / "b")
+    sides = Version("this", sys.executable, tmp_path / "a"), Version("other", sys.executable, tmp_path / "b")
     empty: list[Path] = []
     filled: list[Path] = []
 
@@ -123,7 +123,9 @@ def test_first_images_are_of_programs_with_kernels_kept_and_without(
 
 def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
     assert (
-        0.0 < Side("other", sys.executable, tmp_path).first_image("bilinear", SMALL, 2.0, fresh=True) < 60e3
+        0.0
+        < Version("other", sys.executable, tmp_path).first_image("bilinear", SMALL, 2.0, fresh=True)
+        < 60e3
     )
 
 
@@ -136,10 +138,10 @@ def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
         ("echo", "no Python: it says"),
     ],
 )
-def test_what_is_no_interpreter_is_one_line(python: str, said: str) -> None:
+def test_what_is_no_interpreter_is_one_line(python: str, stderr: str) -> None:
     result = CliRunner().invoke(supersampler, ["bench", "speed", "--against", python])
     assert result.exit_code == 1
-    assert result.output.startswith(f"error: --against is {python}: {said}")
+    assert result.output.startswith(f"error: --against is {python}: {stderr}")
     assert result.output.count("\n") == 1
 
 
@@ -148,11 +150,11 @@ def test_an_interpreter_without_the_package_is_named(tmp_path: Path, monkeypatch
     monkeypatch.chdir(Path(__file__).parents[3] / "sdk")  # not to be found in the folder we are in either
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3] / "sdk"))
     with pytest.raises(ArgumentError, match="No module named 'supersampler'"):
-        Side("other", str(tmp_path / "bin" / "python"), tmp_path / "cache")
+        Version("other", str(tmp_path / "bin" / "python"), tmp_path / "cache")
 
 
 def test_a_method_that_the_other_version_lacks_and_one_that_dies_are_named(tmp_path: Path) -> None:
-    other = Side("other", sys.executable, tmp_path)
+    other = Version("other", sys.executable, tmp_path)
     with other.process() as process, pytest.raises(ArgumentError, match=r"no-such.*want an interpreter"):
         process.load("no-such", _frames(tmp_path), SMALL, 1)
     with other.process() as process:

@@ -7,7 +7,12 @@ import pytest
 from supersampler_bench.record import setting
 from supersampler_bench.report.doc_tables import blocks_of
 from supersampler_bench.timing.pareto import pareto_record
-from supersampler_bench.timing.pareto_extrapolated import hidden_of, hidden_rows, hidden_table, measure_hidden
+from supersampler_bench.timing.pareto_extrapolated import (
+    measure_unshaded,
+    unshaded_points_of,
+    unshaded_rows,
+    unshaded_table,
+)
 
 
 def extrapolation(*, means: bool = True) -> dict[str, Any]:
@@ -25,7 +30,7 @@ def extrapolation(*, means: bool = True) -> dict[str, Any]:
 
 @pytest.mark.parametrize("means", [True, False])
 def test_only_what_draws_every_second_frame_has_a_time(means: bool) -> None:
-    found = list(hidden_of(extrapolation(means=means)))
+    found = list(unshaded_points_of(extrapolation(means=means)))
     assert [(h.upscaler, h.model) for h in found] == [("taau", "guided-warp"), ("taa:exact", "guided-warp")]
     assert {h.ratio for h in found} == {2.0 if means else 1.5}
     assert found[0].scores["psnr"] == 29.0
@@ -33,23 +38,26 @@ def test_only_what_draws_every_second_frame_has_a_time(means: bool) -> None:
 
 
 def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() -> None:
-    measured = measure_hidden([extrapolation(), {"bench": "quality"}], (48, 27), threads=1, steps=1)
-    assert [h.hidden for h in measured] == sorted(h.hidden for h in measured)
-    assert all(h.shaded > 0.0 and h.hidden > 0.0 for h in measured)
-    record = {**pareto_record([], ["a"], (48, 27), 1), "hidden": hidden_rows(measured), **setting()}
-    assert list(hidden_of(record)) == measured
-    table = hidden_table(record)
+    measured = measure_unshaded([extrapolation(), {"bench": "quality"}], (48, 27), threads=1, steps=1)
+    assert [h.unshaded for h in measured] == sorted(h.unshaded for h in measured)
+    assert all(h.shaded > 0.0 and h.unshaded > 0.0 for h in measured)
+    record = {**pareto_record([], ["a"], (48, 27), 1), "hidden": unshaded_rows(measured), **setting()}
+    assert list(unshaded_points_of(record)) == measured
+    table = unshaded_table(record)
     assert "| 2 | taau | guided-warp | " in table
     assert "| 30.00 | 29.00 | 0.9000 | " in table
     assert blocks_of("pareto", record)["pareto hidden"]() == table
 
 
 def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
-    before: dict[str, Any] = {"bench": "pareto", "hidden": hidden_rows(list(hidden_of(extrapolation())))}
+    before: dict[str, Any] = {
+        "bench": "pareto",
+        "hidden": unshaded_rows(list(unshaded_points_of(extrapolation()))),
+    }
     before["hidden"][0]["scores"]["psnr"] = 20.0
-    measured = measure_hidden([before, extrapolation()], (48, 27), threads=1, steps=1)
+    measured = measure_unshaded([before, extrapolation()], (48, 27), threads=1, steps=1)
     assert sorted((h.upscaler, h.scores["psnr"]) for h in measured) == [("taa:exact", 29.0), ("taau", 29.0)]
 
 
 def test_a_record_in_which_nothing_was_hidden_has_no_table() -> None:
-    assert hidden_table({**pareto_record([], ["a"], (48, 27), 1), **setting()}) == ""
+    assert unshaded_table({**pareto_record([], ["a"], (48, 27), 1), **setting()}) == ""
