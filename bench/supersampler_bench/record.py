@@ -53,7 +53,7 @@ def read_record(path: Path) -> dict[str, Any]:
 
 
 def is_record(path: Path) -> bool:
-    """Tell whether a file is a record that a bench command wrote."""
+    """Return whether a file is a record that a bench command wrote."""
     try:
         read_record(path)
     except ArgumentError:

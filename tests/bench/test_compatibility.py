@@ -121,5 +121,5 @@ def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_
     assert runnable(shipped_shot(), ["taau", name], told.append) == ["taau"]
     assert len(told) == 1
     assert told[0].startswith(f"plaza: {name} is left out: the frames have no base_color at render size")
-    with pytest.raises(ArgumentError, match="one that can draw plaza"):
+    with pytest.raises(ArgumentError, match="one that can upscale plaza"):
         runnable(shipped_shot(), [name], told.append)

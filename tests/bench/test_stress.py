@@ -132,7 +132,7 @@ def test_what_raises_breaks_its_scenario_alone() -> None:
     assert [o.passed for o in outcomes] == [False, True]
     assert outcomes[0].error == "RuntimeError: no device"
     table = markdown_table(stress_record(outcomes, quick=True))
-    assert "- threads, average host: broke. RuntimeError: no device" in table
+    assert "- threads, average cpu: broke. RuntimeError: no device" in table
 
 
 def test_a_shipped_method_passes_where_it_promises_bits() -> None:
@@ -246,7 +246,7 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
         app, [*arguments, "--json", str(tmp_path / "stress.json"), "--update", str(page)]
     )
     assert result.exit_code == 0, result.output
-    assert "| scenario | figure | at most | taa host | taa graph | bilinear graph |" in page.read_text()
+    assert "| scenario | figure | at most | taa cpu | taa onnx | bilinear onnx |" in page.read_text()
     assert "| threads | One thread, two, three, five:" in page.read_text()
     assert "| threads | apart |" in result.output
     assert "One thread, two, three, five:" not in result.output, "what is done is for the page"

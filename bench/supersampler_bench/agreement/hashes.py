@@ -1,7 +1,7 @@
-"""Hashes of images and histories: what shows that a version draws, bit for bit, what another drew.
+"""Hashes of images and histories, which show whether two versions compute the same, bit for bit.
 
 Hashes depend on the processor's instructions, on ONNX Runtime and on numba, so records are compared on the
-machine that wrote them. Where hashes differ, sketches tell by how much: a sketch is the sum of an image's
+machine that wrote them. Where hashes differ, sketches show by how much: a sketch is the sum of an image's
 values with random signs, so the squared difference of two sketches is on average the squared difference of
 the images, and no image has to be kept.
 """
@@ -31,11 +31,11 @@ SIZES: tuple[tuple[Size, Size], ...] = (
     ((45, 27), (131, 77)),
     ((123, 67), (187, 103)),
 )
-"""Render and display sizes; methods of one ratio draw that many times the render size instead."""
+"""Render and display sizes; methods of one ratio have that multiple of the render size instead."""
 MEASURED = (53, 31)
 """Render size of the frames without exposure: the method measures it."""
 EXTRAPOLATED = tuple(product(("classifier", "extrapolate"), ("guided-warp", "guided-flow")))
-"""Models beside what draws every second frame for them, which is not shaded."""
+"""Upscalers and the models that extrapolate every second frame for them."""
 RUNS: tuple[tuple[ExecutorName, Precision, Skip], ...] = (
     ("onnx", "fp32", "exact"),
     ("onnx", "fp16", "exact"),
@@ -48,7 +48,7 @@ _SIGNS = 8  # sketches of a run
 
 @dataclass(frozen=True)
 class Subject:
-    """What draws: a shipped model, how it runs, and what draws unshaded frames for it, if anything."""
+    """A shipped model, how it runs, and the model that extrapolates unshaded frames for it, if any."""
 
     method: str
     extrapolation: str | None
@@ -66,7 +66,7 @@ class Hashed:
     """One subject's images at one size.
 
     Attributes:
-        subject: what drew them.
+        subject: model and how it ran.
         render: (width, height) of the frames.
         display: of the images.
         frames: SHA-256 of each image.
@@ -120,10 +120,10 @@ def measure_hashes(
     *,
     on_run: Callable[[], None] = lambda: None,
 ) -> list[Hashed]:
-    """Draw `FRAMES` frames by each subject at each size.
+    """Step each subject through `FRAMES` frames at each size.
 
     Args:
-        measured: what draws.
+        measured: models and how they run.
         sizes: render and display sizes, (width, height).
         on_run: called after each subject and size.
     """

@@ -24,7 +24,7 @@ DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
 """Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
 _NO_NAMES = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
-"""Parts that tell no row from another, as they change with what is measured."""
+"""Keys that do not identify a row, as their values change from run to run."""
 CONTAINERS = (
     "shots",
     "means",
@@ -95,7 +95,7 @@ def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def _identity(item: Mapping[str, Any]) -> str:
-    """What tells a row from its neighbours: all that is no score."""
+    """The identity of a row: all of its values that are no scores."""
     words = []
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
@@ -110,7 +110,7 @@ def _identity(item: Mapping[str, Any]) -> str:
 
 
 def _is_size(value: Any) -> bool:
-    """Whether it is (width, height): longer lists, of frames, say, tell no row from another."""
+    """Whether it is (width, height): longer lists, as of frames, do not identify a row."""
     return isinstance(value, list) and len(value) == 2 and all(isinstance(part, int) for part in value)
 
 

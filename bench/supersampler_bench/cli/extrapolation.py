@@ -12,25 +12,24 @@ from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
 def extrapolation(
     shot: SHOT,
     methods: Annotated[
-        str, typer.Option(help="That upscale: shipped models or model folders, with commas between.")
+        str, typer.Option(help="Upscalers: shipped models or model folders, with commas between.")
     ] = "classifier,taau",
     models: Annotated[
-        str, typer.Option(help="That draw hidden frames: shipped models or model folders, likewise.")
+        str, typer.Option(help="That extrapolate: shipped models or model folders, likewise.")
     ] = "guided-warp",
     alternation: Annotated[
-        str, typer.Option(help="Hidden frames to a shaded one, with commas between.")
+        str, typer.Option(help="Unshaded frames to a shaded one, with commas between.")
     ] = "1:1,2:1",
     ratio: RATIO = "2",
     cache: CACHE = None,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Hide the colour of every second frame, or of two of three, and hold what is shown against references.
+    """Leave out the colour of every second frame, or of two of three, and score their images.
 
-    Shown are the last image, warped by motion; the same, where what was hidden shows the nearest
-    background; what the methods make of colours that each model draws; and, as the bar, of all frames shaded.
-    Figures are of hidden frames, but for frames between, the shaded ones, and tPSNR.
-    Frames need the G-buffers that the models read.
+    Compared are: extrapolation by each model, upscaled by each method; the last image warped by motion; the
+    same with disoccluded pixels filled from the background; and, as the limit, all frames shaded.
+    Scores are of the unshaded frames; tPSNR is of all. Frames need the G-buffers that the models read.
 
     \b
     Examples:
@@ -46,7 +45,7 @@ def extrapolation(
     name, opened = opened_shots(shot, cache, ratio)
     tables = {f"extrapolation {name}": markdown_table}
     check_page(update, tables)
-    upscalers, drawing, alternations = listed(methods), listed(models), listed(alternation)
+    upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
         total = len(alternations) * sum(len(one) for one, _ in opened)
         task = progress.add_task("frames", total=total)
@@ -54,7 +53,7 @@ def extrapolation(
             measure_extrapolation(
                 one,
                 upscalers,
-                drawing,
+                extrapolators,
                 alternations,
                 origin=origin,
                 on_left_out=warn,
@@ -62,4 +61,4 @@ def extrapolation(
             )
             for one, origin in opened
         ]
-    publish(extrapolation_record(measured, drawing), tables, json, update)
+    publish(extrapolation_record(measured, extrapolators), tables, json, update)

@@ -1,4 +1,4 @@
-"""`supersampler bench hashes`: whether a version draws, bit for bit, what another drew."""
+"""`supersampler bench hashes`: whether two versions compute the same images, bit for bit."""
 
 from pathlib import Path
 from typing import Annotated
@@ -23,7 +23,7 @@ def hashes(
         typer.Option(metavar="RECORD", help="Compare with this earlier record; fail where anything differs."),
     ] = None,
 ) -> None:
-    """Hash every image that the shipped models draw, at five sizes, in every way that they run on a CPU.
+    """Hash every image of the shipped models, at five sizes, in every way that they run on a CPU.
 
     Hashes depend on the processor: compare records of one machine. bench/results/today has those that later
     versions are compared with.
@@ -51,7 +51,7 @@ def hashes(
     chosen = None if methods is None else listed(methods)
     hashed = subjects(chosen)
     with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("drawing", total=len(SIZES) * len(hashed))
+        task = progress.add_task("runs", total=len(SIZES) * len(hashed))
         results = measure_hashes(hashed, SIZES, on_run=lambda: progress.advance(task))
     record = hashes_record(results)
     publish(record, {"hashes": markdown_table}, json, None)

@@ -45,11 +45,11 @@ def quality(
 ) -> None:
     """Compare the images of methods with a shot's references.
 
-    PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR where
-    something was hidden a frame ago, where the light changes, where one sample does not tell the colour, and
-    where the image moves; and what a classifier took pixels for. All on images as a screen shows them:
-    exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean. docs/quality.md has
-    what each metric is. Methods that cannot draw a shot, at its ratio or without its G-buffers, are left out.
+    PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR of
+    disoccluded, relit, aliased and moving pixels; and predicted against true classes. All after the display
+    transform: exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean.
+    docs/quality.md has
+    what each metric is. Methods that cannot upscale a shot, at its ratio or with its G-buffers, are left out.
 
     \b
     Examples:

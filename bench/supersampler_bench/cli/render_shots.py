@@ -33,7 +33,7 @@ def shots(
 
     Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. A
     run that was stopped goes on when the same command is given again. The pixels' hashes are compared with
-    the frozen ones; other drivers than theirs draw slightly other pixels, which is said.
+    the frozen ones; another driver renders slightly different pixels, which gives a warning.
     """
     from supersampler_bench.shots.render_test_shots import frames_there, render_test_shots
 

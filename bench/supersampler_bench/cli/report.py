@@ -32,7 +32,7 @@ def tables(
     for block in find_all(root):
         what = f"{block.page}: {block.name}"
         if block.wanted is None:
-            _say(f"{what}: left alone: {block.problem}")
+            _print(f"{what}: left alone: {block.problem}")
         if block.is_recorded:
             continue
         wrong += 1
@@ -78,16 +78,16 @@ def report(
         from supersampler_bench.report.quick_measurements import measure_quickly
 
         folder = results or output.parent / f"{output.stem}-records"
-        measure_quickly(folder, lambda name, said: _say(f"{name}: {said}"))
+        measure_quickly(folder, lambda name, message: _print(f"{name}: {message}"))
     else:
         folder = results or RESULTS
     records = read_records(folder)
     if not quick and "pareto" not in records and SHIPPED_PARETO.is_file():
         records["pareto"] = read_record(SHIPPED_PARETO)
-    with ERRORS.status("drawing"):
+    with ERRORS.status("writing"):
         write_page(output, records, folder, split_view(shipped_shot()))
     Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
 
 
-def _say(text: str) -> None:
+def _print(text: str) -> None:
     ERRORS.print(text, soft_wrap=True, markup=False)

@@ -191,21 +191,21 @@ def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alte
     def way(name: str, show: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
         return Stepper(f"{upscaler}, {name}", lambda item: StepImage(show(item)), gbuffers)
 
-    def drawn(model: str) -> Stepper:
-        drawing = _made(upscaler, display, extrapolation=model)
+    def extrapolated(model: str) -> Stepper:
+        extrapolating = _made(upscaler, display, extrapolation=model)
 
         def show(item: ShotFrame) -> Float32:
             if alternation.leaves_unshaded(item):
-                return drawing.extrapolate(replace(item.frame, color=None))
-            return drawing.step(item.frame)
+                return extrapolating.extrapolate(replace(item.frame, color=None))
+            return extrapolating.step(item.frame)
 
-        return way(read_model_info(find_model(model)).method, show, drawing.gbuffers)
+        return way(read_model_info(find_model(model)).method, show, extrapolating.gbuffers)
 
     return [
         way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers),
         way("warp", plain.step, shaded.gbuffers),
         way("warp, filled", filled.step, shaded.gbuffers),
-        *map(drawn, models),
+        *map(extrapolated, models),
     ]
 
 
@@ -226,7 +226,7 @@ class WarpBaseline:
 
     Args:
         upscaler: of the shaded ones.
-        alternation: says which are.
+        alternation: which frames are unshaded.
         filled: whether disoccluded pixels are filled from the nearest background.
     """
 

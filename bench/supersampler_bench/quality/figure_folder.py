@@ -12,10 +12,10 @@ from supersampler_model.data.shots import variant_name
 
 
 class FigureFolder:
-    """Draws into a folder; what is there under the same names is replaced.
+    """Writes figures into a folder, over those of the same names.
 
     Args:
-        folder: made when something is drawn.
+        folder: made with the first figure.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -63,7 +63,7 @@ class StepImage:
 
 
 class Stepper(NamedTuple):
-    """What draws the frames of a shot, in order, and the names of the G-buffers that it reads."""
+    """What makes images of a shot's frames in order, and the names of the G-buffers that it reads."""
 
     name: str
     step: Callable[[ShotFrame], StepImage]
@@ -105,7 +105,7 @@ def measure_steppers(
     watch: Callable[[ScoredImage], None] = lambda _: None,
     on_frame: Callable[[int], None] | None = None,
 ) -> list[MethodScores]:
-    """Do what `measure_quality` does, with whatever draws."""
+    """Do what `measure_quality` does, for any steppers."""
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
     frames: list[list[FrameScores]] = [[] for _ in steppers]
     truths = _Truths(reference_size(shot))
@@ -126,7 +126,7 @@ def measure_steppers(
 
 
 def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
-    """Return those of some methods that can draw a shot, as `measure_quality` takes them.
+    """Return those of some methods that can upscale a shot, as `measure_quality` takes them.
 
     Args:
         shot: at least one frame with a reference.
@@ -142,7 +142,7 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
         on_left_out(f"{shot.name}: {reason}")
     kept = [method for method in methods if not reasons[method]]
     if not kept:
-        raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can draw {shot.name}")
+        raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can upscale {shot.name}")
     return kept
 
 

@@ -1,4 +1,4 @@
-"""What a coarser precision of the learned part costs at the end of long sequences, against references."""
+"""PSNR lost by fp16 and int8 networks at the end of long sequences, against references."""
 
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
@@ -24,7 +24,7 @@ from supersampler_model.data.shots import render_size
 from supersampler_model.data.specs import SequenceSpec
 
 PRECISIONS: tuple[Precision, ...] = ("fp32", "fp16", "int8")
-"""The first is what the others are compared with."""
+"""The first is the baseline of the others."""
 SCORED = 24  # frames at the end that have references
 
 
@@ -48,7 +48,7 @@ class Scored:
 
 
 class _Runner:
-    """One way to draw a sequence."""
+    """One method in one precision."""
 
     def __init__(self, method: str, precision: Precision, display: Size) -> None:
         model = Model.load(method, providers="cpu", precision=precision)
@@ -58,7 +58,7 @@ class _Runner:
         self.tpsnr: list[float] = []
 
     def step(self, frame: Frame, truth: Float32 | None, before: Float32 | None) -> None:
-        """Draw a frame; it counts where its truth, shown, is known."""
+        """Step; the frame counts where its reference is known."""
         shown = display_transform(self._upscaler.step(frame), frame.exposure or 1.0)
         if truth is not None:
             self.psnr.append(psnr(shown, truth))
@@ -77,7 +77,7 @@ def measure_precision(
     samples: int = 64,
     on_frame: Callable[[], None] = lambda: None,
 ) -> list[Scored]:
-    """Draw each sequence in all precisions, each with a history of its own.
+    """Step through each sequence in all precisions, each with its own history.
 
     Args:
         families: of the test shots, made longer.

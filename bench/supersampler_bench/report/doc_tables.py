@@ -96,7 +96,7 @@ class Block:
         page: the file.
         name: of the block.
         text: what stands there.
-        wanted: what its record says; None where there is no record of this version.
+        wanted: the text by its record; None where there is no record of this version.
         problem: why there is none.
     """
 

@@ -53,16 +53,16 @@ def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
 def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
     if len({shot.get("ratio") for shot in record["shots"]}) > 1:
         return []  # what is compared there is ratios; curves of each shot at each would bury it
-    drawn = []
+    curves = []
     for number, shot in enumerate(record["shots"]):
         path = folder / f"curves-{number}.png"
         draw_curves(sizes(shot), [method_scores(row) for row in shot["methods"]], path)
-        drawn.append((f"{sizes(shot)}: over the frames", path))
-    return drawn
+        curves.append((f"{sizes(shot)}: over the frames", path))
+    return curves
 
 
 def draw_speed(results: Sequence[Timed], path: Path) -> None:
-    """Draw a panel for each size and number of threads: a bar for each method, parted by stage.
+    """Draw a panel for each size and number of threads: a bar for each method, split by stage.
 
     Args:
         results: at least one with stages; graphs have none, and are left out.

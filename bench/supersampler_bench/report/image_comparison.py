@@ -17,7 +17,7 @@ FRAMES = (15, 23, 31)
 
 
 def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[int] = FRAMES) -> str:
-    """Draw a shot with each method and return the HTML of a page that compares some of its frames.
+    """Upscale a shot with each method and return the HTML of a page that compares some of its frames.
 
     Args:
         shot: with references.
@@ -47,6 +47,6 @@ def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[in
                     truth = display_transform(item.reference, exposure)
                     shown = {name: display_transform(image, exposure) for name, image in images.items()}
                     layers = {"input": display_transform(item.frame.color, exposure), "reference": truth}
-                    pictures = {**layers, **shown}
-                    page.add(item.index, {name: to_uint8(picture) for name, picture in pictures.items()})
+                    layers |= shown
+                    page.add(item.index, {name: to_uint8(layer) for name, layer in layers.items()})
         return path.read_text(encoding="utf-8")

@@ -38,23 +38,17 @@ class Section:
 
 
 SECTIONS = (
-    Section("quality", "Quality", "Pictures as a screen shows them, held against references."),
-    Section("pareto", "Time and error", "What no other setting beats in both, and the presets that follow."),
-    Section(
-        "extrapolation", "Frames that were not shaded", "Drawn or warped, against references, and all shaded."
-    ),
-    Section("drawn", "Colours that were drawn", "At render size, against the same samples, shaded."),
-    Section("speed", "Speed", "A step on the processor, beside variance clipping (`taa`) in the same run."),
-    Section("start", "First picture", "From a program's first line, with kernels to compile, and later."),
-    Section("device", "Devices", "A step of the graph, with frame and picture in the device's memory."),
-    Section("skip", "Skipping", "What is saved where nothing moves, and what it costs."),
-    Section("stress", "Stress", "Methods run for long and treated badly; what is out of its bound is bold."),
-    Section("parity", "Parity", "How far the graph and the kernels are from torch, over long sequences."),
-    Section("precision", "Precision", "What halves and bytes cost at the end of long sequences."),
-    Section("parts", "Parts", "What each part of a method costs, in torch."),
+    Section("quality", "Quality", "Images after the display transform, against references."),
+    Section("pareto", "Time and error", "Settings that no other beats in both, and the presets."),
+    Section("extrapolation", "Unshaded frames", "Extrapolated or warped, against references."),
+    Section("speed", "Speed", "A step on the CPU, beside variance clipping (`taa`) in the same run."),
+    Section("startup", "First-frame time", "From the start of a process, with cold and warm kernel cache."),
+    Section("device", "Devices", "A step of the ONNX backend, with frame and image in device memory."),
+    Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
+    Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
+    Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
+    Section("precision", "Precision", "Loss of fp16 and int8 at the end of long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
-    Section("ablation", "Ablation", "One choice changed at a time."),
-    Section("render", "Training data", "How many samples are rendered in an hour."),
 )
 _OPENED = ("pareto", "speed")
 """Benches whose first figure is seen at once."""
@@ -62,7 +56,7 @@ _COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
 
 
 def is_page(path: Path) -> bool:
-    """Tell whether a file begins as pages of `write_page` do."""
+    """Return whether a file begins as pages of `write_page` do."""
     head = files("supersampler_bench.report").joinpath("report.html").read_bytes().partition(b"</title>")[0]
     try:
         with path.open("rb") as file:
@@ -71,19 +65,25 @@ def is_page(path: Path) -> bool:
         return False
 
 
-def write_page(path: Path, records: Mapping[str, Record], results: Path, pictures: str) -> None:
+def write_page(path: Path, records: Mapping[str, Record], results: Path, comparison: str) -> None:
     """Write the page, whole or not at all.
 
     Args:
         path: of the page.
         records: by the names of their files.
         results: their folder. PNG files in a folder of a record's name in it are figures of that record.
-        pictures: HTML of `split_view`.
+        comparison: HTML of `split_view`.
 
     Raises:
         ShotError: the page cannot be written.
     """
-    parts = [_head(records), *_sections(records, results), _pictures(pictures), _machines(records), _foot()]
+    parts = [
+        _head(records),
+        *_sections(records, results),
+        _comparison(comparison),
+        _machines(records),
+        _foot(),
+    ]
     template = files("supersampler_bench.report").joinpath("report.html").read_text("utf-8")
     with replacing(path) as partial:
         partial.write_text(
@@ -94,7 +94,7 @@ def write_page(path: Path, records: Mapping[str, Record], results: Path, picture
 def _head(records: Mapping[str, Record]) -> str:
     known = {record["bench"] for record in records.values()}
     parts = [(s.bench, s.title) for s in SECTIONS if s.bench in known]
-    links = [*parts, ("pictures", "Pictures"), ("machine", "Machine and versions")]
+    links = [*parts, ("images", "Images"), ("machine", "Machine and versions")]
     items = "".join(f'<li><a href="#{anchor}">{escape(title)}</a></li>' for anchor, title in links)
     return "\n".join(
         [
@@ -152,12 +152,12 @@ def _table(maker: Callable[[], str]) -> str:
 def _figures(name: str, record: Record, results: Path) -> str:
     with tempfile.TemporaryDirectory() as folder:
         opened = record["bench"] in _OPENED
-        drawn = [
+        figures = [
             _figure(title, path, opened=opened and number == 0)
             for number, (title, path) in enumerate(draw_record(record, Path(folder)))
         ]
     kept = [_figure(path.stem, path) for path in sorted((results / name).rglob("*.png"))]
-    return "\n".join([*drawn, *kept])
+    return "\n".join([*figures, *kept])
 
 
 def _figure(title: str, path: Path, *, opened: bool = False) -> str:
@@ -166,13 +166,13 @@ def _figure(title: str, path: Path, *, opened: bool = False) -> str:
     return f"<details{' open' * opened}><summary>{escape(title)}</summary><figure>{image}</figure></details>"
 
 
-def _pictures(view: str) -> str:
+def _comparison(view: str) -> str:
     return "\n".join(
         [
-            '<section id="pictures"><h2>Pictures</h2>',
-            "<p>The shipped shot, drawn when this page was made: any two of its input, the reference and "
+            '<section id="images"><h2>Images</h2>',
+            "<p>The shipped shot, upscaled when this page was made: any two of its input, the reference and "
             "the methods, left and right of a line that can be dragged; the wheel zooms.</p>",
-            f'<iframe title="Pictures side by side" srcdoc="{escape(view)}"></iframe>',
+            f'<iframe title="Images side by side" srcdoc="{escape(view)}"></iframe>',
             "</section>",
         ]
     )

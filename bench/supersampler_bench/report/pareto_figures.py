@@ -15,7 +15,7 @@ _NEAR = 0.04  # of a time, and of the range of scores: within it points share a 
 
 
 def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:
-    """Write `folder`/pareto-METRIC.png: a panel for each ratio, its frontier drawn, what is beaten grey.
+    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; beaten settings are grey.
 
     Args:
         points: all settings.

@@ -21,8 +21,8 @@ NAME = "test-shots"
 CACHE_VARIABLE = "SUPERSAMPLER_CACHE"
 FROZEN = Path(__file__).parent / "frozen.json"
 """The hashes of the pixels that every published number was measured on."""
-DRAWN = "drawn.json"
-"""In each shot's folder: by what it is drawn."""
+PROVENANCE = "drawn.json"
+"""File in each shot's folder: the driver and the settings that it was rendered with."""
 _HOW = "`supersampler bench shots` renders it."
 
 
@@ -55,7 +55,7 @@ class TestShots:
     samples: int = 64
 
     def facts(self, family: str) -> dict[str, Any]:
-        """Return what one shot is drawn from, ready for JSON."""
+        """Return the settings of one shot, ready for JSON."""
         return {
             "family": family,
             "seed": self.seeds[family],
@@ -75,10 +75,10 @@ class PublicShot:
     Attributes:
         shot: the frames.
         ratio: display over render size.
-        driver: the OpenGL that drew it.
+        driver: the OpenGL that rendered it.
         digest: SHA-256 of its pixels.
         frozen: what that should be; None where nothing is frozen for it.
-        frozen_driver: what drew the frozen pixels.
+        frozen_driver: the OpenGL of the frozen pixels.
     """
 
     shot: Shot
@@ -94,7 +94,7 @@ class PublicShot:
         return self.digest == self.frozen
 
     def warning(self) -> str | None:
-        """Say in one line what is to be known before numbers are compared; None where all is well."""
+        """Return what to know before comparing numbers; None where the pixels are the frozen ones."""
         name = f"{self.shot.name} at {variant_name(self.ratio)}"
         if self.as_frozen:
             return None
@@ -102,16 +102,16 @@ class PublicShot:
             return f"{name}: no hash is frozen for it; its pixels have {self.digest[:12]}"
         if self.driver != self.frozen_driver:
             return (
-                f"{name}: drawn by {self.driver}, the frozen pixels by {self.frozen_driver}. "
+                f"{name}: rendered by {self.driver}, the frozen pixels by {self.frozen_driver}. "
                 "Figures differ slightly from the published ones"
             )
         return (
-            f"{name}: its pixels are not the frozen ones, though drawn by the same driver: the renderer or a "
-            "scene has changed, or files are damaged. Do not compare its figures with published ones"
+            f"{name}: its pixels are not the frozen ones, though rendered by the same driver: the renderer or "
+            "a scene has changed, or files are damaged. Do not compare its figures with published ones"
         )
 
     def origin(self) -> dict[str, Any]:
-        """Return what a record tells of the pixels."""
+        """Return the facts of the pixels for a record."""
         return {
             "ratio": self.ratio,
             "driver": self.driver,
@@ -162,8 +162,8 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
         raise ShotError(path, f"no test shot has the ratio {ratio:g}", f"They are made at {made}.")
     if not path.exists():
         raise ShotError(path, f"the test shot {family} at ratio {ratio:g} is not there", _HOW)
-    drawn, shot = read_drawn(folder), Shot.open(path)
-    if {name: drawn.get(name) for name in shots.facts(family)} != shots.facts(family):
+    provenance, shot = read_provenance(folder), Shot.open(path)
+    if {name: provenance.get(name) for name in shots.facts(family)} != shots.facts(family):
         raise ShotError(path, "is of another version of the test shots", f"Delete {folder}: {_HOW}")
     if len(shot) < shots.frames:
         raise ShotError(path, f"has {len(shot)} of {shots.frames} frames", _HOW)
@@ -171,16 +171,16 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
     return PublicShot(
         shot=shot,
         ratio=ratio,
-        driver=drawn["driver"],
+        driver=provenance["driver"],
         digest=pixel_hash(shot),
         frozen=content.get("pixels_sha256", {}).get(family, {}).get(variant_name(ratio)),
         frozen_driver=content.get("driver"),
     )
 
 
-def read_drawn(folder: Path) -> dict[str, Any]:
-    """Return what a shot's folder says of what drew it; nothing where it says nothing."""
-    return _json(folder / DRAWN)
+def read_provenance(folder: Path) -> dict[str, Any]:
+    """Return the driver and the settings of a shot's folder; {} where it has none."""
+    return _json(folder / PROVENANCE)
 
 
 def pixel_hash(shot: Shot) -> str:
@@ -204,11 +204,13 @@ def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
     """Make the pixels of these shots the ones that numbers are published for, and return them as such.
 
     Raises:
-        ShotError: they were drawn by several drivers, or the file cannot be written.
+        ShotError: they were rendered by several drivers, or the file cannot be written.
     """
     drivers = sorted({shot.driver for shot in shots})
     if len(drivers) != 1:
-        raise ShotError(path, f"the shots were drawn by {' and '.join(drivers)}", "One must draw them all.")
+        raise ShotError(
+            path, f"the shots were rendered by {' and '.join(drivers)}", "One must render them all."
+        )
     hashes: dict[str, dict[str, str]] = {}
     for shot in shots:
         hashes.setdefault(shot.shot.name, {})[variant_name(shot.ratio)] = shot.digest

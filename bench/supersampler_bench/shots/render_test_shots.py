@@ -8,7 +8,7 @@ from pathlib import Path
 
 from supersampler.errors import ShotError
 from supersampler.io.atomic import replacing
-from supersampler_bench.shots.public_shots import DRAWN, TestShots, read_drawn, shot_folder
+from supersampler_bench.shots.public_shots import PROVENANCE, TestShots, read_provenance, shot_folder
 from supersampler_model.data.processes import OnFrame, run_parts
 from supersampler_model.data.renderer.context import Graphics, open_graphics
 from supersampler_model.data.renderer.renderer import Renderer
@@ -24,7 +24,7 @@ def render_test_shots(
     Args:
         cache: folder of all that can be made again.
         shots: which.
-        workers: processes; software OpenGL draws with cores / workers threads in each.
+        workers: processes; software OpenGL renders with cores / workers threads in each.
         on_progress: called after each frame with the number of frames that are there, of all shots.
 
     Raises:
@@ -49,17 +49,17 @@ def render_test_shot(
     """Render the frames of one shot that are not there yet, at all ratios.
 
     Raises:
-        ShotError: the shot that is there was drawn by another driver or from other numbers; a full disk.
+        ShotError: the shot that is there was rendered by another driver or from other numbers; a full disk.
         GraphicsError: there is no OpenGL.
     """
     graphics = graphics or open_graphics()
     folder, facts = shot_folder(cache, family), {**shots.facts(family), "driver": driver_name(graphics)}
-    there = read_drawn(folder) or facts
+    there = read_provenance(folder) or facts
     for name, value in facts.items():
         if there.get(name) != value:
             problem = f"the shot that is there has the {name} {there.get(name)}; this run's is {value}"
             raise ShotError(folder, problem, "Delete the folder, or name another cache.")
-    with replacing(folder / DRAWN) as partial:
+    with replacing(folder / PROVENANCE) as partial:
         partial.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8", newline="\n")
     spec = SequenceSpec(family=family, seed=shots.seeds[family], frames=shots.frames)
     renderer = Renderer(shots.display_size, samples=shots.samples, graphics=graphics)
@@ -68,7 +68,7 @@ def render_test_shot(
 
 
 def driver_name(graphics: Graphics) -> str:
-    """Return what draws: the device and the driver's version."""
+    """Return the device and the version of its driver."""
     with graphics.gl:
         info = graphics.gl.info
     return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"

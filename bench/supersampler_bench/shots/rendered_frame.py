@@ -15,15 +15,15 @@ def rendered_frame(
     reset: bool = False,
     gbuffers: bool = False,
 ) -> Frame:
-    """Draw a scene at render size, with its camera's exposure.
+    """Render a scene at render size, with its camera's exposure.
 
     Args:
-        renderer: draws it.
+        renderer: of the scene.
         scene: as it is in this frame.
         size: (width, height), render pixels.
         jitter: (x, y) render pixels, in [-0.5, 0.5].
         reset: whether the frame is the first after a cut.
-        gbuffers: whether those of display size are drawn, too.
+        gbuffers: whether to render those of display size, too.
     """
     color, surfaces = renderer.frame(scene, size, jitter=jitter)
     display = renderer.display(scene) if gbuffers else None

@@ -1,4 +1,4 @@
-"""What a run of scenarios says: a table, a record, a sheet of curves for each family."""
+"""Results of a stress run: a table, a record, a sheet of curves for each family."""
 
 from collections.abc import Sequence
 from dataclasses import asdict

@@ -82,15 +82,15 @@ def runs(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[tup
 
 
 def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[str]:
-    """Say of each subject which scenarios ask for ratios that it does not draw at, if any do."""
+    """Return a warning for each subject that does not support the ratios of some scenarios."""
     texts = []
     for subject in subjects:
         names = [scenario.name for scenario in scenarios if not scenario.supports(subject)]
         low, high = subject.ratios
-        images = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
+        ratios = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
         if names:
             texts.append(
-                f"{subject.method} {subject.executor}, which draws at ratios of {images}, is left out of "
+                f"{subject.method} {subject.executor}, whose ratios are {ratios}, is left out of "
                 f"{', '.join(names)}"
             )
     return texts

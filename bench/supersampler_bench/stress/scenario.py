@@ -117,7 +117,7 @@ class Trial:
 
     @property
     def render(self) -> Size:
-        """Render size at ratio 2, or the ratio nearest to it that the subject draws at."""
+        """Render size at ratio 2, or the ratio nearest to it that the subject supports."""
         low, high = self.subject.ratios
         ratio = min(max(2.0, low), high)
         return round(self.display[0] / ratio), round(self.display[1] / ratio)
@@ -162,13 +162,13 @@ class Scenario:
     Attributes:
         name: of a few words.
         curve: what its curve shows, over what: "y / x".
-        run: does it, and says what in its docstring.
+        run: runs it; its docstring is the description.
         cpu, onnx: frames on that backend; the ONNX backend is much slower.
         quick: frames of a short run in any; 0: it is left out there.
-        remembers: only of methods with a past.
+        remembers: only of methods with a history.
         pairs: only of subjects that are compared with single precision.
         same_size: the ONNX backend has images as large as the CPU backend.
-        logarithmic: whether its curve is drawn so.
+        logarithmic: whether its curve has a logarithmic axis.
         ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
     """
 
@@ -190,7 +190,7 @@ class Scenario:
         return " ".join((inspect.getdoc(self.run) or "").split())
 
     def suits(self, subject: Subject) -> bool:
-        """Whether it makes sense for this one, which draws at its ratios."""
+        """Whether it makes sense for this subject, and at its ratios."""
         if not self.supports(subject):
             return False
         if self.pairs:
@@ -198,7 +198,7 @@ class Scenario:
         return subject.remembers or not self.remembers
 
     def supports(self, subject: Subject) -> bool:
-        """Whether the subject draws at all ratios that it asks for."""
+        """Whether the subject supports all ratios that it asks for."""
         if self.ratios is None:
             return True
         return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]

@@ -27,7 +27,7 @@ RATIO = 2.0
 PERIOD = jitter_phase_count(RATIO)
 LAP = 40  # frames in which the moving scene comes back
 LOOP = lcm(PERIOD, LAP)
-"""Frames after which scene and jitter are both as they were: what is drawn of them must repeat, too."""
+"""Frames after which scene and jitter are both as they were: their images must repeat, too."""
 STILL: Scene = WiresOverPlane(Plane(checker))
 
 

@@ -25,7 +25,7 @@ def threads(trial: Trial) -> Measured:
 
 
 def interleaved(trial: Trial) -> Measured:
-    """Two sessions of one model, step by step in turns, then on two threads: each draws as if alone."""
+    """Two sessions of one model, step by step in turns, then on two threads: both are as if alone."""
     inputs = [_frames(f, trial.frames) for f in (moving(trial.render), real(trial.render))]
     expected = [_images(trial.begin(), frames) for frames in inputs]
     one, other = trial.begin(), trial.begin()

@@ -44,10 +44,10 @@ def _psnr_of_average(frames: Sequence[Frame], display: Size, wanted: Float32) ->
     (width, height), (w, h) = display, frames[0].size
     rows, columns = np.arange(height)[:, None] * h // height, np.arange(width) * w // width
     singles = [np.asarray(frame.color, np.float32)[rows, columns] for frame in frames]
-    past, scores = singles[0], []
+    average, scores = singles[0], []
     for single in singles * AVERAGED:
-        past = (1.0 - EMA) * past + EMA * single
-        scores.append(decibels(float(np.mean((display_transform(past) - wanted) ** 2))))
+        average = (1.0 - EMA) * average + EMA * single
+        scores.append(decibels(float(np.mean((display_transform(average) - wanted) ** 2))))
     return float(np.mean(scores[-len(frames) :]))
 
 

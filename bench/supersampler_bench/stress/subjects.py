@@ -25,7 +25,7 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
     Args:
         methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
-            hides every second frame from `taau`, and has the other draw its colour.
+            is `taau` with every second frame unshaded and extrapolated by the other.
         executors: of the first.
     """
     return [subject for method in methods for subject in _of(method, executors)]

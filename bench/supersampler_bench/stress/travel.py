@@ -37,7 +37,7 @@ SWAY = PERIOD  # frames in one direction
 
 
 def cuts(trial: Trial) -> Measured:
-    """Every frame is a cut: each image is what a new session draws."""
+    """Every frame is a cut: each image is that of a new session."""
     session = trial.begin()
     curve = []
     for frame in islice(cycle(moving(trial.render)), trial.frames):
@@ -47,7 +47,7 @@ def cuts(trial: Trial) -> Measured:
 
 
 def far_vectors(trial: Trial) -> Measured:
-    """Motion leads far off screen, where there is no past: each image is what a new session draws."""
+    """Motion leads far off screen, where there is no history: each image is that of a new session."""
     worst: dict[float, float] = {}
     curve: list[float] = []
     for length in TOO_FAR:
@@ -137,7 +137,7 @@ def lost_frames(trial: Trial) -> Measured:
 def _with_losses(disturbed: Session, baseline: Session, frame: Frame, index: int) -> tuple[Float32, Float32]:
     expected = baseline.step(frame)
     if index % 8 == 3:
-        return expected, expected  # nothing is drawn
+        return expected, expected  # no step
     image = disturbed.step(frame)
     return (disturbed.step(frame) if index % 8 == 7 else image), expected
 

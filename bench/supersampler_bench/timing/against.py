@@ -147,7 +147,7 @@ def measure_against(
 
 
 def _versions(python: str, folder: Path) -> Versions:
-    other = Version("other", python, folder / "other")  # first: what is wrong is said at once
+    other = Version("other", python, folder / "other")  # first: a wrong interpreter fails at once
     return Version("this", sys.executable, folder / "this"), other
 
 

@@ -127,7 +127,7 @@ class Process:
         try:
             answer: dict[str, Any] = json.loads(line)
         except ValueError:
-            raise self._version.error(f"no Python: it says {line[:60]!r}") from None
+            raise self._version.error(f"no Python: it prints {line[:60]!r}") from None
         if "error" in answer:
             raise self._version.error(answer["error"])
         return answer

@@ -161,7 +161,7 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
     """Choose "fast", "balanced" and "high" from the frontier of time and PSNR, at one ratio.
 
     fast: the fastest that is `CLEARLY` better than images without a history. high: the fastest that is
-    within `HARDLY` of the best; it draws every pixel. balanced: of those between, the one that gains most
+    within `HARDLY` of the best; it computes every pixel. balanced: of those between, the one that gains most
     over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
     what skipping saves, shots in motion do not show. Methods that read G-buffers are left out: not all frames
     have them.

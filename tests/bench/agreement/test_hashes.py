@@ -54,7 +54,7 @@ def test_the_first_image_that_differs_is_named_and_how_far(record: dict[str, Any
     other["hashed"][1]["frames"][5] = other["hashed"][1]["frames"][7] = "0"
     other["hashed"][1]["sketches"] = [value + 2e-6 for value in before]
     (text,) = differences(record, other)
-    assert text.startswith("taa, host fp32, skip exact, 32x18 to 48x27: 2 of 24 images differ")
+    assert text.startswith("taa, cpu fp32, skip exact, 32x18 to 48x27: 2 of 24 images differ")
     assert "first is frame 5" in text
     assert "about 2e-06" in text
 
@@ -69,7 +69,7 @@ def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named
     frames, history, missing = differences(record, other)
     assert "frames that go in are others" in frames
     assert history.endswith("of the history history.color")
-    assert missing == "taa, host fp32, skip auto, 32x18 to 48x27: missing"
+    assert missing == "taa, cpu fp32, skip auto, 32x18 to 48x27: missing"
     assert list(differences(record, {**record, "hashed": record["hashed"][:2]}, partly=True)) == []
 
 

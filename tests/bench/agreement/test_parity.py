@@ -20,14 +20,14 @@ def one_thread() -> Iterator[None]:
 def test_methods_stay_with_torch_however_they_run() -> None:
     results = measure_parity(["taau", "classifier"], 10)
     assert [(r.method, r.runs) for r in results[:5]] == [
-        ("taau", "graph, fp32"),
-        ("taau", "host, fp32"),
-        ("classifier", "graph, fp32"),
-        ("classifier", "graph, fp16"),
-        ("classifier", "host, int8"),
+        ("taau", "onnx, fp32"),
+        ("taau", "cpu, fp32"),
+        ("classifier", "onnx, fp32"),
+        ("classifier", "onnx, fp16"),
+        ("classifier", "cpu, int8"),
     ]
     for result in results:
         precision = result.runs.split()[-1]
         assert result.last < {"int8": 1.0 / 255.0, "fp16": 1e-4, "fp32": 1e-5}[precision], result
         assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
-    assert "host, int8" in markdown_table(parity_record(results))
+    assert "cpu, int8" in markdown_table(parity_record(results))

@@ -12,7 +12,7 @@ from supersampler_bench.quality.summaries import FrameScores, MeanScores, Method
 
 def class_map(ghost: list[list[int]], alias: list[list[int]]) -> Float32:
     """(h, w, 6) that says these classes of 2x2 pixels each, with a doubt."""
-    shares = np.concatenate([np.eye(3)[np.array(said)] for said in (ghost, alias)], axis=-1)
+    shares = np.concatenate([np.eye(3)[np.array(predicted)] for predicted in (ghost, alias)], axis=-1)
     return (0.6 * shares + 0.1).astype(np.float32)
 
 
@@ -26,11 +26,11 @@ def scores(counts: confusion.Counts | None, frame: int = 8) -> MethodScores:
 
 def test_each_display_pixel_is_held_for_what_its_square_is() -> None:
     true = truth([[0, 1, 2], [0, 1, 1], [2, 2, 0]], [[0] * 3, [1] * 3, [2] * 3])  # the squares are cut off
-    said = class_map([[1, 2], [2, 0]], [[0, 0], [2, 1]])
-    ghost, alias = confusion.count(said, true)
+    predicted = class_map([[1, 2], [2, 0]], [[0, 0], [2, 1]])
+    ghost, alias = confusion.count(predicted, true)
     assert ghost.tolist() == [[1, 2, 0], [0, 2, 1], [0, 0, 3]]
     assert alias.tolist() == [[3, 0, 0], [3, 0, 0], [0, 1, 2]]
-    assert confusion.count(said, true, border=1).tolist() == [
+    assert confusion.count(predicted, true, border=1).tolist() == [
         [[0, 0, 0], [0, 1, 0], [0, 0, 0]],
         [[0, 0, 0], [1, 0, 0], [0, 0, 0]],
     ]
@@ -57,10 +57,12 @@ def test_counts_add_up_over_frames_and_shots_as_summaries_count_them() -> None:
     assert early.classes() is None
 
 
-def test_the_tables_name_truth_said_and_overlap() -> None:
+def test_the_tables_name_true_and_predicted_classes_and_overlap() -> None:
     counts = np.stack([np.diag([90, 10, 0]), np.array([[50, 25, 25], [0, 0, 0], [0, 0, 0]])])
     ghosting, aliasing = class_tables([scores(counts)]).split("\n\n")
-    heading = "| ghosting, `m` | said none | said visibility | said shading | of all pixels | IoU |"
+    heading = (
+        "| ghosting, `m` | predicted none | predicted visibility | predicted shading | of all pixels | IoU |"
+    )
     assert ghosting.splitlines()[0] == heading
     assert ghosting.splitlines()[2] == "| none | 100.0 % | 0.0 % | 0.0 % | 90.00 % | 1.000 |"
     assert ghosting.splitlines()[4] == "| shading | – | – | – | 0.00 % | – |"
@@ -79,5 +81,5 @@ def test_a_record_says_which_way_round_the_counts_are() -> None:
     record = class_record(counts)
     assert record is not None
     assert record["aliasing"]["classes"] == ["none", "geometry", "texture"]
-    assert record["ghosting"]["pixels_by_truth_and_said"][0] == [0, 1, 2]
+    assert record["ghosting"]["pixels_by_true_and_predicted_class"][0] == [0, 1, 2]
     assert record["ghosting"]["intersection_over_union"][2] == pytest.approx(8 / (21 + 15 - 8))

@@ -1,4 +1,4 @@
-"""`bench extrapolation`: which frames are hidden, what is shown of them, and what is counted."""
+"""`bench extrapolation`: which frames are unshaded, what is shown of them, and what is counted."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -64,7 +64,7 @@ def unshaded(text: str, resets: set[int], count: int = 9) -> str:
         ("2:1", {0, 1, 5}, "ssuussuus"),
     ],
 )
-def test_frames_are_hidden_after_each_shaded_one_and_never_after_a_cut(
+def test_frames_are_unshaded_after_each_shaded_one_and_never_after_a_cut(
     text: str, resets: set[int], said: str
 ) -> None:
     assert unshaded(text, resets) == said
@@ -82,7 +82,7 @@ def scores_of(frame: int, value: float) -> FrameScores:
     return FrameScores(frame, full=scores, cropped=scores)
 
 
-def test_what_is_counted_is_hidden_frames_and_changes_of_all() -> None:
+def test_scores_are_of_unshaded_frames_and_changes_of_all() -> None:
     scores = MethodScores(
         "m", [scores_of(8, 10.0), scores_of(9, 20.0), scores_of(10, 30.0), scores_of(11, 60.0)]
     )
@@ -94,15 +94,15 @@ def test_what_is_counted_is_hidden_frames_and_changes_of_all() -> None:
 # --- warping ---
 
 
-def test_a_picture_is_warped_by_motion_and_goes_on_at_the_border() -> None:
+def test_an_image_is_warped_by_motion_and_its_border_is_repeated() -> None:
     image = np.random.default_rng(0).random((36, 64, 3), np.float32)
     frame = LitScene(velocity=(3.0, -2.0)).frame(1, (64, 36))
-    image = warped(image, frame)
-    np.testing.assert_allclose(image[:-2, 3:], image[2:, :-3], atol=1e-6)
-    np.testing.assert_allclose(image[:-2, 0], image[2:, 0], atol=1e-6)
+    moved = warped(image, frame)
+    np.testing.assert_allclose(moved[:-2, 3:], image[2:, :-3], atol=1e-6)
+    np.testing.assert_allclose(moved[:-2, 0], image[2:, 0], atol=1e-6)
 
 
-def test_what_was_hidden_shows_the_background_nearby() -> None:
+def test_disoccluded_pixels_are_filled_from_the_nearest_background() -> None:
     scene = LitScene(base=even, radius=7.0, disc_velocity=(3.0, 0.0))
     before, frame = scene.frame(0, (64, 36)), scene.frame(1, (64, 36))
     assert before.color is not None
@@ -122,7 +122,7 @@ def test_what_has_no_background_near_is_left() -> None:
     np.testing.assert_array_equal(with_background_filled(image, behind, before), image)
 
 
-def test_motion_is_followed_over_hidden_frames_to_the_sample_that_it_led_from() -> None:
+def test_motion_is_followed_over_unshaded_frames_to_the_sample_that_it_led_from() -> None:
     x = np.arange(48, dtype=np.float32)[None, :, None]
     sheared = np.broadcast_to(x * np.array([0.1, -0.05]), (27, 48, 2)).astype(np.float32)
     frame = replace(SCENE.frame(1, SIZE), motion=np.full((27, 48, 2), -1.5, np.float32), jitter=(0.3, -0.1))
@@ -164,7 +164,7 @@ def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(fille
 # --- the whole ---
 
 
-def test_a_drawn_frame_beats_a_warped_one_where_something_was_hidden(folder: Path) -> None:
+def test_an_extrapolated_frame_beats_a_warped_one_in_disocclusions(folder: Path) -> None:
     found = measure_extrapolation(Shot.open(folder), ["taau"], ["guided-warp"], ["1:1", "2:1"])
     assert list(found.alternations) == ["1:1", "2:1"]
     for scores in found.alternations.values():
@@ -187,7 +187,7 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
     table = markdown_table(record)
     assert table in page.read_text()
     assert "| bilinear, guided-warp |" in table
-    assert "lit, 48x27 to 96x54, 1:1 hidden to shaded frames" in table
+    assert "lit, 48x27 to 96x54, 1:1 unshaded to shaded frames" in table
     assert blocks_of("extrapolation-lit", record)["extrapolation lit"]() == table
     assert table.splitlines()[2] in done.output
 
@@ -199,7 +199,7 @@ def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> N
     write_json(record, tmp_path / "a.json")
     table = markdown_table(read_record(tmp_path / "a.json"))
     assert table.count("| bilinear, warp |") == 1
-    assert "Mean of the shots lit, lit at ratio 2, 1:1 hidden" in table
+    assert "Mean of the shots lit, lit at ratio 2, 1:1 unshaded" in table
 
 
 def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
@@ -215,7 +215,7 @@ def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
         measure_extrapolation(plain, ["guided-warp"], ["guided-warp"], ["1:1"])
 
 
-def test_an_upscaler_may_have_its_own_graph_for_drawn_frames(folder: Path, tmp_path: Path) -> None:
+def test_an_upscaler_may_have_its_own_graph_for_extrapolated_frames(folder: Path, tmp_path: Path) -> None:
     joint = str(joint_folder(tmp_path / "joint"))
     found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], ["guided-warp"], ["1:1"])
     by_way = {s.method: s.summary(warm=False)["psnr"] for s in found.alternations["1:1"]}

@@ -157,7 +157,7 @@ def test_strred_is_of_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pyt
     assert all(f.full["trred"] > 0.0 for f in frames if f.frame in paired)
 
 
-def test_what_a_method_said_of_classes_is_held_against_the_truth(
+def test_predicted_classes_are_compared_with_the_true_ones(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
@@ -172,7 +172,7 @@ def test_what_a_method_said_of_classes_is_held_against_the_truth(
             self.model.info.maps["class_map"] = None
 
         def step(self, _: Frame, **asked: Any) -> StepResult:  # type: ignore[override]
-            assert asked == {"want": ["class_map"]}
+            assert asked == {"outputs": ["class_map"]}
             return StepResult(super().step(_), class_map=classes)
 
     monkeypatch.setattr(quality, "Upscaler", Teller())

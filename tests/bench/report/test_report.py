@@ -33,14 +33,14 @@ PNG = "data:image/png;base64,"
 def of_pareto() -> dict[str, Any]:
     def point(word: str, milliseconds: float, psnr: float) -> Point:
         scores = {m.name: psnr for m in METRICS[:2]}
-        return Point(parse_spec(word), "host, fp32", 2.0, milliseconds, scores)
+        return Point(parse_spec(word), "cpu, fp32", 2.0, milliseconds, scores)
 
     points = [point("bilinear", 9.0, 26.0), point("taau", 8.0, 29.0), point("classifier", 16.0, 30.0)]
     return {**pareto_record(points, ["plaza"], (960, 540), 2), **setting()}
 
 
 def of_parity(method: str) -> dict[str, Any]:
-    apart = Agreement(method, "host, int8", (32, 18), (64, 36), 10, 1e-3, 1e-3, 50.0, 1e-2)
+    apart = Agreement(method, "cpu, int8", (32, 18), (64, 36), 10, 1e-3, 1e-3, 50.0, 1e-2)
     return {**parity_record([apart]), **setting()}
 
 

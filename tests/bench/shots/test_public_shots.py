@@ -69,7 +69,7 @@ def test_a_second_run_draws_nothing_and_another_driver_does_not_mix_in(
     generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
     render_test_shots(cache, TINY)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
-    monkeypatch.setattr("supersampler_bench.render_shots.driver_name", lambda _: "another")
+    monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
     with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
 
@@ -102,8 +102,8 @@ def test_frozen_pixels_are_known_again_and_others_are_warned_of(
     assert not changed.origin()["as_frozen"]
     assert "court at 1.5x: its pixels are not the frozen ones" in (changed.warning() or "")
     elsewhere = replace(changed, driver="a GPU")
-    assert "drawn by a GPU, the frozen pixels by" in (elsewhere.warning() or "")
-    with pytest.raises(ShotError, match=r"drawn by a GPU and .*One must draw them all"):
+    assert "rendered by a GPU, the frozen pixels by" in (elsewhere.warning() or "")
+    with pytest.raises(ShotError, match=r"rendered by a GPU and .*One must render them all"):
         freeze([again[0], elsewhere], file)
 
 

@@ -130,18 +130,18 @@ def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("python", "said"),
+    ("python", "message"),
     [
         ("/no/such/python", "not to be started: No such file"),
         (str(Path(__file__).parent), "not to be started: Permission denied"),
         ("true", "ended with code 0"),
-        ("echo", "no Python: it says"),
+        ("echo", "no Python: it prints"),
     ],
 )
-def test_what_is_no_interpreter_is_one_line(python: str, stderr: str) -> None:
+def test_what_is_no_interpreter_is_one_line(python: str, message: str) -> None:
     result = CliRunner().invoke(supersampler, ["bench", "speed", "--against", python])
     assert result.exit_code == 1
-    assert result.output.startswith(f"error: --against is {python}: {stderr}")
+    assert result.output.startswith(f"error: --against is {python}: {message}")
     assert result.output.count("\n") == 1
 
 

@@ -32,7 +32,7 @@ SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_s
 
 def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
     scores = {"psnr": psnr, "flip": 1.0 / psnr}
-    return Point(parse_spec(word), "host, fp32", ratio, milliseconds, scores)
+    return Point(parse_spec(word), "cpu, fp32", ratio, milliseconds, scores)
 
 
 KNOWN = [
@@ -111,7 +111,7 @@ def quality() -> dict[str, Any]:
 def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
     points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
     assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
-    assert [p.runs for p in points] == ["graph, fp32", "host, fp32", "host, int8"]
+    assert [p.runs for p in points] == ["onnx, fp32", "cpu, fp32", "cpu, int8"]
     assert all(p.milliseconds > 0.0 for p in points)
     record = {**pareto_record(points, ["a", "b"], (48, 27), 1), **setting()}
     table = markdown_table(record)

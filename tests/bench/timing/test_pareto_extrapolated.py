@@ -41,23 +41,23 @@ def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() 
     measured = measure_unshaded([extrapolation(), {"bench": "quality"}], (48, 27), threads=1, steps=1)
     assert [h.unshaded for h in measured] == sorted(h.unshaded for h in measured)
     assert all(h.shaded > 0.0 and h.unshaded > 0.0 for h in measured)
-    record = {**pareto_record([], ["a"], (48, 27), 1), "hidden": unshaded_rows(measured), **setting()}
+    record = {**pareto_record([], ["a"], (48, 27), 1), "unshaded": unshaded_rows(measured), **setting()}
     assert list(unshaded_points_of(record)) == measured
     table = unshaded_table(record)
     assert "| 2 | taau | guided-warp | " in table
     assert "| 30.00 | 29.00 | 0.9000 | " in table
-    assert blocks_of("pareto", record)["pareto hidden"]() == table
+    assert blocks_of("pareto", record)["pareto unshaded"]() == table
 
 
 def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
     before: dict[str, Any] = {
         "bench": "pareto",
-        "hidden": unshaded_rows(list(unshaded_points_of(extrapolation()))),
+        "unshaded": unshaded_rows(list(unshaded_points_of(extrapolation()))),
     }
-    before["hidden"][0]["scores"]["psnr"] = 20.0
+    before["unshaded"][0]["scores"]["psnr"] = 20.0
     measured = measure_unshaded([before, extrapolation()], (48, 27), threads=1, steps=1)
     assert sorted((h.upscaler, h.scores["psnr"]) for h in measured) == [("taa:exact", 29.0), ("taau", 29.0)]
 
 
-def test_a_record_in_which_nothing_was_hidden_has_no_table() -> None:
+def test_a_record_in_which_every_frame_was_shaded_has_no_table() -> None:
     assert unshaded_table({**pareto_record([], ["a"], (48, 27), 1), **setting()}) == ""

@@ -40,8 +40,8 @@ def test_skipping_is_a_setting_like_others() -> None:
     results = measure_speed(["taa"], [(64, 36)], ["cpu"], [1], skips=["exact", "auto"], steps=1)
     assert [r.setting.skip for r in results] == ["exact", "auto"]
     table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
-    assert "| host, fp32 |" in table
-    assert "| host, fp32, skip auto |" in table
+    assert "| cpu, fp32 |" in table
+    assert "| cpu, fp32, skip auto |" in table
 
 
 def test_frames_of_any_size_show_the_shipped_shot() -> None:
@@ -60,5 +60,5 @@ def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
         app, [*arguments, "--json", str(tmp_path / "speed.json"), "--update", str(page)]
     )
     assert result.exit_code == 0, result.output
-    assert "| 32x18 | 1 | taa | host, fp32 |" in page.read_text()
+    assert "| 32x18 | 1 | taa | cpu, fp32 |" in page.read_text()
     assert '"multiplied"' in (tmp_path / "speed.json").read_text()
