@@ -1,4 +1,4 @@
-"""Which methods a bench can run, on which frames, and G-buffers for frames that have none."""
+"""Which methods run on which frames, and default G-buffers for frames that lack them."""
 
 from collections.abc import Collection, Iterable
 from dataclasses import replace
@@ -19,17 +19,17 @@ MATTE = {
     "metallic": (0.0,),
     "specular": (0.5,),
 }
-"""What made-up G-buffers show everywhere: what is the same in each pixel of each frame fits any frames."""
+"""Values of default G-buffers, the same in every pixel."""
 
 
 def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
-    """Say why a method is to be left out; "" where it can be run.
+    """Return why a method does not run on some frames; "" where it does.
 
     Args:
         model: name of a shipped one, or a folder.
         render: (width, height) of the frames.
         display: of the images.
-        gbuffers: names of those that the frames have; None where they may be made up.
+        gbuffers: names of those that the frames have; None where default ones may be added.
 
     Raises:
         ModelError: there is no such model.

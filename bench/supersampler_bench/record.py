@@ -1,4 +1,4 @@
-"""What a measurement leaves behind: one JSON file with the values, and all that they depend on."""
+"""Records: the values of a measurement with machine, versions, date and command, as a JSON file."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from supersampler.io.atomic import replacing
 from supersampler.io.machine import machine
 
 Record: TypeAlias = Mapping[str, Any]
-"""What a measurement leaves behind, ready for JSON or read back from it."""
+"""The values of a measurement, ready for JSON or read back from it."""
 
 SHIPPED_PARETO = Path(__file__).parent / "pareto.json"
 """Times and scores of the shipped methods; presets are chosen from it."""

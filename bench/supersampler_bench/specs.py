@@ -1,4 +1,4 @@
-"""A method and how it runs, in one word: "classifier", "classifier:fp32", "taau:exact"."""
+"""A method with precision and skip as text: "classifier", "classifier:fp32", "taau:exact"."""
 
 from dataclasses import dataclass
 

@@ -121,7 +121,9 @@ def test_what_diverges_fails() -> None:
     outcome = run(scenario("contraction at rest"), DIVERGES, quick=True)
     assert failed(outcome) == ["rate a frame", "rate, worst 16 frames"]
     assert outcome.figures[0].value == pytest.approx(1.01, abs=1e-3)
-    assert {"drift", "PSNR lost, dB"} <= set(failed(run(scenario("at rest"), DIVERGES, quick=True)))
+    assert {"mean abs difference", "PSNR lost, dB"} <= set(
+        failed(run(scenario("at rest"), DIVERGES, quick=True))
+    )
 
 
 def test_what_raises_breaks_its_scenario_alone() -> None:
@@ -167,8 +169,8 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
 
 
 def test_a_nan_is_within_no_bound() -> None:
-    assert not Figure("apart", float("nan"), 1.0).passed
-    assert Figure("apart", 1.0, 1.0).passed
+    assert not Figure("difference", float("nan"), 1.0).passed
+    assert Figure("difference", 1.0, 1.0).passed
 
 
 def test_an_average_lets_more_through_of_what_is_slow() -> None:
@@ -218,10 +220,12 @@ def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
 
 def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
     good = run(scenario("threads"), SOUND, quick=True)
-    bad = replace(good, method="other", figures=(Figure("apart", 0.5, 0.0), Figure("bad values", 3.0, 0.0)))
+    bad = replace(
+        good, method="other", figures=(Figure("difference", 0.5, 0.0), Figure("bad values", 3.0, 0.0))
+    )
     record = stress_record([good, bad], quick=True)
     table = markdown_table(record)
-    assert "| threads | apart | 0 | 0 | **0.5** |" in table
+    assert "| threads | difference | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
     assert [o["passed"] for o in record["outcomes"]] == [True, False]
@@ -248,7 +252,7 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
     assert result.exit_code == 0, result.output
     assert "| scenario | figure | at most | taa cpu | taa onnx | bilinear onnx |" in page.read_text()
     assert "| threads | One thread, two, three, five:" in page.read_text()
-    assert "| threads | apart |" in result.output
+    assert "| threads | difference |" in result.output
     assert "One thread, two, three, five:" not in result.output, "what is done is for the page"
     assert '"outcomes"' in (tmp_path / "stress.json").read_text()
     assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000

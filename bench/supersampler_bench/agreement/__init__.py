@@ -1,4 +1,4 @@
-"""Whether two runs agree: backends with torch, one version with another, one record with an earlier one.
+"""Agreement of backends with torch, of one version with another, and of a record with an earlier one.
 
 References are not used here; see `quality`.
 """

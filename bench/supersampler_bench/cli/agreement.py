@@ -28,7 +28,7 @@ def parity(
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Hold the ONNX and CPU backends against torch, over a long sequence that is rendered here, with OpenGL.
+    """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
 
     Example:
       supersampler bench parity --methods classifier --frames 300 --update docs/executors.md

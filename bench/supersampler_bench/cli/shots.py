@@ -1,4 +1,4 @@
-"""Which shots a command of the bench measures on: one, or the five test shots."""
+"""The SHOT argument and options that open it: one shot, or the five test shots."""
 
 from collections.abc import Sequence
 from pathlib import Path

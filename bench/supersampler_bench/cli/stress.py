@@ -1,4 +1,4 @@
-"""`supersampler bench stress`: what methods make of long runs and bad treatment."""
+"""`supersampler bench stress`: long runs and hostile input, each with a bound."""
 
 from pathlib import Path
 from typing import Annotated
@@ -30,12 +30,12 @@ def stress(
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
     quick: Annotated[bool, typer.Option("--quick", help="A part of them, few and small frames.")] = False,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", help="Folder for curves, and for what was measured.")
+        Path | None, typer.Option("-o", "--output", help="Folder for curves and for outcomes.")
     ] = None,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
-    """Run methods for long and treat them badly, and hold what happens against what they promise.
+    """Run methods for long and on hostile input, and compare each figure with its bound.
 
     With a folder, a run that was stopped goes on when the same command is given again.
 

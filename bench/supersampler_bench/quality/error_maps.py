@@ -1,4 +1,4 @@
-"""Where images are wrong: the error of each pixel, its mean over the frames and in one frame."""
+"""Error maps: FLIP of each pixel, its mean over the frames, and the frame of largest error."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""One table for people: on the terminal, and between two marks of a Markdown file."""
+"""Tables of quality scores, for the terminal and as Markdown."""
 
 import math
 from collections.abc import Mapping, Sequence

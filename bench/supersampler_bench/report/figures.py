@@ -1,4 +1,4 @@
-"""Figures of a record that is read back: what the page of all records shows beside its tables."""
+"""Figures of records for the HTML page: time against error, stages of a step, curves over frames."""
 
 from collections.abc import Sequence
 from pathlib import Path

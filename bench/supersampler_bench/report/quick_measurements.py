@@ -1,4 +1,4 @@
-"""Everything measured briefly on this machine: rough numbers."""
+"""Brief measurements for `bench report --quick`: rough numbers of this machine."""
 
 import time
 from collections.abc import Callable, Mapping

@@ -1,4 +1,4 @@
-"""The five public test shots: what they are, where they lie, and whether their pixels are the frozen ones."""
+"""The five public test shots: their settings and folders, and the comparison with the frozen hashes."""
 
 import json
 import os
@@ -106,8 +106,8 @@ class PublicShot:
                 "Figures differ slightly from the published ones"
             )
         return (
-            f"{name}: its pixels are not the frozen ones, though rendered by the same driver: the renderer or "
-            "a scene has changed, or files are damaged. Do not compare its figures with published ones"
+            f"{name}: its pixels are not the frozen ones, though the same driver rendered them: the renderer "
+            "or a scene has changed, or files are damaged. Do not compare its figures with published ones"
         )
 
     def origin(self) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""A frame of a scene as benches hand it to an `Upscaler`, rendered just now."""
+"""Render one frame of a scene as `Upscaler.step` takes it."""
 
 from supersampler.frame import Frame, Size
 from supersampler_model.data.rendered import frame_of

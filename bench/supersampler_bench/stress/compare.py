@@ -1,4 +1,4 @@
-"""How images are compared: with those of a session that nothing is done to, and with themselves, before."""
+"""Comparison of images with those of an undisturbed session, and with those of an earlier loop."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ OUTLIER = 0.1
 
 @dataclass(frozen=True)
 class Difference:
-    """How far two images are apart, as a screen shows them in [0, 1]: the mean, and at 99.9 %."""
+    """Absolute difference of two images after the display transform, [0, 1]: the mean, and at 99.9 %."""
 
     mean: float
     most: float
 
     @property
     def invisible(self) -> bool:
-        """Whether no one sees it."""
+        """Whether the difference is too small to see."""
         return self.mean <= STEP and self.most <= OUTLIER
 
 
@@ -47,7 +47,7 @@ def same_frames(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Fr
 
 
 def recovery(after: Sequence[Difference]) -> float:
-    """Frames, of those after a disturbance, until it is gone for good; their number if it never is."""
+    """Frames after a disturbance until no difference is visible any more; all if one always is."""
     seen = [index + 1 for index, o in enumerate(after) if not o.invisible]
     return float(seen[-1] if seen else 0)
 

@@ -1,4 +1,4 @@
-"""Scenarios of bad values: no number, infinite, negative, denormal, huge; spikes of light."""
+"""Scenarios of bad values: NaN, infinite, negative, denormal, huge; spikes of light."""
 
 from collections.abc import Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Scenarios of one hostile frame: what is left of it thirty clean frames later."""
+"""Scenarios of one hostile frame: its remaining error thirty clean frames later."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace

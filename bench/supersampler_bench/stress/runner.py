@@ -1,4 +1,4 @@
-"""Runs scenarios one after another; what was measured can be kept, so that a run that was stopped goes on."""
+"""Run scenarios one after another; kept outcomes let a stopped run continue."""
 
 import hashlib
 import json

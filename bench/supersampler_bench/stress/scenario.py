@@ -1,4 +1,4 @@
-"""What a scenario is: something is done to a method, figures are taken, each of which has a bound."""
+"""Scenarios: a disturbance of a method, and figures with bounds."""
 
 import inspect
 from collections.abc import Callable
@@ -28,7 +28,7 @@ LARGEST = 65504.0
 
 
 class Session(Protocol):
-    """What is stressed: an `Upscaler`, or what behaves like one."""
+    """An `Upscaler`, or anything that behaves like one."""
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
@@ -74,7 +74,7 @@ class Subject:
 
 @dataclass
 class Watched:
-    """A session whose every value is looked at.
+    """A session that counts invalid values of its images.
 
     Attributes:
         session: the one.
@@ -157,7 +157,7 @@ class Measured:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Something that is done to a method.
+    """A disturbance of a method, and the figures that are taken.
 
     Attributes:
         name: of a few words.

@@ -1,4 +1,4 @@
-"""Frames to stress with: a scene that stands, one that moves and comes back to where it was, a real one."""
+"""Frames for scenarios: a static scene, a moving one that repeats, and part of the shipped shot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Scenarios of how sessions are driven: threads, several at once, saved and restored."""
+"""Scenarios of sessions: number of threads, several at once, saved and restored states."""
 
 import pickle
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""Scenarios of many frames, at rest, in motion, in bytes: errors that could add up, how fast they fade."""
+"""Scenarios of many frames, static, moving and in int8: errors that could add up, and how fast they fade."""
 
 from collections.abc import Sequence
 

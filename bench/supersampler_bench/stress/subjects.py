@@ -1,4 +1,4 @@
-"""Methods and executors as what is stressed, and what they promise: how soon the history must fade."""
+"""Methods and backends under stress, and their bounds: reach and recovery."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

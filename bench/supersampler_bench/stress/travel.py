@@ -1,4 +1,4 @@
-"""Scenarios of motion and depth: cuts, jumps, vectors that lead nowhere or between pixels, lost frames."""
+"""Scenarios of motion and depth: cuts, jumps, off-screen and subpixel motion, lost frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace

@@ -1,4 +1,4 @@
-"""Times of the installed version over those of another one: both take turns in one run.
+"""Ratios of step times: the installed version over another one, in turns in one run.
 
 A machine's speed changes from minute to minute by more than versions differ, and that of a process with where
 its memory lies. So in each round each version has a new process, and both step every method on the same

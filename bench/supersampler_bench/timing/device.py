@@ -1,4 +1,4 @@
-"""How long a graph takes on its device, frame in the device's memory to image in the device's memory."""
+"""Step time of the ONNX backend on its device, with frame and image in device memory."""
 
 import itertools
 import statistics

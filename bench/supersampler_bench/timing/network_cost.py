@@ -1,4 +1,4 @@
-"""What the learned part of a model costs, counted in its graph: no clock, so the same on every machine."""
+"""Multiply-adds and parameters of networks, counted in their graphs: the same on every machine."""
 
 import math
 from collections.abc import Sequence

@@ -1,4 +1,4 @@
-"""One of two versions that are timed against each other: processes of an interpreter that has it.
+"""Processes of another installed version, which step and report their times.
 
 The programs that run there are given as text and use only what every version has, so the other environment
 needs the package alone, without its bench.

@@ -1,4 +1,4 @@
-"""Run time against error: which settings no other setting beats in both.
+"""Run time against error: settings that no other beats in both, and presets.
 
 Errors come from records of `bench quality`, which any machine measures alike, or from a Pareto record that
 has kept them; times are measured here.

@@ -1,4 +1,4 @@
-"""How long a step takes. Settings take turns in one run: a machine's speed changes from minute to minute."""
+"""Step times. Settings take turns in one run, as a machine's speed changes from minute to minute."""
 
 import itertools
 import os
