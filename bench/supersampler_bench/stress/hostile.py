@@ -33,7 +33,7 @@ _CASES = len(FIELDS) * len(PLACES)
 
 
 def with_values(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
-    """Return the frame with `value` in a field, where the mask (h, w) says."""
+    """Return the frame with `value` in a field, where the mask (h, w) is True."""
     array = np.array(getattr(frame, field))
     array[where] = value
     fields: dict[str, Any] = {field: array}
@@ -73,7 +73,7 @@ class _Injected:
 
 
 def spread(trial: Trial) -> Measured:
-    """Colour, depth and motion of one pixel, in every frame of 192x96: all but what is around it stays."""
+    """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
     disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)
     render = WIDE[0] // 2, WIDE[1] // 2
     x, y = render[0] // 2, render[1] // 2

@@ -26,9 +26,9 @@ HOSTILE: Mapping[str, Sequence[float]] = {
 
 
 class _OneFrame:
-    """One frame is hostile, 30 clean ones follow: apart from a session that never saw it, in the worst case.
+    """One hostile frame, then 30 clean ones: worst difference from a session without it, exposure measured.
 
-    Exposure is measured. A quarter more than a cut at that frame leaves is allowed, too.
+    Up to a quarter more than the difference that a cut at that frame leaves is allowed, too.
     """
 
     def __init__(self, hostile: Callable[[Frame], Iterable[Frame]]) -> None:

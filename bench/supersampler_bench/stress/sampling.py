@@ -73,7 +73,7 @@ def sweep(trial: Trial) -> Measured:
 
 
 def sizes(trial: Trial) -> Measured:
-    """Renders from 1x1 to 97x61, at ratios 1, 1.5, 2 and 3: what is of one colour stays so."""
+    """Renders from 1x1 to 97x61, at ratios 1, 1.5, 2 and 3: an image of one colour stays so."""
     curve = []
     for render, ratio in product(SIZES, (1.0, 1.5, RATIO, LARGEST_RATIO)):
         session = trial.begin((round(ratio * render[0]), round(ratio * render[1])))

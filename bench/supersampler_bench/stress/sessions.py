@@ -16,7 +16,7 @@ THREADS = (2, 3, 5)
 
 
 def threads(trial: Trial) -> Measured:
-    """One thread, two, three, five: the number changes no bit on the CPU backend, and rounding in a graph."""
+    """One thread, two, three, five: no bit changes on the CPU backend, rounding alone on the ONNX backend."""
     frames = _frames(moving(trial.render), trial.frames)
     expected = _images(trial.begin(), frames)
     curve = [_largest_difference(expected, _images(trial.begin(threads=count), frames)) for count in THREADS]

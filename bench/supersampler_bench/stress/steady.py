@@ -24,7 +24,7 @@ _UNIT = 1e-7  # rounding of single precision: what is less apart than this is no
 
 
 def at_rest(trial: Trial) -> Measured:
-    """A scene with wires stands still: its image settles, and stays. Against the thirteenth period."""
+    """A static scene with wires: its image settles, and stays as it was in the thirteenth period."""
     frames, base = still(trial.render), truth(STILL, 0, trial.display)
     run = repeat(trial, frames, [base] * PERIOD)
     figures = [
@@ -73,7 +73,7 @@ def _deviation(images: Sequence[Float32]) -> float:
 
 
 def in_motion(trial: Trial) -> Measured:
-    """A disc goes round before a plane that swings, over and over: images repeat as the frames do."""
+    """A disc circles before a swinging plane, over and over: images repeat as the frames do."""
     frames = moving(trial.render)
     run = repeat(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
     figures = (
@@ -84,7 +84,7 @@ def in_motion(trial: Trial) -> Measured:
 
 
 def precisions(trial: Trial) -> Measured:
-    """The same moving frames by the graph, in single precision: apart by a little, and not ever more."""
+    """The same moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
     frames, loops = moving(trial.render), max(trial.frames // LOOP, 3)
     session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
     means = [
@@ -105,7 +105,7 @@ def contraction_at_rest(trial: Trial) -> Measured:
 
 
 def contraction_in_motion(trial: Trial) -> Measured:
-    """The history is disturbed a little while all moves."""
+    """The history is disturbed a little, in motion."""
     return _contraction(trial, moving(trial.render))
 
 
