@@ -91,7 +91,7 @@ def spread(trial: Trial) -> Measured:
 def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
     """Distance, display pixels, from a render pixel's middle to the end of the farthest block that differs.
 
-    Blocks of 8x8, by a step on average: with a network in bytes, single pixels are rounded otherwise as soon
+    Blocks of 8x8, by a step on average: with an int8 network, single pixels are rounded otherwise as soon
     as anything differs anywhere.
     """
     apart = np.abs(display_transform(image) - display_transform(baseline)).mean(axis=-1)

@@ -17,8 +17,7 @@ CLEAN = 30
 SEEN = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
 """What the last of them may differ by: no one sees it."""
 CHANCE = 1.25
-"""By what factor more than a cut leaves may be left: pixels that forget slowly, and networks in bytes, differ
-as much by chance."""
+"""Factor over the difference that a cut leaves: slow pixels and int8 networks differ as much by chance."""
 EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
 HOSTILE: Mapping[str, Sequence[float]] = {
     field: [values[i] for values in VALUES.values()] for i, field in enumerate(("color", "depth", "motion"))

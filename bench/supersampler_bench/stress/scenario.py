@@ -17,7 +17,7 @@ STEP = 1.0 / 255.0
 REST = TOLERANCE
 """What a image at rest may change by in a period: skipping leaves it as it is from there on."""
 ROUNDING = 1e-5
-"""What single precision makes images differ by, on average, where nothing is in bytes."""
+"""Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48
 """Frames, one and a half periods of the jitter at ratio 2, in which most methods forget what was bad."""
 REACH = 8.0
