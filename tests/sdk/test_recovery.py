@@ -108,16 +108,16 @@ LIT = ["taau", "classifier", "classifier-small"]
 def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
     """What `bench stress` finds."""
     run = next(s.run for s in SCENARIOS if s.name == f"one frame's {scenario}")
-    display = (96, 64) if executor == "host" else (48, 32)
+    display = (96, 64) if executor == "cpu" else (48, 32)
     return run(Trial(subjects([method], [executor])[0], display, 0)).figures
 
 
 @pytest.mark.parametrize(
     ("method", "executor"),
     [
-        *product([*LIT, "taau+guided-warp"], ["host", "graph"]),
-        ("classifier+guided-warp", "host"),
-        ("extrapolate+guided-warp", "graph"),
+        *product([*LIT, "taau+guided-warp"], ["cpu", "onnx"]),
+        ("classifier+guided-warp", "cpu"),
+        ("extrapolate+guided-warp", "onnx"),
     ],
 )
 def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str, executor: str) -> None:
@@ -126,11 +126,11 @@ def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str,
 
 
 def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
-    for figure in figures("color", "taau", "host"):
+    for figure in figures("color", "taau", "cpu"):
         assert figure.passed, figure
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("method", LIT)
 def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
     method: str, executor: str

@@ -34,7 +34,7 @@ from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
 Bands = tuple[strred.Plane, strred.Plane]
-"""Of a image and the one before, which comes first."""
+"""Of an image and the one before, which comes first."""
 
 
 @dataclass(frozen=True)

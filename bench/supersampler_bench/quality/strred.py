@@ -24,7 +24,7 @@ from supersampler.io.display import to_uint8
 Plane = NDArray[np.float64]
 
 BAND_PIXELS = 8
-"""How many pixels of a image, across and down, there are to one of the band."""
+"""How many pixels of an image, across and down, there are to one of the band."""
 
 _LEVELS = 4  # the band is that of the coarsest
 _BLOCK = 3
@@ -67,7 +67,7 @@ def luma255(shown: Array) -> Plane:
 
 
 def band(luma: Plane) -> Plane:
-    """Reduce a image to the coarsest band, of what changes from row to row.
+    """Reduce an image to the coarsest band, of what changes from row to row.
 
     Args:
         luma: (H, W), 0 to 255.

@@ -18,7 +18,7 @@ CORNERS: Sequence[Jitter] = ((-0.5, -0.5), (0.5, 0.5), (-0.5, 0.5), (0.5, -0.5))
 SWEEP = 96  # frames from the least ratio to the largest and back
 LARGEST_RATIO = 3.0
 FLAT = 1e-3
-"""By how much, of itself, a image of one colour may be off."""
+"""By how much, of itself, an image of one colour may be off."""
 SIZES: Sequence[Size] = ((1, 1), (1, 7), (7, 1), (2, 2), (3, 5), (17, 13), (31, 33), (97, 61))
 
 

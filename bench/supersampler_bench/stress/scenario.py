@@ -15,7 +15,7 @@ from supersampler.state import State
 STEP = 1.0 / 255.0
 """Of an 8-bit image: what images that should be alike may differ by on average."""
 REST = TOLERANCE
-"""What a image at rest may change by in a period: skipping leaves it as it is from there on."""
+"""What an image at rest may change by in a period: skipping leaves it as it is from there on."""
 ROUNDING = 1e-5
 """Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48
@@ -23,7 +23,7 @@ RECOVERY = 48
 REACH = 8.0
 """Display pixels around a bad one that may look different; of a network, beside what it sees."""
 DECAY = 0.1
-"""dB of PSNR that a image may lose from one loop to a later one, or be below what it is compared with."""
+"""dB of PSNR that an image may lose from one loop to a later one, or be below what it is compared with."""
 LARGEST = 65504.0
 
 

@@ -137,9 +137,9 @@ def test_names_in_records_are_text(tmp_path: Path) -> None:
 
 def test_figures_that_lie_beside_a_record_are_on_the_page(tmp_path: Path) -> None:
     (tmp_path / "parity").mkdir()
-    (tmp_path / "parity" / "some curves.png").write_bytes(b"a image")
+    (tmp_path / "parity" / "some curves.png").write_bytes(b"image bytes")
     html = page(tmp_path, {"parity": of_parity("taau")})
-    assert f'alt="some curves" src="{PNG}YSBwaWN0dXJl"' in html
+    assert f'alt="some curves" src="{PNG}aW1hZ2UgYnl0ZXM="' in html
 
 
 def test_what_was_measured_quickly_says_so_and_no_other(tmp_path: Path) -> None:
