@@ -90,7 +90,7 @@ def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Pa
         ("ratios from 1 to 3", "bilinear"), ("odd and tiny sizes", "bilinear"),
     ]  # fmt: skip
     (text,) = left_out(scenarios, stressed)
-    assert text.endswith("at ratios of 2 alone, is left out of ratios from 1 to 3, odd and tiny sizes")
+    assert text.endswith("whose ratios are 2 alone, is left out of ratios from 1 to 3, odd and tiny sizes")
     for outcome in measure(chosen(["a cut in every frame", "saved and restored"]), stressed[:1], quick=True):
         assert outcome.passed, outcome
 
