@@ -12,7 +12,7 @@ from supersampler import Model, Upscaler, halton_jitter
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_png
 from supersampler.model import ExecutorName
-from supersampler_bench.fitting import dressed
+from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_model.data.scenes.analytic import DiscOverPlane
 
 FOLDER = Path(__file__).parent / "golden"
@@ -52,7 +52,7 @@ def rendered(run: Run) -> NDArray[np.uint8]:
     upscaler = Upscaler(model, display_size=display, extrapolation=run.extrapolation, validate="off")
     for index in range(FRAME + 1):
         frame = DiscOverPlane().frame(index, RENDER, halton_jitter(index, ratio))
-        frame = dressed(frame, upscaler.gbuffers, display)
+        frame = with_default_gbuffers(frame, upscaler.gbuffers, display)
         if run.extrapolation is not None and index % 2 == FRAME % 2 and index > 0:
             image = upscaler.extrapolate(replace(frame, color=None))
         else:

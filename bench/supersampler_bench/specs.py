@@ -1,4 +1,4 @@
-"""A method and how it runs, in one word: "classifier", "classifier:fp32", "taau:exact"."""
+"""A method with precision and skip as text: "classifier", "classifier:fp32", "taau:exact"."""
 
 from dataclasses import dataclass
 
@@ -27,7 +27,7 @@ class Spec:
 
 
 def parse_spec(text: str) -> Spec:
-    """Return what a word says: a model, then, after colons, a precision, "exact" or a number to skip by.
+    """Parse a setting: a model, then, after colons, a precision, "exact" or a number to skip by.
 
     A colon may be part of a path: what is none of these belongs to the model.
     """

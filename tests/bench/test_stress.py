@@ -11,8 +11,8 @@ from typer.testing import CliRunner
 from supersampler import ArgumentError, Frame
 from supersampler.frame import Float32, Size
 from supersampler.state import State
-from supersampler_bench.cli import app
-from supersampler_bench.stress.compare import Off, recovery
+from supersampler_bench.cli.app import app
+from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
 from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
@@ -121,7 +121,9 @@ def test_what_diverges_fails() -> None:
     outcome = run(scenario("contraction at rest"), DIVERGES, quick=True)
     assert failed(outcome) == ["rate a frame", "rate, worst 16 frames"]
     assert outcome.figures[0].value == pytest.approx(1.01, abs=1e-3)
-    assert {"drift", "PSNR lost, dB"} <= set(failed(run(scenario("at rest"), DIVERGES, quick=True)))
+    assert {"mean abs difference", "PSNR lost, dB"} <= set(
+        failed(run(scenario("at rest"), DIVERGES, quick=True))
+    )
 
 
 def test_what_raises_breaks_its_scenario_alone() -> None:
@@ -132,7 +134,7 @@ def test_what_raises_breaks_its_scenario_alone() -> None:
     assert [o.passed for o in outcomes] == [False, True]
     assert outcomes[0].error == "RuntimeError: no device"
     table = markdown_table(stress_record(outcomes, quick=True))
-    assert "- threads, average host: broke. RuntimeError: no device" in table
+    assert "- threads, average cpu: broke. RuntimeError: no device" in table
 
 
 def test_a_shipped_method_passes_where_it_promises_bits() -> None:
@@ -149,19 +151,26 @@ def test_of_a_method_that_another_draws_for_every_second_frame_is_hidden() -> No
     shaded, alternating = (subjects([m], ["cpu"])[0] for m in ("taa", "taa+guided-warp"))
     one, other = (s.begin(DISPLAY, 1) for s in (shaded, alternating))
     apart = [np.abs(one.step(frame) - other.step(frame)).max() > 0.0 for frame in frames]
-    assert apart == [False, True, True, True, False, True]  # what is hidden stays in the past until the cut
+    assert apart == [
+        False,
+        True,
+        True,
+        True,
+        False,
+        True,
+    ]  # an unshaded frame stays in the history until the cut
 
 
 def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
-    clean, mean, spot = Off(0.0, 0.0), Off(0.01, 0.01), Off(0.0, 0.2)
+    clean, mean, spot = Difference(0.0, 0.0), Difference(0.01, 0.01), Difference(0.0, 0.2)
     assert recovery([mean, clean, spot, clean, clean]) == 3
     assert recovery([clean, clean]) == 0
     assert recovery([clean, mean]) == 2
 
 
 def test_a_nan_is_within_no_bound() -> None:
-    assert not Figure("apart", float("nan"), 1.0).passed
-    assert Figure("apart", 1.0, 1.0).passed
+    assert not Figure("difference", float("nan"), 1.0).passed
+    assert Figure("difference", 1.0, 1.0).passed
 
 
 def test_an_average_lets_more_through_of_what_is_slow() -> None:
@@ -211,10 +220,12 @@ def test_outcomes_are_kept_and_taken_from_there(tmp_path: Path) -> None:
 
 def test_what_is_outside_its_bound_stands_out(tmp_path: Path) -> None:
     good = run(scenario("threads"), SOUND, quick=True)
-    bad = replace(good, method="other", figures=(Figure("apart", 0.5, 0.0), Figure("bad values", 3.0, 0.0)))
+    bad = replace(
+        good, method="other", figures=(Figure("difference", 0.5, 0.0), Figure("bad values", 3.0, 0.0))
+    )
     record = stress_record([good, bad], quick=True)
     table = markdown_table(record)
-    assert "| threads | apart | 0 | 0 | **0.5** |" in table
+    assert "| threads | difference | 0 | 0 | **0.5** |" in table
     assert "| values not in [0, 65504] | 0 | 0 | **3** |" in table
     assert "2 of 4 figures are within their bounds" in table
     assert [o["passed"] for o in record["outcomes"]] == [True, False]
@@ -239,9 +250,9 @@ def test_the_command_writes_a_record_a_table_and_curves(tmp_path: Path) -> None:
         app, [*arguments, "--json", str(tmp_path / "stress.json"), "--update", str(page)]
     )
     assert result.exit_code == 0, result.output
-    assert "| scenario | figure | at most | taa host | taa graph | bilinear graph |" in page.read_text()
+    assert "| scenario | figure | at most | taa cpu | taa onnx | bilinear onnx |" in page.read_text()
     assert "| threads | One thread, two, three, five:" in page.read_text()
-    assert "| threads | apart |" in result.output
+    assert "| threads | difference |" in result.output
     assert "One thread, two, three, five:" not in result.output, "what is done is for the page"
     assert '"outcomes"' in (tmp_path / "stress.json").read_text()
     assert (tmp_path / "out" / "sessions.png").stat().st_size > 10_000

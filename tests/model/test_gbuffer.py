@@ -9,7 +9,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfig
-from supersampler_bench import metrics
+from supersampler_bench.quality import metrics
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
 from supersampler_model.methods.gbuffer.depth import DepthGBuffer

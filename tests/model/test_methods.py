@@ -8,12 +8,12 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from studies.ablation_classifier import METHODS as VARIANTS
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
 from supersampler.methods.taa.spec import TaaConfig
-from supersampler_bench.ablation_classifier import METHODS as VARIANTS
 from supersampler_model.data.scenes.analytic import (
     Cut,
     DiscOverPlane,

@@ -3,8 +3,8 @@
 from pathlib import Path
 
 from supersampler.presets import PRESETS
-from supersampler_bench.pareto import at_ratio, points_of, presets
 from supersampler_bench.record import read_record
+from supersampler_bench.timing.pareto import at_ratio, points_of, presets
 
 MEASURED = Path(__file__).parents[2] / "bench" / "supersampler_bench" / "pareto.json"
 

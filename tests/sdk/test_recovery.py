@@ -14,7 +14,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.gbuffers import grouped
-from supersampler_bench.stress.compare import Off, off
+from supersampler_bench.stress.compare import Difference, difference
 from supersampler_bench.stress.recovery import SCENARIOS
 from supersampler_bench.stress.scenario import Figure, Session, Subject, Trial
 from supersampler_bench.stress.scenes import STILL
@@ -70,9 +70,9 @@ def begun(method: str, executor: Any, *, dressed: bool = False, at_rest: bool = 
     return replace(run, calm=run.after())
 
 
-def left(run: Run, **changes: Any) -> Off:
+def left(run: Run, **changes: Any) -> Difference:
     """What the last image differs by."""
-    return off(run.after(**changes)[-1], run.calm[-1])
+    return difference(run.after(**changes)[-1], run.calm[-1])
 
 
 @pytest.mark.parametrize("exposure", [1e30, 1e-40, 1e-3, 1e4])
@@ -80,7 +80,7 @@ def left(run: Run, **changes: Any) -> Off:
 def test_one_frame_with_an_absurd_exposure_is_forgotten(method: str, executor: str, exposure: float) -> None:
     run = begun(method, executor)
     images = run.after(exposure=exposure)
-    soon, late = off(images[0], run.calm[0]), off(images[-1], run.calm[-1])
+    soon, late = difference(images[0], run.calm[0]), difference(images[-1], run.calm[-1])
     assert soon.mean < 4.0 / 255.0, "the next image is already sound"
     assert late.mean < (0.1 if executor == "onnx" else 1.0) / 255.0, "of a network in bytes chance is more"
     assert late.most < (4.0 if executor == "onnx" else 10.0) / 255.0
@@ -108,16 +108,16 @@ LIT = ["taau", "classifier", "classifier-small"]
 def figures(scenario: str, method: str, executor: Any) -> Sequence[Figure]:
     """What `bench stress` finds."""
     run = next(s.run for s in SCENARIOS if s.name == f"one frame's {scenario}")
-    display = (96, 64) if executor == "host" else (48, 32)
+    display = (96, 64) if executor == "cpu" else (48, 32)
     return run(Trial(subjects([method], [executor])[0], display, 0)).figures
 
 
 @pytest.mark.parametrize(
     ("method", "executor"),
     [
-        *product([*LIT, "taau+guided-warp"], ["host", "graph"]),
-        ("classifier+guided-warp", "host"),
-        ("extrapolate+guided-warp", "graph"),
+        *product([*LIT, "taau+guided-warp"], ["cpu", "onnx"]),
+        ("classifier+guided-warp", "cpu"),
+        ("extrapolate+guided-warp", "onnx"),
     ],
 )
 def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str, executor: str) -> None:
@@ -126,11 +126,11 @@ def test_the_brightest_light_of_one_frame_leaves_no_more_than_a_cut(method: str,
 
 
 def test_pixels_that_are_no_number_do_not_pull_the_history_of_taau_to_their_neighbours() -> None:
-    for figure in figures("color", "taau", "host"):
+    for figure in figures("color", "taau", "cpu"):
         assert figure.passed, figure
 
 
-@pytest.mark.parametrize("executor", ["host", "graph"])
+@pytest.mark.parametrize("executor", ["cpu", "onnx"])
 @pytest.mark.parametrize("method", LIT)
 def test_the_brightest_light_is_shown_at_once_and_accumulated_when_it_stays(
     method: str, executor: str

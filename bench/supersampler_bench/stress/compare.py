@@ -1,4 +1,4 @@
-"""How pictures are compared: with those of a session that nothing is done to, and with themselves, before."""
+"""Comparison of images with those of an undisturbed session, and with those of an earlier loop."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -16,62 +16,64 @@ OUTLIER = 0.1
 
 
 @dataclass(frozen=True)
-class Off:
-    """How far two pictures are apart, as a screen shows them in [0, 1]: the mean, and at 99.9 %."""
+class Difference:
+    """Absolute difference of two images after the display transform, [0, 1]: the mean, and at 99.9 %."""
 
     mean: float
     most: float
 
     @property
-    def gone(self) -> bool:
-        """Whether no one sees it."""
+    def invisible(self) -> bool:
+        """Whether the difference is too small to see."""
         return self.mean <= STEP and self.most <= OUTLIER
 
 
-def off(one: Float32, other: Float32, exposure: float = 1.0) -> Off:
-    """Compare two pictures."""
+def difference(one: Float32, other: Float32, exposure: float = 1.0) -> Difference:
+    """Compare two images."""
     apart = np.abs(display_transform(one, exposure) - display_transform(other, exposure))
-    return Off(float(apart.mean()), float(np.quantile(apart, 0.999)))
+    return Difference(float(apart.mean()), float(np.quantile(apart, 0.999)))
 
 
-def side_by_side(
-    stressed: Session, calm: Session, frames: Iterable[tuple[Frame, Frame]], exposure: float = 1.0
-) -> list[Off]:
+def step_both(
+    disturbed: Session, baseline: Session, frames: Iterable[tuple[Frame, Frame]], exposure: float = 1.0
+) -> list[Difference]:
     """Step two sessions, each with its own frame of the pairs."""
-    return [off(stressed.step(one), calm.step(other), exposure) for one, other in frames]
+    return [difference(disturbed.step(one), baseline.step(other), exposure) for one, other in frames]
 
 
-def alike(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Frame]]:
+def same_frames(frames: Iterable[Frame], count: int) -> Iterator[tuple[Frame, Frame]]:
     """Return the next `count` frames, for both sessions."""
     return ((frame, frame) for frame in islice(frames, count))
 
 
-def recovery(after: Sequence[Off]) -> float:
-    """Frames, of those after a disturbance, until it is gone for good; their number if it never is."""
-    seen = [index + 1 for index, o in enumerate(after) if not o.gone]
+def recovery(after: Sequence[Difference]) -> float:
+    """Frames after a disturbance until no difference is visible any more; all if one always is."""
+    seen = [index + 1 for index, o in enumerate(after) if not o.invisible]
     return float(seen[-1] if seen else 0)
 
 
-def forgotten(trial: Trial, during: Sequence[Off], after: Sequence[Off], more: int = 0) -> Measured:
+def recovery_figure(
+    trial: Trial, during: Sequence[Difference], after: Sequence[Difference], more: int = 0
+) -> Measured:
     """Return how many frames a disturbance was seen for after its end, which the subject bounds."""
     curve = [o.mean for o in (*during, *after)]
     return Measured((Figure("frames until clean", recovery(after), trial.subject.recovery + more),), curve)
 
 
 @dataclass(frozen=True)
-class Looped:
+class Repeated:
     """The same frames over and over.
 
     Attributes:
-        changes: mean difference of each loop's pictures from those of the loop before, from the second on.
-        drift: mean difference of the last loop's pictures from those of the `settled` one.
+        changes: mean difference of each loop's images from those of the loop before, from the second on.
+        drift: mean difference of the last loop's images from those of the `settled` one.
         psnr: dB, of each loop where truths are known.
-        swing: dB, from the worst to the best picture of the last loop.
+        swing: dB, from the worst to the best image of the last loop.
         images: what a screen shows of the last loop.
     """
 
     changes: list[float]
-    drift: float
+    mean_abs_difference: float
     psnr: list[float]
     swing: float
     images: Sequence[Float32]
@@ -86,7 +88,7 @@ def settled(loops: int) -> int:
     return min(12, loops // 2)
 
 
-def looped(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Looped:
+def repeat(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()) -> Repeated:
     """Step through the same frames until `trial.frames` are done, in whole loops, at least three."""
     session, loops = trial.begin(), max(trial.frames // len(frames), 3)
     wanted = [display_transform(truth) for truth in truths]
@@ -104,7 +106,7 @@ def looped(trial: Trial, frames: Sequence[Frame], truths: Sequence[Float32] = ()
         if loop == settled(loops):
             early = images
         before = images
-    return Looped(changes, _mean_apart(before, early), psnr, swing, before)
+    return Repeated(changes, _mean_apart(before, early), psnr, swing, before)
 
 
 def _mean_apart(one: Sequence[Float32], other: Sequence[Float32]) -> float:

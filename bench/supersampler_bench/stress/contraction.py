@@ -1,4 +1,4 @@
-"""Whether errors grow: the largest Lyapunov exponent of a recursion, after Benettin et al. 1980.
+"""Growth rate of errors in the history: the largest Lyapunov exponent, after Benettin et al. 1980.
 
 Two sessions step through the same frames; the second one's history differs by a little. Every few frames that
 difference is measured and scaled back to its size, in all that the history holds. What it shrinks by, in the

@@ -1,4 +1,4 @@
-"""Scenarios of bad values: no number, infinite, negative, denormal, huge; spikes of light."""
+"""Scenarios of bad values: NaN, infinite, negative, denormal, huge; spikes of light."""
 
 from collections.abc import Mapping
 from dataclasses import replace
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from supersampler import Frame
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
-from supersampler_bench.stress.compare import alike, forgotten, recovery, side_by_side
+from supersampler_bench.stress.compare import recovery, recovery_figure, same_frames, step_both
 from supersampler_bench.stress.scenario import LARGEST, RECOVERY, STEP, Figure, Measured, Scenario, Trial
 from supersampler_bench.stress.scenes import PERIOD, moving, still
 
@@ -32,8 +32,8 @@ VALUES: Mapping[str, tuple[float, float, float]] = {  # of each field
 _CASES = len(FIELDS) * len(PLACES)
 
 
-def spoilt(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
-    """Return the frame with `value` in a field, where the mask (h, w) says."""
+def with_values(frame: Frame, field: str, where: NDArray[np.bool_], value: float) -> Frame:
+    """Return the frame with `value` in a field, where the mask (h, w) is True."""
     array = np.array(getattr(frame, field))
     array[where] = value
     fields: dict[str, Any] = {field: array}
@@ -57,24 +57,24 @@ class _Injected:
         self._values = dict(zip(FIELDS, values, strict=True))
 
     def __call__(self, trial: Trial) -> Measured:
-        stressed, calm = trial.begin(), trial.begin()
+        disturbed, baseline = trial.begin(), trial.begin()
         frames = cycle(still(trial.render))
-        side_by_side(stressed, calm, alike(frames, PERIOD))
-        offs, worst = [], 0.0
+        step_both(disturbed, baseline, same_frames(frames, PERIOD))
+        differences, worst = [], 0.0
         for field, kind in product(FIELDS, PLACES):
             frame = next(frames)
-            bad = spoilt(frame, field, places(kind, frame), self._values[field])
-            offs += side_by_side(stressed, calm, [(bad, frame)])
-            after = side_by_side(stressed, calm, alike(frames, trial.subject.recovery + 8))
-            worst, offs = max(worst, recovery(after)), offs + after
+            bad = with_values(frame, field, places(kind, frame), self._values[field])
+            differences += step_both(disturbed, baseline, [(bad, frame)])
+            after = step_both(disturbed, baseline, same_frames(frames, trial.subject.recovery + 8))
+            worst, differences = max(worst, recovery(after)), differences + after
         return Measured(
-            (Figure("frames until clean", worst, trial.subject.recovery),), [o.mean for o in offs]
+            (Figure("frames until clean", worst, trial.subject.recovery),), [o.mean for o in differences]
         )
 
 
 def spread(trial: Trial) -> Measured:
-    """Colour, depth and motion of one pixel, in every frame of 192x96: all but what is around it stays."""
-    stressed, calm = trial.begin(WIDE), trial.begin(WIDE)
+    """Colour, depth and motion of one pixel are NaN in each frame of 192x96: only its surroundings change."""
+    disturbed, baseline = trial.begin(WIDE), trial.begin(WIDE)
     render = WIDE[0] // 2, WIDE[1] // 2
     x, y = render[0] // 2, render[1] // 2
     where = np.zeros(render[::-1], bool)
@@ -83,18 +83,18 @@ def spread(trial: Trial) -> Measured:
     for frame in islice(cycle(still(render)), trial.frames):
         bad = frame
         for field in FIELDS:
-            bad = spoilt(bad, field, where, np.nan)
-        curve.append(_reach(stressed.step(bad), calm.step(frame), x, y))
+            bad = with_values(bad, field, where, np.nan)
+        curve.append(_reach(disturbed.step(bad), baseline.step(frame), x, y))
     return Measured((Figure("reach, pixels", max(curve), trial.subject.reach + BLOCK),), curve)
 
 
-def _reach(image: Float32, calm: Float32, x: int, y: int) -> float:
+def _reach(image: Float32, baseline: Float32, x: int, y: int) -> float:
     """Distance, display pixels, from a render pixel's middle to the end of the farthest block that differs.
 
-    Blocks of 8x8, by a step on average: with a network in bytes, single pixels are rounded otherwise as soon
+    Blocks of 8x8, by a step on average: with an int8 network, single pixels are rounded otherwise as soon
     as anything differs anywhere.
     """
-    apart = np.abs(display_transform(image) - display_transform(calm)).mean(axis=-1)
+    apart = np.abs(display_transform(image) - display_transform(baseline)).mean(axis=-1)
     height, width = apart.shape
     blocks = apart.reshape(height // BLOCK, BLOCK, width // BLOCK, BLOCK).mean(axis=(1, 3))
     rows, columns = (BLOCK * (places + 0.5) for places in np.nonzero(blocks > STEP))
@@ -104,37 +104,37 @@ def _reach(image: Float32, calm: Float32, x: int, y: int) -> float:
 
 def spike(trial: Trial) -> Measured:
     """2x2 pixels have the brightest light of half floats, in one frame."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames = cycle(still(trial.render))
-    side_by_side(stressed, calm, alike(frames, 2 * PERIOD))
+    step_both(disturbed, baseline, same_frames(frames, 2 * PERIOD))
     frame = next(frames)
     where = np.zeros(trial.render[::-1], bool)
     where[4:6, 4:6] = True
-    during = side_by_side(stressed, calm, [(spoilt(frame, "color", where, LARGEST), frame)])
-    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
+    during = step_both(disturbed, baseline, [(with_values(frame, "color", where, LARGEST), frame)])
+    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
 
 
 def fireflies(trial: Trial) -> Measured:
     """In motion, for a period, half a percent of the pixels are far too bright."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames, random = cycle(moving(trial.render)), np.random.default_rng(3)
-    side_by_side(stressed, calm, alike(frames, PERIOD))
+    step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
     for frame in islice(frames, PERIOD):
         where = random.random(trial.render[::-1]) < 0.005
-        bad = spoilt(frame, "color", where, float(10.0 ** random.uniform(2.0, np.log10(LARGEST))))
-        during += side_by_side(stressed, calm, [(bad, frame)])
-    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
+        bad = with_values(frame, "color", where, float(10.0 ** random.uniform(2.0, np.log10(LARGEST))))
+        during += step_both(disturbed, baseline, [(bad, frame)])
+    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
 
 
 SCENARIOS = (
     *(
         Scenario(
             f"values {name}",
-            "apart / frame",
+            "difference / frame",
             _Injected(values),
-            host=_CASES * WATCHED,
-            graph=_CASES * WATCHED,
+            cpu=_CASES * WATCHED,
+            onnx=_CASES * WATCHED,
             quick=_CASES * WATCHED if name == "not a number" else 0,
             remembers=False,
         )
@@ -144,12 +144,12 @@ SCENARIOS = (
         "one pixel not a number",
         "reach / frame",
         spread,
-        host=128,
-        graph=64,
+        cpu=128,
+        onnx=64,
         quick=32,
         remembers=False,
         logarithmic=False,
     ),
-    Scenario("spike of 65504", "apart / frame", spike, host=96, graph=96, quick=56),
-    Scenario("fireflies", "apart / frame", fireflies, host=96, graph=96),
+    Scenario("spike of 65504", "difference / frame", spike, cpu=96, onnx=96, quick=56),
+    Scenario("fireflies", "difference / frame", fireflies, cpu=96, onnx=96),
 )

@@ -8,7 +8,7 @@ from itertools import cycle, islice
 import numpy as np
 
 from supersampler import Frame
-from supersampler_bench.stress.compare import alike, forgotten, side_by_side
+from supersampler_bench.stress.compare import recovery_figure, same_frames, step_both
 from supersampler_bench.stress.scenario import Measured, Scenario, Trial
 from supersampler_bench.stress.scenes import PERIOD, still
 
@@ -21,28 +21,28 @@ HELD = 16  # frames between jumps
 
 def exposure_jumps(trial: Trial) -> Measured:
     """Exposure, every 16 frames for four periods; the scene's light stays."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames = cycle(still(trial.render))
-    side_by_side(stressed, calm, alike(frames, PERIOD))
+    step_both(disturbed, baseline, same_frames(frames, PERIOD))
     jumping = (
         (replace(frame, exposure=_level(i // HELD)), frame)
         for i, frame in enumerate(islice(frames, 4 * PERIOD))
     )
-    during = side_by_side(stressed, calm, jumping)
-    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
+    during = step_both(disturbed, baseline, jumping)
+    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
 
 
 def light_jumps(trial: Trial) -> Measured:
     """Light, every 16 frames for four periods; exposure is measured. Against a session that begins then."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames = cycle(still(trial.render))
     for i, frame in enumerate(islice(frames, 4 * PERIOD)):
-        stressed.step(_lit(frame, _level(i // HELD)))
+        disturbed.step(_lit(frame, _level(i // HELD)))
     bright = _level(0)
     pairs: Iterator[tuple[Frame, Frame]] = (
         (_lit(frame, bright), _lit(frame, bright)) for frame in islice(frames, trial.watched + ADAPTED)
     )
-    return forgotten(trial, [], side_by_side(stressed, calm, pairs, 1.0 / bright), ADAPTED)
+    return recovery_figure(trial, [], step_both(disturbed, baseline, pairs, 1.0 / bright), ADAPTED)
 
 
 def _level(jump: int) -> float:
@@ -55,6 +55,13 @@ def _lit(frame: Frame, level: float) -> Frame:
 
 
 SCENARIOS = (
-    Scenario("exposure jumps by 16 stops", "apart / frame", exposure_jumps, host=160, graph=160, quick=96),
-    Scenario("light jumps by 16 stops", "apart / frame", light_jumps, host=160, graph=160),
+    Scenario(
+        "exposure jumps by 16 stops",
+        "difference / frame",
+        exposure_jumps,
+        cpu=160,
+        onnx=160,
+        quick=96,
+    ),
+    Scenario("light jumps by 16 stops", "difference / frame", light_jumps, cpu=160, onnx=160),
 )

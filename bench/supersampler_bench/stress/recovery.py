@@ -1,4 +1,4 @@
-"""Scenarios of one hostile frame: what is left of it thirty clean frames later."""
+"""Scenarios of one hostile frame: its remaining error thirty clean frames later."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -7,18 +7,17 @@ from itertools import cycle, islice, product
 from supersampler import Frame
 from supersampler.frame import Float32
 from supersampler.state import State
-from supersampler_bench.stress.compare import Off, off
-from supersampler_bench.stress.hostile import VALUES, places, spoilt
+from supersampler_bench.stress.compare import Difference, difference
+from supersampler_bench.stress.hostile import VALUES, places, with_values
 from supersampler_bench.stress.scenario import LARGEST, Figure, Measured, Scenario, Trial, Watched
 from supersampler_bench.stress.scenes import PERIOD, still
 
 CLEAN = 30
 """Frames that follow the hostile one."""
-SEEN = Off(mean=0.1 / 255.0, most=4.0 / 255.0)
+SEEN = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
 """What the last of them may differ by: no one sees it."""
 CHANCE = 1.25
-"""By what factor more than a cut leaves may be left: pixels that forget slowly, and networks in bytes, differ
-as much by chance."""
+"""Factor over the difference that a cut leaves: slow pixels and int8 networks differ as much by chance."""
 EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
 HOSTILE: Mapping[str, Sequence[float]] = {
     field: [values[i] for values in VALUES.values()] for i, field in enumerate(("color", "depth", "motion"))
@@ -26,9 +25,9 @@ HOSTILE: Mapping[str, Sequence[float]] = {
 
 
 class _OneFrame:
-    """One frame is hostile, 30 clean ones follow: apart from a session that never saw it, in the worst case.
+    """One hostile frame, then 30 clean ones: worst difference from a session without it, exposure measured.
 
-    Exposure is measured. A quarter more than a cut at that frame leaves is allowed, too.
+    Up to a quarter more than the difference that a cut at that frame leaves is allowed, too.
     """
 
     def __init__(self, hostile: Callable[[Frame], Iterable[Frame]]) -> None:
@@ -40,12 +39,12 @@ class _OneFrame:
         for frame in islice(frames, PERIOD):
             session.step(frame)
         state, frame, clean = session.save_state(), next(frames), list(islice(frames, CLEAN))
-        calm = _after(session, state, frame, clean)
+        baseline = _after(session, state, frame, clean)
         tried = []
         for bad in self._hostile(frame):
-            offs = _apart(_after(session, state, bad, clean), calm)
-            cut = _apart(_after(session, state, replace(bad, reset=True), clean), calm)
-            tried.append((offs, cut[-1]))
+            differences = _agreement(_after(session, state, bad, clean), baseline)
+            cut = _agreement(_after(session, state, replace(bad, reset=True), clean), baseline)
+            tried.append((differences, cut[-1]))
         figures = [_worst(tried, name) for name in ("mean", "most")]
         return Measured(
             tuple(figures), [o.mean for o in max((o for o, _ in tried), key=lambda o: o[-1].mean)]
@@ -58,22 +57,25 @@ def _after(session: Watched, state: State, frame: Frame, clean: Sequence[Frame])
     return [session.step(later) for later in clean]
 
 
-def _apart(images: Sequence[Float32], calm: Sequence[Float32]) -> list[Off]:
-    return [off(one, other) for one, other in zip(images, calm, strict=True)]
+def _agreement(images: Sequence[Float32], baseline: Sequence[Float32]) -> list[Difference]:
+    return [difference(one, other) for one, other in zip(images, baseline, strict=True)]
 
 
-def _worst(tried: Sequence[tuple[Sequence[Off], Off]], name: str) -> Figure:
+def _worst(tried: Sequence[tuple[Sequence[Difference], Difference]], name: str) -> Figure:
     """What is farthest beyond its bound, or nearest to it."""
     limit: float = getattr(SEEN, name)
-    found = [(getattr(offs[-1], name), max(limit, CHANCE * getattr(cut, name))) for offs, cut in tried]
+    found = [
+        (getattr(differences[-1], name), max(limit, CHANCE * getattr(cut, name)))
+        for differences, cut in tried
+    ]
     value, bound = max(found, key=lambda pair: pair[0] / pair[1])
-    return Figure({"mean": "apart", "most": "apart, at 99.9 %"}[name], value, bound)
+    return Figure({"mean": "difference", "most": "difference at 99.9 %"}[name], value, bound)
 
 
 def _spoils(field: str, values: Sequence[float]) -> Callable[[Frame], Iterator[Frame]]:
     def hostile(frame: Frame) -> Iterator[Frame]:
         for value, kind in product(values, ("pixels", "row", "frame")):
-            yield spoilt(frame, field, places(kind, frame), value)
+            yield with_values(frame, field, places(kind, frame), value)
 
     return hostile
 
@@ -85,10 +87,10 @@ def _exposures(frame: Frame) -> Iterator[Frame]:
 def _scenario(name: str, hostile: Callable[[Frame], Iterable[Frame]], cases: int) -> Scenario:
     return Scenario(
         f"one frame's {name}",
-        "apart / frame",
+        "difference / frame",
         _OneFrame(hostile),
-        host=2 * cases * CLEAN,
-        graph=2 * cases * CLEAN,
+        cpu=2 * cases * CLEAN,
+        onnx=2 * cases * CLEAN,
         quick=2 * cases * CLEAN if name == "exposure" else 0,
         ratios=None,
     )

@@ -1,4 +1,4 @@
-"""What a run of scenarios says: a table, a record, a sheet of curves for each family."""
+"""Results of a stress run: a table, a record, a sheet of curves for each family."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Sheet
 from matplotlib.ticker import MaxNLocator
 
-from supersampler_bench.png import save_png
+from supersampler.io.atomic import replacing
 from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
 from supersampler_bench.stress.scenario import Figure, Scenario
@@ -65,9 +65,9 @@ def markdown_table(record: Record) -> str:
 
 def scenario_list() -> str:
     """Return as Markdown what each scenario does, and for how many frames."""
-    rows = ["| scenario | what is done | frames, host | graph |", "| --- | --- | ---: | ---: |"]
+    rows = ["| scenario | what is done | frames, cpu | onnx |", "| --- | --- | ---: | ---: |"]
     for s in (s for family in FAMILIES.values() for s in family):
-        rows.append(f"| {s.name} | {s.done} | {s.host or '–'} | {s.graph or '–'} |")
+        rows.append(f"| {s.name} | {s.done} | {s.cpu or '–'} | {s.onnx or '–'} |")
     return "\n".join(rows)
 
 
@@ -137,7 +137,8 @@ def _draw_sheet(scenarios: Sequence[Scenario], outcomes: Sequence[Outcome], path
         axes.remove()
     handles = {str(line.get_label()): line for axes in sheet.axes for line in axes.lines}
     sheet.legend(handles.values(), handles.keys(), loc="outside lower center", ncols=6, fontsize="small")
-    save_png(sheet, path)
+    with replacing(path) as partial:
+        sheet.savefig(partial, format="png")
 
 
 def _draw_panel(axes: Axes, scenario: Scenario, outcomes: Sequence[Outcome], methods: Sequence[str]) -> None:

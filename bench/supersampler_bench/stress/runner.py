@@ -1,4 +1,4 @@
-"""Runs scenarios one after another; what was measured can be kept, so that a run that was stopped goes on."""
+"""Run scenarios one after another; kept outcomes let a stopped run continue."""
 
 import hashlib
 import json
@@ -34,9 +34,9 @@ class Outcome:
 
     Attributes:
         scenario, method, executor, precision: what was run.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         frames: how many, about.
-        figures: what was measured; that no picture had a bad value is among them. None of a run that broke.
+        figures: what was measured; that no image had a bad value is among them. None of a run that broke.
         curve: what to look at.
         error: why it broke.
     """
@@ -82,15 +82,15 @@ def runs(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[tup
 
 
 def left_out(scenarios: Sequence[Scenario], subjects: Sequence[Subject]) -> list[str]:
-    """Say of each subject which scenarios ask for ratios that it does not draw at, if any do."""
+    """Return a warning for each subject that does not support the ratios of some scenarios."""
     texts = []
     for subject in subjects:
-        names = [scenario.name for scenario in scenarios if not scenario.is_drawn_by(subject)]
+        names = [scenario.name for scenario in scenarios if not scenario.supports(subject)]
         low, high = subject.ratios
-        drawn = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
+        ratios = f"{low:g} alone" if low == high else f"{low:g} to {high:g}"
         if names:
             texts.append(
-                f"{subject.method} {subject.executor}, which draws at ratios of {drawn}, is left out of "
+                f"{subject.method} {subject.executor}, whose ratios are {ratios}, is left out of "
                 f"{', '.join(names)}"
             )
     return texts

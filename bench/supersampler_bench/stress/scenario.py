@@ -1,4 +1,4 @@
-"""What a scenario is: something is done to a method, figures are taken, each of which has a bound."""
+"""Scenarios: a disturbance of a method, and figures with bounds."""
 
 import inspect
 from collections.abc import Callable
@@ -13,22 +13,22 @@ from supersampler.model import TOLERANCE
 from supersampler.state import State
 
 STEP = 1.0 / 255.0
-"""Of an 8-bit picture: what pictures that should be alike may differ by on average."""
+"""Of an 8-bit image: what images that should be alike may differ by on average."""
 REST = TOLERANCE
-"""What a picture at rest may change by in a period: skipping leaves it as it is from there on."""
+"""What an image at rest may change by in a period: skipping leaves it as it is from there on."""
 ROUNDING = 1e-5
-"""What single precision makes pictures differ by, on average, where nothing is in bytes."""
+"""Mean difference of images that single precision causes, without int8."""
 RECOVERY = 48
 """Frames, one and a half periods of the jitter at ratio 2, in which most methods forget what was bad."""
 REACH = 8.0
 """Display pixels around a bad one that may look different; of a network, beside what it sees."""
 DECAY = 0.1
-"""dB of PSNR that a picture may lose from one loop to a later one, or be below what it is held against."""
+"""dB of PSNR that an image may lose from one loop to a later one, or be below what it is compared with."""
 LARGEST = 65504.0
 
 
 class Session(Protocol):
-    """What is stressed: an `Upscaler`, or what behaves like one."""
+    """An `Upscaler`, or anything that behaves like one."""
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
@@ -68,13 +68,13 @@ class Subject:
 
     @property
     def tolerance(self) -> float:
-        """What two ways to the same picture may differ by on average, as a screen shows it."""
+        """What two ways to the same image may differ by on average, as a screen shows it."""
         return ROUNDING if self.precision == "fp32" else STEP
 
 
 @dataclass
 class Watched:
-    """A session whose every value is looked at.
+    """A session that counts invalid values of its images.
 
     Attributes:
         session: the one.
@@ -105,7 +105,7 @@ class Trial:
 
     Attributes:
         subject: what is stressed.
-        display: (width, height) of the pictures.
+        display: (width, height) of the images.
         frames: how many to step, about.
         opened: all sessions that the scenario began.
     """
@@ -117,7 +117,7 @@ class Trial:
 
     @property
     def render(self) -> Size:
-        """Render size at ratio 2, or the ratio nearest to it that the subject draws at."""
+        """Render size at ratio 2, or the ratio nearest to it that the subject supports."""
         low, high = self.subject.ratios
         ratio = min(max(2.0, low), high)
         return round(self.display[0] / ratio), round(self.display[1] / ratio)
@@ -157,26 +157,26 @@ class Measured:
 
 @dataclass(frozen=True)
 class Scenario:
-    """Something that is done to a method.
+    """A disturbance of a method, and the figures that are taken.
 
     Attributes:
         name: of a few words.
         curve: what its curve shows, over what: "y / x".
-        run: does it, and says what in its docstring.
-        host, graph: frames in that executor, which is much slower as a graph.
+        run: runs it; its docstring is the description.
+        cpu, onnx: frames on that backend; the ONNX backend is much slower.
         quick: frames of a short run in any; 0: it is left out there.
-        remembers: only of methods with a past.
-        pairs: only of subjects that are held against single precision.
-        same_size: graphs draw as large pictures as the host does.
-        logarithmic: whether its curve is drawn so.
+        remembers: only of methods with a history.
+        pairs: only of subjects that are compared with single precision.
+        same_size: the ONNX backend has images as large as the CPU backend.
+        logarithmic: whether its curve has a logarithmic axis.
         ratios: of display to render size, the least and the largest that it asks for; None: it takes any.
     """
 
     name: str
     curve: str
     run: Callable[[Trial], Measured]
-    host: int
-    graph: int
+    cpu: int
+    onnx: int
     quick: int = 0
     remembers: bool = True
     pairs: bool = False
@@ -190,22 +190,22 @@ class Scenario:
         return " ".join((inspect.getdoc(self.run) or "").split())
 
     def suits(self, subject: Subject) -> bool:
-        """Whether it makes sense for this one, which draws at its ratios."""
-        if not self.is_drawn_by(subject):
+        """Whether it makes sense for this subject, and at its ratios."""
+        if not self.supports(subject):
             return False
         if self.pairs:
             return subject.exact is not None
         return subject.remembers or not self.remembers
 
-    def is_drawn_by(self, subject: Subject) -> bool:
-        """Whether the subject draws at all ratios that it asks for."""
+    def supports(self, subject: Subject) -> bool:
+        """Whether the subject supports all ratios that it asks for."""
         if self.ratios is None:
             return True
         return subject.ratios[0] <= self.ratios[0] and self.ratios[1] <= subject.ratios[1]
 
     def trial(self, subject: Subject, *, quick: bool) -> Trial:
-        """Return a run of it: pictures of 96x64 on the host, of 48x32 where a graph runs or all is short."""
-        graph = subject.executor == "onnx"
-        small = quick or self.pairs or (graph and not self.same_size)
-        frames = self.quick if quick else self.graph if graph else self.host
+        """Return a run of it: 96x64 pixels on the CPU backend, 48x32 on the ONNX backend or in short runs."""
+        onnx = subject.executor == "onnx"
+        small = quick or self.pairs or (onnx and not self.same_size)
+        frames = self.quick if quick else self.onnx if onnx else self.cpu
         return Trial(subject, (48, 32) if small else (96, 64), frames)

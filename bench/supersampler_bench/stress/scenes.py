@@ -1,4 +1,4 @@
-"""Frames to stress with: a scene that stands, one that moves and comes back to where it was, a real one."""
+"""Frames for scenarios: a static scene, a moving one that repeats, and part of the shipped shot."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -28,7 +28,7 @@ RATIO = 2.0
 PERIOD = jitter_phase_count(RATIO)
 LAP = 40  # frames in which the moving scene comes back
 LOOP = lcm(PERIOD, LAP)
-"""Frames after which scene and jitter are both as they were: what is drawn of them must repeat, too."""
+"""Frames after which scene and jitter are both as they were: their images must repeat, too."""
 STILL: Scene = WiresOverPlane(Plane(checker))
 
 

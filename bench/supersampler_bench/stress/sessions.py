@@ -1,4 +1,4 @@
-"""Scenarios of how sessions are driven: threads, several at once, saved and restored."""
+"""Scenarios of sessions: number of threads, several at once, saved and restored states."""
 
 import pickle
 from collections.abc import Sequence
@@ -16,57 +16,67 @@ THREADS = (2, 3, 5)
 
 
 def threads(trial: Trial) -> Measured:
-    """One thread, two, three, five: the number changes no bit on the host, and rounding in a graph."""
+    """One thread, two, three, five: no bit changes on the CPU backend, rounding alone on the ONNX backend."""
     frames = _frames(moving(trial.render), trial.frames)
-    expected = _drawn(trial.begin(), frames)
-    curve = [_most(expected, _drawn(trial.begin(threads=count), frames)) for count in THREADS]
+    expected = _images(trial.begin(), frames)
+    curve = [_largest_difference(expected, _images(trial.begin(threads=count), frames)) for count in THREADS]
     bound = 0.0 if trial.subject.executor == "cpu" else ROUNDING
-    return Measured((Figure("apart", max(curve), bound),), curve)
+    return Measured((Figure("difference", max(curve), bound),), curve)
 
 
 def interleaved(trial: Trial) -> Measured:
-    """Two sessions of one model, step by step in turns, then on two threads: each draws as if alone."""
+    """Two sessions of one model, step by step in turns, then on two threads: both are as if alone."""
     inputs = [_frames(f, trial.frames) for f in (moving(trial.render), real(trial.render))]
-    expected = [_drawn(trial.begin(), frames) for frames in inputs]
+    expected = [_images(trial.begin(), frames) for frames in inputs]
     one, other = trial.begin(), trial.begin()
     turns = [(one.step(a), other.step(b)) for a, b in zip(*inputs, strict=True)]
     with ThreadPoolExecutor(2) as pool:
-        at_once = list(pool.map(_drawn, [trial.begin(), trial.begin()], inputs))
+        at_once = list(pool.map(_images, [trial.begin(), trial.begin()], inputs))
     in_turns = [[a for a, _ in turns], [b for _, b in turns]]
     curve = [
-        _most(alone, drawn) for way in (in_turns, at_once) for alone, drawn in zip(expected, way, strict=True)
+        _largest_difference(alone, images)
+        for way in (in_turns, at_once)
+        for alone, images in zip(expected, way, strict=True)
     ]
-    return Measured((Figure("apart, bit for bit", max(curve), 0.0),), curve)
+    return Measured((Figure("largest difference", max(curve), 0.0),), curve)
 
 
 def restored(trial: Trial) -> Measured:
     """State is saved half-way: another session that loads it, and the same one later, go on bit for bit."""
     frames, half = _frames(moving(trial.render), trial.frames), trial.frames // 2
     session, other = trial.begin(), trial.begin()
-    _drawn(session, frames[:half])
+    _images(session, frames[:half])
     state = pickle.dumps(session.save_state())
-    expected = _drawn(session, frames[half:])
+    expected = _images(session, frames[half:])
     curve = []
     for one in (other, session):
         one.load_state(pickle.loads(state))  # noqa: S301  # our own bytes
-        curve.append(_most(expected, _drawn(one, frames[half:])))
-    return Measured((Figure("apart, bit for bit", max(curve), 0.0),), curve)
+        curve.append(_largest_difference(expected, _images(one, frames[half:])))
+    return Measured((Figure("largest difference", max(curve), 0.0),), curve)
 
 
 def _frames(frames: Sequence[Frame], count: int) -> list[Frame]:
     return list(islice(cycle(frames), count))
 
 
-def _drawn(session: Session, frames: Sequence[Frame]) -> list[Float32]:
+def _images(session: Session, frames: Sequence[Frame]) -> list[Float32]:
     return [session.step(frame) for frame in frames]
 
 
-def _most(expected: Sequence[Float32], drawn: Sequence[Float32]) -> float:
-    return max(float(np.abs(a - b).max()) for a, b in zip(expected, drawn, strict=True))
+def _largest_difference(expected: Sequence[Float32], images: Sequence[Float32]) -> float:
+    return max(float(np.abs(a - b).max()) for a, b in zip(expected, images, strict=True))
 
 
 SCENARIOS = (
-    Scenario("threads", "apart / number", threads, host=96, graph=32, quick=16, remembers=False),
-    Scenario("two at once", "apart / way", interleaved, host=96, graph=32, quick=16, remembers=False),
-    Scenario("saved and restored", "apart / session", restored, host=96, graph=64, quick=32, remembers=False),
+    Scenario("threads", "difference / number", threads, cpu=96, onnx=32, quick=16, remembers=False),
+    Scenario("two at once", "difference / way", interleaved, cpu=96, onnx=32, quick=16, remembers=False),
+    Scenario(
+        "saved and restored",
+        "difference / session",
+        restored,
+        cpu=96,
+        onnx=64,
+        quick=32,
+        remembers=False,
+    ),
 )

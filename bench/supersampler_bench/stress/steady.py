@@ -1,4 +1,4 @@
-"""Scenarios of many frames, at rest, in motion, in bytes: errors that could add up, how fast they fade."""
+"""Scenarios of many frames, static, moving and in int8: errors that could add up, and how fast they fade."""
 
 from collections.abc import Sequence
 
@@ -7,15 +7,15 @@ import numpy as np
 from supersampler import Frame, Upscaler
 from supersampler.frame import Float32, Size
 from supersampler.io.display import decibels, display_transform
-from supersampler_bench.stress.compare import looped, off
+from supersampler_bench.stress.compare import difference, repeat
 from supersampler_bench.stress.contraction import EVERY, contraction
 from supersampler_bench.stress.scenario import DECAY, REST, STEP, Figure, Measured, Scenario, Trial
 from supersampler_bench.stress.scenes import LAP, LOOP, PERIOD, STILL, Orbit, moving, still, truth
 
 SWING = 1.5
-"""dB of PSNR that pictures of a scene at rest may go up and down by."""
+"""dB of PSNR that images of a scene at rest may go up and down by."""
 EMA, AVERAGED = 0.1, 4
-"""New share of the average that methods are held against, and loops until it has settled."""
+"""New share of the average that methods are compared with, and loops until it has settled."""
 GROWTH = 1.1
 """By how much more two precisions may be apart in the last loop than in the middle one."""
 SMALL = 1e-4
@@ -24,12 +24,12 @@ _UNIT = 1e-7  # rounding of single precision: what is less apart than this is no
 
 
 def at_rest(trial: Trial) -> Measured:
-    """A scene with wires stands still: its picture settles, and stays. Against the thirteenth period."""
+    """A static scene with wires: its image settles, and stays as it was in the thirteenth period."""
     frames, base = still(trial.render), truth(STILL, 0, trial.display)
-    run = looped(trial, frames, [base] * PERIOD)
+    run = repeat(trial, frames, [base] * PERIOD)
     figures = [
         Figure("change in a period", run.changes[-1], REST),
-        Figure("drift", run.drift, REST),
+        Figure("mean abs difference", run.mean_abs_difference, REST),
         Figure("PSNR lost, dB", run.lost(), DECAY),
         Figure("PSNR swing in a period, dB", run.swing, SWING),
     ]
@@ -44,17 +44,17 @@ def _psnr_of_average(frames: Sequence[Frame], display: Size, wanted: Float32) ->
     (width, height), (w, h) = display, frames[0].size
     rows, columns = np.arange(height)[:, None] * h // height, np.arange(width) * w // width
     singles = [np.asarray(frame.color, np.float32)[rows, columns] for frame in frames]
-    past, scores = singles[0], []
+    average, scores = singles[0], []
     for single in singles * AVERAGED:
-        past = (1.0 - EMA) * past + EMA * single
-        scores.append(decibels(float(np.mean((display_transform(past) - wanted) ** 2))))
+        average = (1.0 - EMA) * average + EMA * single
+        scores.append(decibels(float(np.mean((display_transform(average) - wanted) ** 2))))
     return float(np.mean(scores[-len(frames) :]))
 
 
 def flicker(trial: Trial) -> Measured:
     """At rest: deviation over a period of the jitter, as a share of that of single frames upsampled."""
     frames = still(trial.render)
-    images = looped(trial, frames).images
+    images = repeat(trial, frames).images
     spatial = Upscaler("bilinear", display_size=trial.display, validate="off", threads=1)
     single = [display_transform(spatial.step(frame)) for frame in frames]
     left = _deviation(images) / _deviation(single)
@@ -73,9 +73,9 @@ def _deviation(images: Sequence[Float32]) -> float:
 
 
 def in_motion(trial: Trial) -> Measured:
-    """A disc goes round before a plane that swings, over and over: pictures repeat as the frames do."""
+    """A disc circles before a swinging plane, over and over: images repeat as the frames do."""
     frames = moving(trial.render)
-    run = looped(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
+    run = repeat(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
     figures = (
         Figure("change in a loop", run.changes[-1], REST),
         Figure("PSNR lost, dB", run.lost(), DECAY),
@@ -84,13 +84,16 @@ def in_motion(trial: Trial) -> Measured:
 
 
 def precisions(trial: Trial) -> Measured:
-    """The same moving frames by the graph, in single precision: apart by a little, and not ever more."""
+    """The same moving frames on the ONNX backend in fp32: the difference is small and does not grow."""
     frames, loops = moving(trial.render), max(trial.frames // LOOP, 3)
     session, exact = trial.begin(), (trial.subject.exact or trial.subject.begin)(trial.display, 1)
-    means = [float(np.mean([off(session.step(f), exact.step(f)).mean for f in frames])) for _ in range(loops)]
+    means = [
+        float(np.mean([difference(session.step(f), exact.step(f)).mean for f in frames]))
+        for _ in range(loops)
+    ]
     growth = (means[-1] + _UNIT) / (means[loops // 2] + _UNIT)
     figures = (
-        Figure("apart, worst loop", max(means), trial.subject.tolerance),
+        Figure("difference, worst loop", max(means), trial.subject.tolerance),
         Figure("growth", growth, GROWTH),
     )
     return Measured(figures, means)
@@ -102,7 +105,7 @@ def contraction_at_rest(trial: Trial) -> Measured:
 
 
 def contraction_in_motion(trial: Trial) -> Measured:
-    """The history is disturbed a little while all moves."""
+    """The history is disturbed a little, in motion."""
     return _contraction(trial, moving(trial.render))
 
 
@@ -118,17 +121,23 @@ def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
 
 
 SCENARIOS = (
-    Scenario("at rest", "change / period", at_rest, host=10_016, graph=960, quick=320, remembers=False),
-    Scenario("in motion", "change / loop", in_motion, host=1920, graph=640),
+    Scenario("at rest", "change / period", at_rest, cpu=10_016, onnx=960, quick=320, remembers=False),
+    Scenario("in motion", "change / loop", in_motion, cpu=1920, onnx=640),
     Scenario(
-        "against single precision", "apart / loop", precisions, host=2080, graph=2080, quick=480, pairs=True
+        "against single precision",
+        "difference / loop",
+        precisions,
+        cpu=2080,
+        onnx=2080,
+        quick=480,
+        pairs=True,
     ),
     Scenario(
         "flicker at the jitter's period",
-        "off the truth / frame",
+        "error / frame",
         flicker,
-        host=640,
-        graph=320,
+        cpu=640,
+        onnx=320,
         same_size=True,
         logarithmic=False,
     ),
@@ -136,8 +145,8 @@ SCENARIOS = (
         "contraction at rest",
         "rate / 16 frames",
         contraction_at_rest,
-        host=768,
-        graph=320,
+        cpu=768,
+        onnx=320,
         quick=256,
         same_size=True,
         logarithmic=False,
@@ -146,8 +155,8 @@ SCENARIOS = (
         "contraction in motion",
         "rate / 16 frames",
         contraction_in_motion,
-        host=640,
-        graph=320,
+        cpu=640,
+        onnx=320,
         same_size=True,
         logarithmic=False,
     ),

@@ -1,4 +1,4 @@
-"""Methods and executors as what is stressed, and what they promise: how soon the past must fade."""
+"""Methods and backends under stress, and their bounds: reach and recovery."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -10,7 +10,7 @@ from supersampler.frame import Float32, Size
 from supersampler.methods.model_file import ModelInfo
 from supersampler.model import ExecutorName, Precision
 from supersampler.state import State
-from supersampler_bench.fitting import dressed
+from supersampler_bench.compatibility import with_default_gbuffers
 from supersampler_bench.specs import parse_spec
 from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
@@ -25,17 +25,17 @@ def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[
 
     Args:
         methods: shipped models or model folders, with a precision as in "classifier:fp16"; "taau+guided-warp"
-            hides every second frame from `taau`, and has the other draw its colour.
+            is `taau` with every second frame unshaded and extrapolated by the other.
         executors: of the first.
     """
     return [subject for method in methods for subject in _of(method, executors)]
 
 
 def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
-    upscaler, _, drawing = method.partition("+")
+    upscaler, _, extrapolation = method.partition("+")
     spec = parse_spec(upscaler)
     for executor in executors:
-        begin = _Begin(spec.model, executor, spec.precision, drawing or None)
+        begin = _SessionFactory(spec.model, executor, spec.precision, extrapolation or None)
         try:
             model = begin.model(1)
         except ArgumentError:  # the method has no such executor
@@ -46,7 +46,7 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
             executor=model.executor,
             precision=model.precision,
             remembers=bool(model.info.history),
-            reach=REACH + _sight(model.info),
+            reach=REACH + _receptive_radius(model.info),
             begin=begin,
             exact=None if is_exact else replace(begin, executor="onnx", precision="fp32"),
             recovery=SLOW.get(spec.model, RECOVERY),
@@ -55,11 +55,11 @@ def _of(method: str, executors: Sequence[ExecutorName]) -> Iterator[Subject]:
 
 
 @dataclass(frozen=True)
-class _Begin:
+class _SessionFactory:
     method: str
     executor: ExecutorName
     precision: Precision
-    drawing: str | None
+    extrapolation: str | None
 
     def model(self, threads: int) -> Model:
         return _model(self.method, self.executor, self.precision, threads)
@@ -69,15 +69,15 @@ class _Begin:
             self.model(threads),
             display_size=display,
             skip="exact",
-            extrapolation=self.drawing,
+            extrapolation=self.extrapolation,
             validate="off",
         )
-        if self.drawing is not None:
-            return _Alternating(upscaler, display)
-        return _Dressed(upscaler, display) if upscaler.gbuffers else upscaler
+        if self.extrapolation is not None:
+            return _AlternatingShading(upscaler, display)
+        return _WithDefaultGBuffers(upscaler, display) if upscaler.gbuffers else upscaler
 
 
-class _Dressed:
+class _WithDefaultGBuffers:
     """An Upscaler of a method that reads G-buffers, which frames to stress with lack."""
 
     def __init__(self, upscaler: Upscaler, display: Size) -> None:
@@ -85,7 +85,7 @@ class _Dressed:
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
-        return self._show(dressed(frame, self._upscaler.gbuffers, self._display))
+        return self._step_frame(with_default_gbuffers(frame, self._upscaler.gbuffers, self._display))
 
     def save_state(self) -> State:
         """See `Upscaler.save_state`."""
@@ -95,24 +95,26 @@ class _Dressed:
         """See `Upscaler.load_state`."""
         self._upscaler.load_state(state)
 
-    def _show(self, frame: Frame) -> Float32:
+    def _step_frame(self, frame: Frame) -> Float32:
         return self._upscaler.step(frame)
 
 
-class _Alternating(_Dressed):
+class _AlternatingShading(_WithDefaultGBuffers):
     """One that is not shown the colour of every second frame; what comes after a cut or a load is shaded."""
 
-    _hides = False
+    _next_is_unshaded = False
 
     def load_state(self, state: State) -> None:
         """See `Upscaler.load_state`."""
         super().load_state(state)
-        self._hides = False
+        self._next_is_unshaded = False
 
-    def _show(self, frame: Frame) -> Float32:
-        hidden = self._hides and not frame.reset
-        image = self._upscaler.extrapolate(replace(frame, color=None)) if hidden else super()._show(frame)
-        self._hides = not hidden
+    def _step_frame(self, frame: Frame) -> Float32:
+        unshaded = self._next_is_unshaded and not frame.reset
+        image = (
+            self._upscaler.extrapolate(replace(frame, color=None)) if unshaded else super()._step_frame(frame)
+        )
+        self._next_is_unshaded = not unshaded
         return image
 
 
@@ -121,7 +123,7 @@ def _model(method: str, executor: ExecutorName, precision: Precision, threads: i
     return Model.load(method, providers="cpu", executor=executor, precision=precision, threads=threads)
 
 
-def _sight(info: ModelInfo) -> int:
+def _receptive_radius(info: ModelInfo) -> int:
     """Display pixels that a network sees to either side; 0 without one.
 
     Each level sees one of its own pixels farther, of 2, 4, 8, ... display pixels, and where the largest of

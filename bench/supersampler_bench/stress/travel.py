@@ -1,4 +1,4 @@
-"""Scenarios of motion and depth: cuts, jumps, vectors that lead nowhere or between pixels, lost frames."""
+"""Scenarios of motion and depth: cuts, jumps, off-screen and subpixel motion, lost frames."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,7 +8,7 @@ import numpy as np
 
 from supersampler import Frame
 from supersampler.frame import Float32, Size
-from supersampler_bench.stress.compare import alike, forgotten, looped, off, side_by_side
+from supersampler_bench.stress.compare import difference, recovery_figure, repeat, same_frames, step_both
 from supersampler_bench.stress.scenario import (
     DECAY,
     REST,
@@ -37,38 +37,38 @@ SWAY = PERIOD  # frames in one direction
 
 
 def cuts(trial: Trial) -> Measured:
-    """Every frame is a cut: each picture is what a new session draws."""
+    """Every frame is a cut: each image is that of a new session."""
     session = trial.begin()
     curve = []
     for frame in islice(cycle(moving(trial.render)), trial.frames):
         image = session.step(replace(frame, reset=True))
         curve.append(float(np.abs(image - trial.begin().step(frame)).max()))
-    return Measured((Figure("apart, bit for bit", max(curve), 0.0),), curve)
+    return Measured((Figure("largest difference", max(curve), 0.0),), curve)
 
 
 def far_vectors(trial: Trial) -> Measured:
-    """Motion leads far off screen, where there is no past: each picture is what a new session draws."""
+    """Motion leads far off screen, where there is no history: each image is that of a new session."""
     worst: dict[float, float] = {}
     curve: list[float] = []
     for length in TOO_FAR:
         session, found = trial.begin(), []
         for frame in islice(cycle(moving(trial.render)), trial.frames // len(TOO_FAR)):
             away = replace(frame, motion=np.full_like(frame.motion, length))
-            found.append(off(session.step(away), trial.begin().step(away)).mean)
+            found.append(difference(session.step(away), trial.begin().step(away)).mean)
         worst[length], curve = max(found), curve + found
     figures = (
-        Figure(f"apart, by {length:g}", most, trial.subject.tolerance) for length, most in worst.items()
+        Figure(f"difference, by {length:g}", most, trial.subject.tolerance) for length, most in worst.items()
     )
     return Measured(tuple(figures), curve)
 
 
 def jump(trial: Trial) -> Measured:
-    """The scene is another one at once, and nothing tells: no reset, no motion."""
-    stressed, calm = trial.begin(), trial.begin()
+    """The scene is replaced without a reset or motion."""
+    disturbed, baseline = trial.begin(), trial.begin()
     for frame in (*moving(trial.render), *_elsewhere(trial.render)):
-        stressed.step(frame)
-    after = side_by_side(stressed, calm, alike(cycle(still(trial.render)), trial.watched))
-    return forgotten(trial, [], after)
+        disturbed.step(frame)
+    after = step_both(disturbed, baseline, same_frames(cycle(still(trial.render)), trial.watched))
+    return recovery_figure(trial, [], after)
 
 
 def _elsewhere(render: Size) -> Sequence[Frame]:
@@ -103,7 +103,7 @@ class _Between:
         step = self._pixels * EXTENT[0] / trial.render[0], self._pixels * EXTENT[1] / trial.render[1]
         scene = Sway(step)
         frames = frames_of(scene, trial.render, 2 * SWAY)
-        run = looped(trial, frames, [scene.truth(i, trial.display, 4) for i in range(2 * SWAY)])
+        run = repeat(trial, frames, [scene.truth(i, trial.display, 4) for i in range(2 * SWAY)])
         figures = (
             Figure("change in a loop", run.changes[-1], REST),
             Figure("PSNR lost, dB", run.lost(), DECAY),
@@ -113,39 +113,49 @@ class _Between:
 
 def extreme_depth(trial: Trial) -> Measured:
     """Depth is all sky, all infinitely near, one after the other, or anything between, frame by frame."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames, random = cycle(still(trial.render)), np.random.default_rng(2)
-    side_by_side(stressed, calm, alike(frames, PERIOD))
+    step_both(disturbed, baseline, same_frames(frames, PERIOD))
     during = []
     for i, frame in enumerate(islice(frames, 2 * PERIOD)):
         depths = (0.0, 1e30, 10.0 ** random.uniform(-37.0, 37.0, frame.depth.shape))
         depth = np.broadcast_to(depths[i % 3], frame.depth.shape).astype(np.float32)
-        during += side_by_side(stressed, calm, [(replace(frame, depth=depth), frame)])
-    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
+        during += step_both(disturbed, baseline, [(replace(frame, depth=depth), frame)])
+    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
 
 
 def lost_frames(trial: Trial) -> Measured:
     """Every eighth frame is lost, so that motion is too short after it; every eighth is handed in twice."""
-    stressed, calm = trial.begin(), trial.begin()
+    disturbed, baseline = trial.begin(), trial.begin()
     frames = cycle(moving(trial.render))
-    during = [off(*_with_losses(stressed, calm, f, i)) for i, f in enumerate(islice(frames, 4 * PERIOD))]
-    return forgotten(trial, during, side_by_side(stressed, calm, alike(frames, trial.watched)))
+    during = [
+        difference(*_with_losses(disturbed, baseline, f, i)) for i, f in enumerate(islice(frames, 4 * PERIOD))
+    ]
+    return recovery_figure(trial, during, step_both(disturbed, baseline, same_frames(frames, trial.watched)))
 
 
-def _with_losses(stressed: Session, calm: Session, frame: Frame, index: int) -> tuple[Float32, Float32]:
-    expected = calm.step(frame)
+def _with_losses(disturbed: Session, baseline: Session, frame: Frame, index: int) -> tuple[Float32, Float32]:
+    expected = baseline.step(frame)
     if index % 8 == 3:
-        return expected, expected  # nothing is drawn
-    image = stressed.step(frame)
-    return (stressed.step(frame) if index % 8 == 7 else image), expected
+        return expected, expected  # no step
+    image = disturbed.step(frame)
+    return (disturbed.step(frame) if index % 8 == 7 else image), expected
 
 
 SCENARIOS = (
-    Scenario("a cut in every frame", "apart / frame", cuts, host=64, graph=32, quick=16, remembers=False),
-    Scenario("motion far off screen", "apart / frame", far_vectors, host=96, graph=48, quick=12),
-    Scenario("a jump that nothing tells of", "apart / frame", jump, host=160, graph=160),
-    Scenario("motion by half a pixel", "change / loop", _Between(0.5), host=1024, graph=512),
-    Scenario("motion by a quarter", "change / loop", _Between(0.25), host=1024, graph=512),
-    Scenario("extreme depth", "apart / frame", extreme_depth, host=160, graph=160),
-    Scenario("frames lost and repeated", "apart / frame", lost_frames, host=96, graph=96, quick=56),
+    Scenario(
+        "a cut in every frame",
+        "difference / frame",
+        cuts,
+        cpu=64,
+        onnx=32,
+        quick=16,
+        remembers=False,
+    ),
+    Scenario("motion far off screen", "difference / frame", far_vectors, cpu=96, onnx=48, quick=12),
+    Scenario("an unannounced scene change", "difference / frame", jump, cpu=160, onnx=160),
+    Scenario("motion by half a pixel", "change / loop", _Between(0.5), cpu=1024, onnx=512),
+    Scenario("motion by a quarter", "change / loop", _Between(0.25), cpu=1024, onnx=512),
+    Scenario("extreme depth", "difference / frame", extreme_depth, cpu=160, onnx=160),
+    Scenario("frames lost and repeated", "difference / frame", lost_frames, cpu=96, onnx=96, quick=56),
 )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from supersampler_bench.metrics import psnr
+from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,

@@ -1,0 +1,139 @@
+"""The oracle: the blend weight of frame and history with the least error, chosen per pixel by the reference.
+
+No method that only chooses this weight does better, so the gap from `taau` to the oracle is the most that a
+network can close. The oracle's history is its own output, as with every method.
+    python bench/studies/oracle.py test-shots --ratio 2,3
+"""
+
+from typing import Annotated
+
+import numpy as np
+import torch
+import typer
+from rich.progress import Progress
+from torch import Tensor
+
+from supersampler.backends.onnx.session import frame_inputs, planes_of
+from supersampler.frame import Float32, Size
+from supersampler.io.shot import ShotFrame
+from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
+from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
+from supersampler_bench.quality.measure import (
+    StepImage,
+    Stepper,
+    measure_steppers,
+    reference_size,
+    stepper_of,
+)
+from supersampler_bench.quality.score_record import Measured, quality_record
+from supersampler_bench.quality.score_report import Report
+from supersampler_bench.quality.score_table import Summaries
+from supersampler_bench.quality.score_table import markdown_table as score_table
+from supersampler_bench.record import Record
+from supersampler_model.methods import base as method
+from supersampler_model.methods.classifier.buffers import History
+from supersampler_model.methods.classifier.model import Classifier
+from supersampler_model.ops.color import bounded, inverse_tone, tone
+from supersampler_model.ops.sampling import View
+
+
+class Oracle:
+    """Steps through a shot of which every frame has a reference.
+
+    Args:
+        display_size: (width, height) of the references.
+    """
+
+    def __init__(self, display_size: Size) -> None:
+        self._display = method.Size(*display_size)
+        self._method = Classifier().eval()  # for its gather stage; nothing learned is asked
+        self._previous: tuple[History, View] | None = None
+
+    def step(self, item: ShotFrame) -> Float32:
+        """Return the best image (H, W, 3), linear RGB; where there is no reference, the warped history."""
+        frame, render = item.frame, method.Size(*item.frame.size)
+        now = View(self._display, render, torch.tensor([frame.jitter], dtype=torch.float32))
+        if frame.reset or self._previous is None:
+            image, state, classes, surface, _, exposure = self._method.first_history(self._display, render)
+            self._previous = History(image, state, classes, surface, exposure), now
+        inputs = frame_inputs(frame, self._display, ("color", "depth", "motion"))
+        color, depth, motion = (torch.from_numpy(planes) for planes in inputs.values())
+        given = torch.tensor([frame.exposure or 0.0], dtype=torch.float32)
+        history, view = self._previous
+        with torch.no_grad():
+            gathered = self._method.gather(color, depth, motion, given, history, now, view)
+            present, warped = gathered.current.frame, gathered.warped.color
+            known = gathered.reprojection.on_screen * (history.exposure.abs() > 0.0)
+            toned = warped
+            if item.reference is not None:
+                toned = tone(torch.from_numpy(planes_of(item.reference)) * gathered.exposure)
+            blend = present + known * best_weight(present, warped, toned) * (warped - present)
+            image = bounded(inverse_tone(blend) / gathered.exposure)
+        self._previous = (
+            history._replace(color=image, depth=gathered.surfaces, exposure=gathered.followed),
+            now,
+        )
+        return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy())
+
+
+def best_weight(present: Tensor, warped: Tensor, truth: Tensor) -> Tensor:
+    """Weight of the history, (1, 1, H, W) in [0, 1], of least squared error; all else (1, 3, H, W)."""
+    change = warped - present
+    along = ((truth - present) * change).sum(dim=1, keepdim=True)
+    return (along / (change * change).sum(dim=1, keepdim=True).clamp(min=1e-8)).clamp(0.0, 1.0)
+
+
+def gap_closed(results: Summaries) -> list[str]:
+    """Say how much of the PSNR gap from `taau` to the oracle each better method closes."""
+    psnr = {result.method: result.summary()["psnr"] for result in results}
+    start, gap = psnr["taau"], psnr["oracle"] - psnr["taau"]
+    return [
+        f"Of the gap from taau to the oracle, {name} closes {(value - start) / gap:.0%}."
+        for name, value in psnr.items()
+        if start < value < psnr["oracle"]
+    ]
+
+
+def markdown_table(record: Record) -> str:
+    """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
+    report = Report(record)
+    return "\n\n".join(
+        "\n".join([score_table(title, scores), "", *gap_closed(scores)])
+        for title, scores in report.mean_tables() or report.shot_tables()
+    )
+
+
+def main(
+    shot: SHOT,
+    methods: Annotated[
+        str, typer.Option(help="Beside `taau` and the oracle, with commas between.")
+    ] = "classifier-small,classifier",
+    ratio: RATIO = "2",
+    cache: CACHE = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Compare methods with the oracle; every frame needs a reference."""
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"study oracle {name}": markdown_table}
+    check_page(update, tables)
+    measured = []
+    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
+        task = progress.add_task("frames", total=sum(len(one) for one, _ in opened))
+        for one, origin in opened:
+            display = reference_size(one)
+            steppers = [stepper_of(method, display) for method in ("taau", *listed(methods))]
+            steppers.append(oracle_stepper(display))
+            scores = measure_steppers(one, steppers, on_frame=lambda _: progress.advance(task))
+            measured.append(Measured(one, scores, origin))
+    publish({**quality_record(measured), "bench": "oracle"}, tables, json, update)
+
+
+def oracle_stepper(display_size: Size) -> Stepper:
+    """Return the oracle as `measure_steppers` takes it."""
+    oracle = Oracle(display_size)
+    return Stepper("oracle", lambda item: StepImage(oracle.step(item)))
+
+
+if __name__ == "__main__":
+    typer.run(main)

@@ -1,0 +1,178 @@
+"""Difference of the ONNX and CPU backends from torch, over hundreds of consecutive frames."""
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+import torch
+
+from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler.backends.onnx.session import frame_inputs
+from supersampler.conventions.ratios import only_ratio, scaled
+from supersampler.errors import ArgumentError
+from supersampler.frame import Float32, Size
+from supersampler.io.display import display_transform
+from supersampler.methods.model_file import find_model, read_model_info
+from supersampler.model import ExecutorName, Precision
+from supersampler_bench.compatibility import gbuffers_of
+from supersampler_bench.record import Record
+from supersampler_bench.shots.public_shots import TEST_SHOTS
+from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.sequences import make_sequence
+from supersampler_model.data.specs import SequenceSpec
+from supersampler_model.methods import LEARNED, METHODS
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.base import Size as Extent
+from supersampler_model.methods.weights_file import load_trained, shipped_weights
+
+SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160, 91)))
+"""(render, display); the second is odd, at a ratio of 1.5."""
+RENDERS: Sequence[Size] = ((80, 45), (53, 31))
+"""Render sizes of methods of one ratio."""
+FAMILY = "market"
+Step = Callable[[Frame], Float32]
+
+
+@dataclass(frozen=True)
+class Agreement:
+    """Difference of images from those of torch, after the display transform.
+
+    Attributes:
+        method: the model's name.
+        runs: how it runs: executor and precision.
+        render, display: (width, height).
+        frames: stepped.
+        first: mean difference over the first tenth of the frames.
+        last: over the last tenth.
+        psnr: of the images of the last tenth, dB, against torch's.
+        p999: at 99.9 % of all values, over all frames.
+    """
+
+    method: str
+    runs: str
+    render: Size
+    display: Size
+    frames: int
+    first: float
+    last: float
+    psnr: float
+    p999: float
+
+
+def measure_parity(
+    methods: Sequence[str], frames: int, *, on_frame: Callable[[], None] = lambda: None
+) -> list[Agreement]:
+    """Step torch and both backends through the same frames, each with a history of its own.
+
+    Args:
+        methods: names of shipped models.
+        frames: of each sequence.
+        on_frame: called after each frame of a size.
+    """
+    results = []
+    for (render, display), names in methods_by_size(methods).items():
+        steppers = {(m, runs): step for m in names for runs, step in _steppers(m, render, display)}
+        found: dict[tuple[str, str], list[tuple[float, float, float]]] = {
+            key: [] for key in steppers if key[1] != "torch"
+        }
+        for frame in _sequence(render, display, frames, gbuffers=bool(gbuffers_of(names))):
+            images = {
+                key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
+            }
+            for (method, runs), rows in found.items():
+                off = np.abs(images[method, runs] - images[method, "torch"])
+                rows.append((float(off.mean()), float(np.square(off).mean()), float(np.quantile(off, 0.999))))
+            on_frame()
+        results += [_agreement(*key, render, display, np.array(rows)) for key, rows in found.items()]
+    return results
+
+
+def methods_by_size(methods: Sequence[str]) -> Mapping[tuple[Size, Size], Sequence[str]]:
+    """Return which methods are run at which (render, display)."""
+    found: dict[tuple[Size, Size], list[str]] = {}
+    for method in methods:
+        ratio = only_ratio(read_model_info(find_model(method)).ratios)
+        sizes = SIZES if ratio is None else [(render, scaled(render, ratio)) for render in RENDERS]
+        for render, display in sizes:
+            if display is not None:
+                found.setdefault((render, display), []).append(method)
+    return found
+
+
+def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) -> Agreement:
+    tenth = max(len(found) // 10, 1)
+    return Agreement(
+        method=method,
+        runs=runs,
+        render=render,
+        display=display,
+        frames=len(found),
+        first=float(found[:tenth, 0].mean()),
+        last=float(found[-tenth:, 0].mean()),
+        psnr=float(-10.0 * np.log10(max(found[-tenth:, 1].mean(), 1e-12))),
+        p999=float(found[:, 2].max()),
+    )
+
+
+def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
+    yield "torch", _torch(method, render, display)
+    for executor, precision in _RUNS:
+        try:
+            model = Model.load(method, providers="cpu", executor=executor, precision=precision)
+        except ArgumentError:  # the method has no such executor, or not in this precision
+            continue
+        upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
+        yield f"{executor}, {model.precision}", upscaler.step
+
+
+_RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
+
+
+def _torch(name: str, render: Size, display: Size) -> Step:
+    learned = LEARNED.get(name)
+    method: Method = METHODS[name]() if learned is None else learned.of(load_trained(shipped_weights(name)))
+    method.eval()
+    history = method.first_history(Extent(*display), Extent(*render))
+
+    @torch.no_grad()
+    def step(frame: Frame) -> Float32:
+        nonlocal history
+        inputs = frame_inputs(frame, display, method.inputs())
+        image, history, _ = method.step(*(torch.from_numpy(array) for array in inputs.values()), *history)
+        return np.ascontiguousarray(image[0].permute(1, 2, 0).numpy(), np.float32)
+
+    return step
+
+
+def _sequence(render: Size, display: Size, frames: int, *, gbuffers: bool) -> Iterator[Frame]:
+    spec = SequenceSpec(family=FAMILY, seed=TEST_SHOTS.seeds[FAMILY], frames=frames)
+    sequence = make_sequence(spec)
+    renderer = Renderer(display, samples=1)
+    for index in range(frames):
+        jitter = halton_jitter(index, display[0] / render[0])
+        yield rendered_frame(renderer, sequence.scene(index), render, jitter, gbuffers=gbuffers)
+
+
+def parity_record(results: Sequence[Agreement]) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    return {"bench": "parity", "results": [asdict(r) for r in results]}
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    results = [Agreement(**row) for row in record["results"]]
+    rows = [
+        "| method | runs | display | first | last | PSNR dB, last | at 99.9 % |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: |",
+        *(
+            f"| {r.method} | {r.runs} | {r.display[0]}x{r.display[1]} | {r.first:.1e} | {r.last:.1e} "
+            f"| {r.psnr:.1f} | {r.p999:.1e} |"
+            for r in results
+        ),
+        "",
+        "Difference from the images of torch, in [0, 1] after the display transform, over "
+        f"{results[0].frames} consecutive frames: means over the first and the last tenth.",
+    ]
+    return "\n".join(rows)

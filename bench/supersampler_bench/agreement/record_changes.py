@@ -1,0 +1,138 @@
+"""Values that got worse from one record of a bench to a later one."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from supersampler.errors import ArgumentError
+from supersampler_bench.record import Record
+
+HIGHER, LOWER = 1.0, -1.0
+OF_BOUND, BROKEN = "share of the bound", "out of bounds"
+"""What a figure of stress is compared by, and a scenario."""
+DIRECTIONS: Mapping[str, float] = {
+    **dict.fromkeys(("psnr", "ssim", "tpsnr"), HIGHER),
+    **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
+    **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
+    **dict.fromkeys(("cold_seconds", "warm_seconds", "cache_bytes"), LOWER),
+    **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
+    **dict.fromkeys((OF_BOUND, BROKEN), LOWER),
+    "samples_per_hour": HIGHER,
+}
+"""By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
+DECIBELS = ("psnr", "tpsnr")
+IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
+"""Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
+_NO_NAMES = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
+"""Keys that do not identify a row, as their values change from run to run."""
+CONTAINERS = (
+    "shots",
+    "means",
+    "alternations",
+    "methods",
+    "summary",
+    "warm_cropped",
+    "timed",
+    "first_frames",
+    "results",
+    "rows",
+    "scenes",
+    "networks",
+    "outcomes",
+    "figures",
+)
+"""Parts whose names say nothing of a value."""
+
+
+@dataclass(frozen=True)
+class Change:
+    """One value in both records.
+
+    Attributes:
+        what: which.
+        before: its value in the first.
+        after: in the second.
+        worse: by how much it is worse, dB where that is its unit, else a share of `before`, or of a figure's
+            bound; below 0: better.
+    """
+
+    what: str
+    before: float
+    after: float
+    worse: float
+
+
+def changes(before: Record, after: Record) -> list[Change]:
+    """Return all values that both records have, the worst first.
+
+    Raises:
+        ArgumentError: they are of different benches.
+    """
+    if before["bench"] != after["bench"]:
+        want = f"records of one bench, as of {before['bench']!r}"
+        raise ArgumentError("records", got=f"one of {after['bench']!r}", want=want)
+    old, new = dict(_values(before)), dict(_values(after))
+    found = [_change(what, old[what], new[what]) for what in old if what in new]
+    return sorted(found, key=lambda change: -change.worse)
+
+
+def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
+    """All scores under a node, each by what it is a score of."""
+    if isinstance(node, dict) and "bound" in node:
+        yield (*path, OF_BOUND), node["value"] / (node["bound"] or 1.0)
+    elif isinstance(node, dict):
+        if "passed" in node:
+            yield (*path, BROKEN), float(not node["passed"])
+        for name, value in node.items():
+            if name not in IGNORED:
+                yield from _values(value, (*path, name))
+    elif isinstance(node, list):
+        for item in node:
+            if isinstance(item, dict):
+                yield from _values(item, (*path, _identity(item)))
+    elif isinstance(node, (int, float)) and not isinstance(node, bool) and _direction(path):
+        yield path, node
+
+
+def _identity(item: Mapping[str, Any]) -> str:
+    """The identity of a row: all of its values that are no scores."""
+    words = []
+    for name, value in item.items():
+        if isinstance(value, dict) and name == "setting":
+            words.append(_identity(value))
+        elif _direction((name,)) or name in _NO_NAMES:
+            continue
+        elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
+            words.append(str(value))
+        elif _is_size(value):
+            words.append("x".join(map(str, value)))
+    return " ".join(words)
+
+
+def _is_size(value: Any) -> bool:
+    """Whether it is (width, height): longer lists, as of frames, do not identify a row."""
+    return isinstance(value, list) and len(value) == 2 and all(isinstance(part, int) for part in value)
+
+
+def _direction(path: Sequence[str]) -> float:
+    for name in reversed(path):
+        for known, direction in DIRECTIONS.items():
+            if name == known or name.startswith(f"{known}_"):
+                return direction
+    return 0.0
+
+
+def _change(path: tuple[str, ...], before: float, after: float) -> Change:
+    lost = _direction(path) * (before - after)
+    as_it_is = path[-1] in (OF_BOUND, BROKEN) or any(name.startswith(DECIBELS) for name in path)
+    what = ", ".join(name for name in path if name not in CONTAINERS)
+    return Change(what, before, after, lost if as_it_is else lost / max(abs(before), 1e-12))
+
+
+def markdown_table(found: Sequence[Change]) -> str:
+    """Return changes as Markdown."""
+    rows = ["| what | before | after | worse by |", "| --- | ---: | ---: | ---: |"]
+    for change in found:
+        worse = f"{change.worse:+.3f} dB" if "psnr" in change.what else f"{change.worse:+.1%}"
+        rows.append(f"| {change.what} | {change.before:.5g} | {change.after:.5g} | {worse} |")
+    return "\n".join(rows)

@@ -1,0 +1,85 @@
+"""Which methods run on which frames, and default G-buffers for frames that lack them."""
+
+from collections.abc import Collection, Iterable
+from dataclasses import replace
+from functools import lru_cache
+
+import numpy as np
+
+from supersampler.conventions.ratios import check_ratio
+from supersampler.errors import FrameError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, listed
+from supersampler.methods.model_file import find_model, read_model_info
+
+MATTE = {
+    "base_color": (0.5, 0.5, 0.5),
+    "normal": (0.0, 0.0, 1.0),
+    "roughness": (0.5,),
+    "metallic": (0.0,),
+    "specular": (0.5,),
+}
+"""Values of default G-buffers, the same in every pixel."""
+
+
+def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
+    """Return why a method does not run on some frames; "" where it does.
+
+    Args:
+        model: name of a shipped one, or a folder.
+        render: (width, height) of the frames.
+        display: of the images.
+        gbuffers: names of those that the frames have; None where default ones may be added.
+
+    Raises:
+        ModelError: there is no such model.
+    """
+    info = read_model_info(find_model(model))
+    if info.extrapolates:
+        return f"{model} is left out: it does not upscale, it extrapolates unshaded frames."
+    try:
+        check_ratio(info.ratios, render, display)
+    except FrameError as error:
+        return f"{model} is left out: {error}"
+    lacking = [] if gbuffers is None else [name for name in info.gbuffers if name not in gbuffers]
+    return f"{model} is left out: the frames have no {listed(lacking)}." if lacking else ""
+
+
+def gbuffers_of(models: Iterable[str]) -> set[str]:
+    """Names of the G-buffers that any of these methods reads."""
+    return {name for model in models for name in read_model_info(find_model(model)).gbuffers}
+
+
+def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
+    """Return a frame with the G-buffers of these tensors: its own, and for those it lacks a matte surface's.
+
+    Depth of display size is the nearest sample of the frame's, 0 where that is no depth.
+    """
+    found = {name: GBUFFERS[name].find(frame) for name in names}
+    if all(array is not None for array in found.values()):
+        return frame
+    made = {
+        name: _default_gbuffer(GBUFFERS[name], frame, display) if array is None else array
+        for name, array in found.items()
+    }
+    gbuffer, gbuffer_display = grouped(made)
+    return replace(frame, gbuffer=gbuffer, gbuffer_display=gbuffer_display)
+
+
+def _default_gbuffer(place: Place, frame: Frame, display: Size) -> Float32:
+    if place.key == "depth":
+        return _nearest_depth(frame, display)
+    return _matte(place.key, place.shape(frame.size, display))
+
+
+@lru_cache(maxsize=len(GBUFFERS))  # of one size: those of large images are large
+def _matte(key: str, shape: tuple[int, ...]) -> Float32:
+    return np.full((*shape[:2], len(MATTE[key])), MATTE[key], np.float32).reshape(shape)
+
+
+def _nearest_depth(frame: Frame, display: Size) -> Float32:
+    (width, height), (x, y) = frame.size, frame.jitter
+    columns = np.floor((np.arange(display[0]) + 0.5) * width / display[0] - x).astype(np.intp)
+    rows = np.floor((np.arange(display[1]) + 0.5) * height / display[1] - y).astype(np.intp)
+    depth = frame.depth[rows.clip(0, height - 1)[:, None], columns.clip(0, width - 1)]
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))

@@ -1,0 +1,78 @@
+"""Masks of difficult pixels: from a shot's truth classes, else from depth and motion of its frames."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.shot import ClassMaps
+
+Bool = NDArray[np.bool_]
+
+MOVING_PIXELS = 0.5
+"""Motion, in render pixels a frame, beyond which a pixel counts as moving: what jitter alone can span."""
+
+DEPTH_RATIO = 1.1
+"""Ratio of distances above which the previous surface occluded the current one."""
+
+
+def moving(frame: Frame) -> Bool:
+    """(h, w), True where it moves by more than `MOVING_PIXELS`, be it camera or object."""
+    motion = frame.motion.astype(np.float32)
+    return np.asarray(np.hypot(motion[..., 0], motion[..., 1]) > MOVING_PIXELS)
+
+
+def disoccluded(frame: Frame, previous: Frame | None, *, in_part: bool = False) -> Bool:
+    """(h, w), True where the visible surface was occluded or off screen in the previous frame.
+
+    Occluded: all four samples around its previous position were closer by more than `DEPTH_RATIO`; with
+    `in_part`, one of them. All True after a cut or a change of the render size, and on the first frame.
+    """
+    if previous is None or frame.reset or previous.size != frame.size:
+        return np.ones(frame.depth.shape, bool)
+    height, width = frame.depth.shape
+    rows, columns = np.indices((height, width))
+    motion = frame.motion.astype(np.float64)
+    # previous position on the screen, corner (0, 0); a sample lies at centre + jitter
+    x = columns + 0.5 + frame.jitter[0] + motion[..., 0]
+    y = rows + 0.5 + frame.jitter[1] + motion[..., 1]
+    inside = (x >= 0) & (x <= width) & (y >= 0) & (y <= height)
+    x, y = x - 0.5 - previous.jitter[0], y - 0.5 - previous.jitter[1]  # relative to the previous samples
+    left, top = (np.floor(np.where(inside, v, 0)).astype(np.intp) for v in (x, y))
+    taps = [
+        previous.depth[np.clip(top + dy, 0, height - 1), np.clip(left + dx, 0, width - 1)]
+        for dy in (0, 1)
+        for dx in (0, 1)
+    ]
+    before = np.maximum.reduce(taps) if in_part else np.minimum.reduce(taps)  # reversed: small is far
+    return np.asarray(~inside | (before > DEPTH_RATIO * frame.depth))
+
+
+def of_classes(classes: ClassMaps) -> dict[str, Bool]:
+    """Return (H, W) each: `disoccluded`, `changing_light` and `aliased`, at display size."""
+    occluded, relit = classes.ghost == 1, classes.ghost == 2
+    return {"disoccluded": occluded, "changing_light": relit, "aliased": classes.alias != 0}
+
+
+def to_display(plane: NDArray[Any], jitter: tuple[float, float], display_size: Size) -> NDArray[Any]:
+    """Resample (h, w, ...) at render size to display size (H, W, ...) by the nearest sample.
+
+    Display pixel p looks at (p + 0.5) / r - 0.5 - jitter in the input, per axis. Values are not scaled.
+    """
+    height, width = plane.shape[:2]
+    columns = _nearest(display_size[0], width, jitter[0])
+    rows = _nearest(display_size[1], height, jitter[1])
+    return plane[rows[:, None], columns]
+
+
+def display_motion(frame: Frame, display_size: Size) -> Float32:
+    """(H, W, 2) motion in display pixels: the nearest sample's, times the ratio of each axis."""
+    ratio = np.array(display_size, np.float32) / np.array(frame.size, np.float32)
+    nearest = to_display(frame.motion, frame.jitter, display_size)
+    return np.asarray(nearest.astype(np.float32) * ratio, np.float32)
+
+
+def _nearest(display: int, render: int, jitter: float) -> NDArray[np.intp]:
+    position = (np.arange(display) + 0.5) * render / display - 0.5 - jitter
+    return np.clip(np.floor(position + 0.5), 0, render - 1).astype(np.intp)

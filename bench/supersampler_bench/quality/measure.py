@@ -1,0 +1,290 @@
+"""Quality of methods on a shot: one pass, one frame at a time, all methods side by side.
+
+What is measured and how: metrics.py, strred.py, masks.py and confusion.py. Each frame's
+scores are kept for the whole image ("full") and without a border ("cropped"), summaries of all frames
+("all") and without the first ones ("warm").
+"""
+
+from collections.abc import Callable, Collection, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.errors import ArgumentError, ShotError
+from supersampler.frame import Float32, Frame, Size
+from supersampler.history import StepResult
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.shot import ClassMaps, Shot, ShotFrame
+from supersampler.methods.gbuffers import names_of
+from supersampler.upscaler import Upscaler
+from supersampler_bench.compatibility import incompatibility
+from supersampler_bench.quality import confusion, masks, metrics, strred
+from supersampler_bench.quality.confusion import Counts
+from supersampler_bench.quality.summaries import (
+    BORDER,
+    MASKED,
+    FrameScores,
+    MethodScores,
+    Scores,
+)
+from supersampler_bench.specs import parse_spec
+
+Bool = NDArray[np.bool_]
+Bands = tuple[strred.Plane, strred.Plane]
+"""Of an image and the one before, which comes first."""
+
+
+@dataclass(frozen=True)
+class ScoredImage:
+    """One method's image of a frame that has a reference, for those who watch.
+
+    Attributes:
+        method: its place in the list of methods.
+        frame: its number.
+        shown: (H, W, 3), as a screen shows it.
+        flip: (H, W), LDR-FLIP.
+    """
+
+    method: int
+    frame: int
+    shown: Float32
+    flip: Float32
+
+
+@dataclass(frozen=True)
+class StepImage:
+    """What a step drew: the image (H, W, 3), linear RGB, and `StepResult.class_map`."""
+
+    image: Float32
+    class_map: Float32 | None = None
+
+
+class Stepper(NamedTuple):
+    """What makes images of a shot's frames in order, and the names of the G-buffers that it reads."""
+
+    name: str
+    step: Callable[[ShotFrame], StepImage]
+    gbuffers: Collection[str] = ()
+
+
+def measure_quality(
+    shot: Shot,
+    methods: Sequence[str | Path],
+    *,
+    watch: Callable[[ScoredImage], None] = lambda _: None,
+    on_frame: Callable[[int], None] | None = None,
+) -> list[MethodScores]:
+    """Step every method through the shot and score the frames that have a reference.
+
+    Args:
+        shot: at least one frame with a reference.
+        methods: names of shipped models, or model folders, as they run by default or as `parse_spec` reads
+            what is after them (":fp32", ":exact").
+        watch: called with each image that is scored.
+        on_frame: called with the number of frames done, after each.
+
+    Returns:
+        Scores in the order of `methods`.
+
+    Raises:
+        ShotError: no frame has a reference.
+        ModelError, FrameError: see `Upscaler`.
+    """
+    display_size = reference_size(shot)
+    steppers = [stepper_of(method, display_size) for method in methods]
+    return measure_steppers(shot, steppers, watch=watch, on_frame=on_frame)
+
+
+def measure_steppers(
+    shot: Shot,
+    steppers: Sequence[Stepper],
+    *,
+    watch: Callable[[ScoredImage], None] = lambda _: None,
+    on_frame: Callable[[int], None] | None = None,
+) -> list[MethodScores]:
+    """Do what `measure_quality` does, for any steppers."""
+    gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
+    frames: list[list[FrameScores]] = [[] for _ in steppers]
+    truths = _Truths(reference_size(shot))
+    before: list[Float32 | None] = [None] * len(steppers)
+    for item in shot.frames(gbuffers=gbuffers):
+        truth = truths.next(item, shot.read_classes(item.index))
+        for i, stepper in enumerate(steppers):
+            stepped = stepper.step(item)
+            if truth is not None:
+                image = display_transform(stepped.image, truth.exposure)
+                flip = metrics.flip_map(image, truth.shown)
+                frames[i].append(_score(image, stepped.class_map, before[i], flip, truth))
+                watch(ScoredImage(i, item.index, image, flip))
+            before[i] = stepped.image if truth is not None else None
+        if on_frame is not None:
+            on_frame(item.index + 1)
+    return [MethodScores(s.name, frames[i]) for i, s in enumerate(steppers)]
+
+
+def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
+    """Return those of some methods that can upscale a shot, as `measure_quality` takes them.
+
+    Args:
+        shot: at least one frame with a reference.
+        methods: see `measure_quality`.
+        on_left_out: called with the name of each other method, and why.
+
+    Raises:
+        ArgumentError: no method is left.
+    """
+    display, there = reference_size(shot), names_of(shot.read_raw(0))
+    reasons = {m: incompatibility(parse_spec(m).model, shot.render_size, display, there) for m in methods}
+    for reason in filter(None, reasons.values()):
+        on_left_out(f"{shot.name}: {reason}")
+    kept = [method for method in methods if not reasons[method]]
+    if not kept:
+        raise ArgumentError("--methods", got=", ".join(methods), want=f"one that can upscale {shot.name}")
+    return kept
+
+
+def stepper_of(method: str | Path, display_size: Size) -> Stepper:
+    """Return what steps a method through a shot; `method` as `measure_quality` takes it."""
+    spec = parse_spec(str(method))
+    upscaler = Upscaler(
+        spec.model, display_size=display_size, precision=spec.precision, skip=spec.skip, validate="off"
+    )
+    want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
+
+    def step(item: ShotFrame) -> StepImage:
+        result = upscaler.step(item.frame, outputs=want)
+        return (
+            StepImage(result.image, result.class_map) if isinstance(result, StepResult) else StepImage(result)
+        )
+
+    return Stepper(str(method), step, upscaler.model.info.gbuffers)
+
+
+def reference_size(shot: Shot) -> Size:
+    """Return the (width, height) of a shot's references.
+
+    Raises:
+        ShotError: it has none.
+    """
+    if not shot.reference_indices or shot.display_size is None:
+        hint = "Render some frames with many samples a pixel at display size and list them in shot.json."
+        raise ShotError(shot.path, "no frame has a reference to measure against", hint)
+    return shot.display_size
+
+
+@dataclass(frozen=True)
+class _Truth:
+    """What the images of one frame are compared with, the same for all methods."""
+
+    frame: int
+    exposure: float
+    shown: Float32  # (H, W, 3), as a screen shows the reference
+    previous: Float32 | None  # the same of the frame before, at this frame's exposure; None without one
+    motion: Float32  # (H, W, 2), display pixels
+    masks: dict[str, Bool]  # (H, W) each; those that are known
+    classes: ClassMaps | None
+    bands: Bands | None  # None off STRRED's pairs
+
+
+class _Truths:
+    """Follows the frames of a shot and remembers what the next one needs of the last."""
+
+    def __init__(self, display_size: Size) -> None:
+        self._display_size = display_size
+        self._frame: Frame | None = None
+        self._reference: Float32 | None = None
+        self._paired = False  # whether the last frame ended a pair of STRRED's, which do not overlap
+
+    def next(self, item: ShotFrame, classes: ClassMaps | None) -> _Truth | None:
+        """Return the truth of the next frame in order; None where it has no reference."""
+        truth = None if item.reference is None else self._truth(item, item.reference, classes)
+        self._paired = truth is not None and truth.bands is not None
+        self._frame, self._reference = item.frame, item.reference
+        return truth
+
+    def _truth(self, item: ShotFrame, reference: Float32, classes: ClassMaps | None) -> _Truth:
+        frame = item.frame
+        exposure = frame.exposure or auto_exposure(reference)
+        known = {"moving": self._to_display(masks.moving(frame), frame)}
+        if classes is None:
+            known["disoccluded"] = self._to_display(masks.disoccluded(frame, self._frame), frame)
+        else:
+            known |= masks.of_classes(classes)
+        earlier = None if frame.reset else self._reference
+        shown = display_transform(reference, exposure)
+        previous = None if earlier is None else display_transform(earlier, exposure)
+        return _Truth(
+            frame=item.index,
+            exposure=exposure,
+            shown=shown,
+            previous=previous,
+            motion=masks.display_motion(frame, self._display_size),
+            masks=known,
+            classes=classes,
+            bands=None if previous is None or self._paired else _bands(previous, shown),
+        )
+
+    def _to_display(self, mask: Bool, frame: Frame) -> Bool:
+        return masks.to_display(mask, frame.jitter, self._display_size)
+
+
+def _bands(previous: Float32, shown: Float32) -> Bands:
+    return strred.band(strred.luma255(previous)), strred.band(strred.luma255(shown))
+
+
+def _score(
+    shown: Float32, class_map: Float32 | None, before: Float32 | None, flip: Float32, truth: _Truth
+) -> FrameScores:
+    previous = None if before is None else display_transform(before, truth.exposure)
+    bands = None if truth.bands is None or previous is None else _bands(previous, shown)
+
+    def scores(border: int) -> Scores:
+        found = _scores(shown, previous, truth, flip, border)
+        return found | _strred(bands, truth.bands, border)
+
+    def classes(border: int) -> Counts | None:
+        if class_map is None or truth.classes is None:
+            return None
+        return confusion.count(class_map, truth.classes, border)
+
+    return FrameScores(truth.frame, scores(0), scores(BORDER), classes(0), classes(BORDER))
+
+
+def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float32, border: int) -> Scores:
+    """Score one image without `border` pixels; what looks at neighbours has seen them before the crop."""
+    image, reference = metrics.crop(shown, border), metrics.crop(truth.shown, border)
+    scores = {
+        "psnr": metrics.psnr(image, reference),
+        "ssim": metrics.ssim(image, reference),
+        "flip": float(metrics.crop(flip, border).mean(dtype=np.float64)),
+        "tpsnr": float("nan"),
+        "warped_error_difference": float("nan"),
+    }
+    for name in MASKED:
+        mask = metrics.crop(truth.masks.get(name, np.zeros(shown.shape[:2], bool)), border)
+        scores[f"psnr_{name}"] = metrics.psnr(image, reference, mask)
+        scores[f"pixels_{name}"] = float(mask.sum())
+    if previous is not None and truth.previous is not None:
+        earlier, earlier_reference = metrics.crop(previous, border), metrics.crop(truth.previous, border)
+        scores["tpsnr"] = metrics.tpsnr(image, earlier, reference, earlier_reference)
+        valid = np.zeros_like(truth.masks["disoccluded"])
+        metrics.crop(valid, border)[...] = ~metrics.crop(truth.masks["disoccluded"], border)
+        scores["warped_error_difference"] = metrics.warped_error_difference(
+            shown, previous, truth.shown, truth.previous, truth.motion, valid
+        )
+    return scores
+
+
+def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
+    """Score a pair; the border is cut off the bands, of which a pixel is as wide as `strred.BAND_PIXELS`."""
+    srred = trred = float("nan")
+    if bands is not None and truth is not None:
+        edge = -(-border // strred.BAND_PIXELS)
+        of_pair, of_truth = (
+            strred.information(*(metrics.crop(band, edge) for band in pair)) for pair in (bands, truth)
+        )
+        srred, trred = strred.distance(of_pair, of_truth)
+    return {"srred": srred, "trred": trred, "strred": srred * trred}

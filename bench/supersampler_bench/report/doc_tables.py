@@ -1,0 +1,146 @@
+"""The tables of README.md and docs/**/*.md, each made of a record in bench/results."""
+
+import re
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from supersampler.errors import ArgumentError
+from supersampler_bench.agreement import parity
+from supersampler_bench.markdown_blocks import find_block, update_block
+from supersampler_bench.quality import extrapolation, precision
+from supersampler_bench.quality.score_report import Report, block_names
+from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
+from supersampler_bench.stress import report as stress
+from supersampler_bench.timing import against, device, pareto, skip, speed, startup
+from supersampler_bench.timing import network_cost as cost
+from supersampler_bench.timing.pareto_extrapolated import unshaded_table
+
+RESULTS = Path("bench/results")
+"""Where the records of published numbers are, in the repository."""
+STUDY = "study "
+"""Prefix of the blocks that programs in bench/studies write, from records in bench/results/studies."""
+Blocks = Mapping[str, Callable[[], str]]
+"""What makes the text of a block of a Markdown file, by the block's name."""
+
+_TABLES: Mapping[str, Callable[[Record], str]] = {
+    "against": against.markdown_table,
+    "cost": cost.markdown_table,
+    "device": device.markdown_table,
+    "extrapolation": extrapolation.markdown_table,
+    "parity": parity.markdown_table,
+    "precision": precision.markdown_table,
+    "skip": skip.markdown_table,
+    "speed": speed.markdown_table,
+    "startup": startup.markdown_table,
+}
+"""By the bench."""
+
+
+def blocks_of(name: str, record: Record) -> Blocks:
+    """Return the blocks that a record fills.
+
+    Args:
+        name: of its file, without the ending: "quality-plaza" is the block "quality plaza".
+        record: read from it.
+    """
+    bench, block = record["bench"], name.replace("-", " ", 1)
+    if bench == "quality":
+        report = Report(record)
+        makers = (report.frame_block, report.clip_block, report.class_block)
+        return dict(zip(block_names(block), makers, strict=True))
+    if bench == "pareto":
+        return {
+            block: partial(pareto.markdown_table, record),
+            f"{block} unshaded": partial(unshaded_table, record),
+            "presets": partial(pareto.preset_table, record),
+        }
+    if bench == "stress":
+        whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
+        return {block: partial(stress.markdown_table, record), **whole}
+    return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
+
+
+def made(name: str, maker: Callable[[], str]) -> str:
+    """Return the text of a block.
+
+    Raises:
+        ArgumentError: its record was written by another version.
+    """
+    try:
+        return maker()
+    except (KeyError, TypeError) as error:  # a value that this version writes is not there, or one too many
+        hint = "Measure again: the record has the command."
+        raise ArgumentError("record", got=f"without {error}", want=f"all of {name!r}", hint=hint) from error
+
+
+def read_records(folder: Path) -> dict[str, Record]:
+    """Return all records of a folder, by the names of their files.
+
+    Raises:
+        ArgumentError: there is none, or a file is none.
+    """
+    records: dict[str, Record] = {path.stem: read_record(path) for path in sorted(folder.glob("*.json"))}
+    if not records:
+        hint = "Run it in the repository, or say where records of `bench ... --json` are."
+        raise ArgumentError("results", got=f"{folder} without records", want="a folder of records", hint=hint)
+    return records
+
+
+@dataclass(frozen=True)
+class Block:
+    """One block of a Markdown file, compared with its record.
+
+    Attributes:
+        page: the file.
+        name: of the block.
+        text: what stands there.
+        wanted: the text by its record; None where there is no record of this version.
+        problem: why there is none.
+    """
+
+    page: Path
+    name: str
+    text: str
+    wanted: str | None
+    problem: str = ""
+
+    @property
+    def is_recorded(self) -> bool:
+        """Whether what stands there is what its record says; without one, nothing may."""
+        return self.text == (self.wanted or "")
+
+
+def find_all(root: Path) -> Iterator[Block]:
+    """Return all blocks of README.md and docs/**/*.md of a repository.
+
+    Raises:
+        ArgumentError: there are no records, one is damaged, or a page has a block twice.
+    """
+    records = read_records(root / RESULTS)
+    if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
+        records["pareto"] = read_record(pareto_path)
+    makers = {block: maker for name in records for block, maker in blocks_of(name, records[name]).items()}
+    for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
+        for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
+            if name.startswith(STUDY):
+                continue
+            yield _block(page, name, makers.get(name))
+
+
+def _block(page: Path, name: str, maker: Callable[[], str] | None) -> Block:
+    content, start, stop = find_block(page, name)
+    text = content[start:stop].replace("\r\n", "\n").strip("\n")
+    if maker is None:
+        return Block(page, name, text, None, "there is no record of it")
+    try:
+        return Block(page, name, text, made(name, maker))
+    except ArgumentError as error:
+        return Block(page, name, text, None, str(error))
+
+
+def write(block: Block) -> None:
+    """Write what a block's record says where there is one."""
+    if block.wanted is not None and not block.is_recorded:
+        update_block(block.page, block.name, block.wanted)

@@ -1,0 +1,201 @@
+"""One HTML page of all that was measured; it needs no other file, and no network."""
+
+import base64
+import tempfile
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
+from html import escape
+from importlib.resources import files
+from pathlib import Path
+
+from markdown_it import MarkdownIt
+
+from supersampler.errors import ArgumentError
+from supersampler.io.atomic import replacing
+from supersampler.io.compare import versions
+from supersampler_bench.record import Record, machine_name
+from supersampler_bench.report.doc_tables import blocks_of, made
+from supersampler_bench.report.figures import draw_record
+
+_CONTENT_GOES_HERE = "<!-- content -->"
+_QUICK = '<span class="quick" title="few steps and frames: these numbers are rough">measured quickly</span>'
+
+
+@dataclass(frozen=True)
+class Section:
+    """A part of the page: all records of one bench.
+
+    Attributes:
+        bench: of its records.
+        title: for people.
+        about: what was measured, in a sentence or two of Markdown.
+    """
+
+    bench: str
+    title: str
+    about: str
+
+
+SECTIONS = (
+    Section("quality", "Quality", "Images after the display transform, against references."),
+    Section("pareto", "Time and error", "Settings that no other beats in both, and the presets."),
+    Section("extrapolation", "Unshaded frames", "Extrapolated or warped, against references."),
+    Section("speed", "Speed", "A step on the CPU, beside variance clipping (`taa`) in the same run."),
+    Section("startup", "First-frame time", "From the start of a process, with cold and warm kernel cache."),
+    Section("device", "Devices", "A step of the ONNX backend, with frame and image in device memory."),
+    Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
+    Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
+    Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
+    Section("precision", "Precision", "Loss of fp16 and int8 at the end of long sequences."),
+    Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
+)
+_OPENED = ("pareto", "speed")
+"""Benches whose first figure is seen at once."""
+_COLUMNS = ("record", "date, UTC", "machine", "versions", "command")
+
+
+def is_page(path: Path) -> bool:
+    """Return whether a file begins as pages of `write_page` do."""
+    head = files("supersampler_bench.report").joinpath("report.html").read_bytes().partition(b"</title>")[0]
+    try:
+        with path.open("rb") as file:
+            return file.read(len(head)) == head
+    except OSError:
+        return False
+
+
+def write_page(path: Path, records: Mapping[str, Record], results: Path, comparison: str) -> None:
+    """Write the page, whole or not at all.
+
+    Args:
+        path: of the page.
+        records: by the names of their files.
+        results: their folder. PNG files in a folder of a record's name in it are figures of that record.
+        comparison: HTML of `split_view`.
+
+    Raises:
+        ShotError: the page cannot be written.
+    """
+    parts = [
+        _head(records),
+        *_sections(records, results),
+        _comparison(comparison),
+        _machines(records),
+        _foot(),
+    ]
+    template = files("supersampler_bench.report").joinpath("report.html").read_text("utf-8")
+    with replacing(path) as partial:
+        partial.write_text(
+            template.replace(_CONTENT_GOES_HERE, "\n".join(parts)), encoding="utf-8", newline="\n"
+        )
+
+
+def _head(records: Mapping[str, Record]) -> str:
+    known = {record["bench"] for record in records.values()}
+    parts = [(s.bench, s.title) for s in SECTIONS if s.bench in known]
+    links = [*parts, ("images", "Images"), ("machine", "Machine and versions")]
+    items = "".join(f'<li><a href="#{anchor}">{escape(title)}</a></li>' for anchor, title in links)
+    return "\n".join(
+        [
+            "<header><h1>supersampler: measured</h1>",
+            "<p>Every number here is from a record that <code>supersampler bench</code> wrote. Bold numbers "
+            "are the best of their column, or lead in time and error.</p>",
+            f"</header><nav><ul>{items}</ul></nav><main>",
+        ]
+    )
+
+
+def _machines(records: Mapping[str, Record]) -> str:
+    rows = []
+    for name, record in records.items():
+        installed = ", ".join(f"{what} {version}" for what, version in record["versions"].items() if version)
+        cells = (
+            f"<td>{escape(name)}{_badge(record)}</td>",
+            f"<td>{escape(record['date'][:16].replace('T', ' '))}</td>",
+            f'<td class="wide">{escape(machine_name(record))}<br>{escape(record["machine"]["os"])}</td>',
+            f'<td class="wide">{escape(installed)}</td>',
+            f'<td class="wide"><code>{escape(" ".join(record["command"]))}</code></td>',
+        )
+        rows.append(f"<tr>{''.join(cells)}</tr>")
+    heading = "".join(f"<th>{text}</th>" for text in _COLUMNS)
+    body = f"<thead><tr>{heading}</tr></thead><tbody>{''.join(rows)}</tbody>"
+    table = f'<div class="table whole"><table>{body}</table></div>'
+    return f'<section id="machine"><h2>Machine and versions</h2>{table}</section>'
+
+
+def _sections(records: Mapping[str, Record], results: Path) -> Iterator[str]:
+    for section in SECTIONS:
+        found = {name: record for name, record in records.items() if record["bench"] == section.bench}
+        if found:
+            yield f'<section id="{section.bench}"><h2>{escape(section.title)}</h2>{_html(section.about)}'
+            for name, record in found.items():
+                yield from _record(name, record, results)
+            yield "</section>"
+
+
+def _record(name: str, record: Record, results: Path) -> Iterator[str]:
+    yield f"<h3>{escape(name)}{_badge(record)}</h3>"
+    yield f'<p class="facts">{escape(machine_name(record))}, {escape(record["date"][:10])}</p>'
+    makers = [partial(_table, maker) for maker in blocks_of(name, record).values()]
+    for make in (*makers, partial(_figures, name, record, results)):
+        try:
+            yield made(name, make)
+        except ArgumentError as error:
+            yield f'<p class="facts">{escape(str(error))}</p>'
+
+
+def _table(maker: Callable[[], str]) -> str:
+    return _html(maker())
+
+
+def _figures(name: str, record: Record, results: Path) -> str:
+    with tempfile.TemporaryDirectory() as folder:
+        opened = record["bench"] in _OPENED
+        figures = [
+            _figure(title, path, opened=opened and number == 0)
+            for number, (title, path) in enumerate(draw_record(record, Path(folder)))
+        ]
+    kept = [_figure(path.stem, path) for path in sorted((results / name).rglob("*.png"))]
+    return "\n".join([*figures, *kept])
+
+
+def _figure(title: str, path: Path, *, opened: bool = False) -> str:
+    data = base64.b64encode(path.read_bytes()).decode("ascii")
+    image = f'<img alt="{escape(title)}" src="data:image/png;base64,{data}">'
+    return f"<details{' open' * opened}><summary>{escape(title)}</summary><figure>{image}</figure></details>"
+
+
+def _comparison(view: str) -> str:
+    return "\n".join(
+        [
+            '<section id="images"><h2>Images</h2>',
+            "<p>The shipped shot, upscaled when this page was made: any two of its input, the reference and "
+            "the methods, left and right of a line that can be dragged; the wheel zooms.</p>",
+            f'<iframe title="Images side by side" srcdoc="{escape(view)}"></iframe>',
+            "</section>",
+        ]
+    )
+
+
+def _foot() -> str:
+    return f"<footer>Made with {escape(versions())}.</footer></main>"
+
+
+def _badge(record: Record) -> str:
+    return _QUICK if record.get("quick") else ""
+
+
+def _html(markdown: str) -> str:
+    return str(_MARKDOWN.render(markdown))
+
+
+def _markdown() -> MarkdownIt:
+    """Tables, paragraphs, lists, emphasis: what tables of this package use. HTML and links stay text."""
+    reader = MarkdownIt("commonmark", {"html": False}).enable("table").disable(["link", "image", "autolink"])
+    reader.add_render_rule("table_open", lambda *_: '<div class="table"><table>\n')
+    reader.add_render_rule("table_close", lambda *_: "</table></div>\n")
+    return reader
+
+
+_MARKDOWN = _markdown()

@@ -1,0 +1,236 @@
+"""The five public test shots: their settings and folders, and the comparison with the frozen hashes."""
+
+import json
+import os
+import sys
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+from supersampler.conventions import RawFrame
+from supersampler.errors import ShotError
+from supersampler.frame import Size
+from supersampler.io.atomic import replacing
+from supersampler.io.shot import Shot
+from supersampler.io.shot.json_keys import read_json
+from supersampler_model.data.shots import variant_name
+
+NAME = "test-shots"
+CACHE_VARIABLE = "SUPERSAMPLER_CACHE"
+FROZEN = Path(__file__).parent / "frozen.json"
+"""The hashes of the pixels that every published number was measured on."""
+PROVENANCE = "drawn.json"
+"""File in each shot's folder: the driver and the settings that it was rendered with."""
+_HOW = "`supersampler bench shots` renders it."
+
+
+@dataclass(frozen=True, kw_only=True)
+class TestShots:
+    """What the test shots are. Seeds were chosen by eye: no family here is ever trained on.
+
+    Attributes:
+        seeds: of each family's sequence.
+        frames: of each shot.
+        display_size: (width, height) of references and display-size G-buffers.
+        ratios: display over render size.
+        samples: a pixel of the reference.
+    """
+
+    __test__ = False  # a class of this name is no test, whatever pytest thinks
+
+    seeds: Mapping[str, int] = field(
+        default_factory=lambda: {
+            "machine_hall": 4,  # thin grilles, sparks and steam; a cut, and an exposure that adapts
+            "market": 4,  # a fast walk among people and awnings; dust and smoke
+            "night_garden": 4,  # leaves, grass and fireflies under coloured lights that pulse
+            "gallery": 5,  # metal that turns, a polished floor, a moving spot; an exposure that adapts
+            "court": 3,  # nets, a fence, bouncing balls, dust; the exposure is to be measured
+        }
+    )
+    frames: int = 40
+    display_size: Size = (640, 360)
+    ratios: tuple[float, ...] = (1.5, 2.0, 3.0, 4.0)
+    samples: int = 64
+
+    def facts(self, family: str) -> dict[str, Any]:
+        """Return the settings of one shot, ready for JSON."""
+        return {
+            "family": family,
+            "seed": self.seeds[family],
+            "frames": self.frames,
+            "display_size": list(self.display_size),
+            "samples": self.samples,
+        }
+
+
+TEST_SHOTS = TestShots()
+
+
+@dataclass(frozen=True)
+class PublicShot:
+    """A test shot at one ratio, whole on disk.
+
+    Attributes:
+        shot: the frames.
+        ratio: display over render size.
+        driver: the OpenGL that rendered it.
+        digest: SHA-256 of its pixels.
+        frozen: what that should be; None where nothing is frozen for it.
+        frozen_driver: the OpenGL of the frozen pixels.
+    """
+
+    shot: Shot
+    ratio: float
+    driver: str
+    digest: str
+    frozen: str | None
+    frozen_driver: str | None
+
+    @property
+    def as_frozen(self) -> bool:
+        """Whether the pixels are those of the published numbers."""
+        return self.digest == self.frozen
+
+    def warning(self) -> str | None:
+        """Return what to know before comparing numbers; None where the pixels are the frozen ones."""
+        name = f"{self.shot.name} at {variant_name(self.ratio)}"
+        if self.as_frozen:
+            return None
+        if self.frozen is None:
+            return f"{name}: no hash is frozen for it; its pixels have {self.digest[:12]}"
+        if self.driver != self.frozen_driver:
+            return (
+                f"{name}: rendered by {self.driver}, the frozen pixels by {self.frozen_driver}. "
+                "Figures differ slightly from the published ones"
+            )
+        return (
+            f"{name}: its pixels are not the frozen ones, though the same driver rendered them: the renderer "
+            "or a scene has changed, or files are damaged. Do not compare its figures with published ones"
+        )
+
+    def origin(self) -> dict[str, Any]:
+        """Return the facts of the pixels for a record."""
+        return {
+            "ratio": self.ratio,
+            "driver": self.driver,
+            "pixels_sha256": self.digest,
+            "as_frozen": self.as_frozen,
+        }
+
+
+def default_cache() -> Path:
+    """Return the platform's folder for what can be made again."""
+    if sys.platform == "win32":
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home() / "AppData/Local") / "supersampler"
+    if sys.platform == "darwin":
+        return Path.home() / "Library/Caches/supersampler"
+    return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "supersampler"
+
+
+def shot_folder(cache: Path, family: str) -> Path:
+    """Return where a test shot lies in a cache."""
+    return cache / NAME / family
+
+
+def open_test_shots(cache: Path, ratios: Sequence[float], shots: TestShots, frozen: Path) -> list[PublicShot]:
+    """Open all test shots at the ratios given, ratio by ratio; all of their pixels are read once.
+
+    Args:
+        cache: where they are.
+        ratios: display over render size.
+        shots: which.
+        frozen: the file of hashes.
+
+    Raises:
+        ShotError: one is not there, not whole or of other properties, with the command that makes it.
+    """
+    return [open_test_shot(cache, family, ratio, shots, frozen) for ratio in ratios for family in shots.seeds]
+
+
+def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, frozen: Path) -> PublicShot:
+    """Open one test shot at one ratio, and hash its pixels.
+
+    Raises:
+        ShotError: see `open_test_shots`.
+    """
+    folder = shot_folder(cache, family)
+    path = folder / f"{variant_name(ratio)}.json"
+    if ratio not in shots.ratios:
+        made = ", ".join(f"{r:g}" for r in shots.ratios)
+        raise ShotError(path, f"no test shot has the ratio {ratio:g}", f"They are made at {made}.")
+    if not path.exists():
+        raise ShotError(path, f"the test shot {family} at ratio {ratio:g} is not there", _HOW)
+    provenance, shot = read_provenance(folder), Shot.open(path)
+    if {name: provenance.get(name) for name in shots.facts(family)} != shots.facts(family):
+        raise ShotError(path, "is of another version of the test shots", f"Delete {folder}: {_HOW}")
+    if len(shot) < shots.frames:
+        raise ShotError(path, f"has {len(shot)} of {shots.frames} frames", _HOW)
+    content = _json(frozen)
+    return PublicShot(
+        shot=shot,
+        ratio=ratio,
+        driver=provenance["driver"],
+        digest=pixel_hash(shot),
+        frozen=content.get("pixels_sha256", {}).get(family, {}).get(variant_name(ratio)),
+        frozen_driver=content.get("driver"),
+    )
+
+
+def read_provenance(folder: Path) -> dict[str, Any]:
+    """Return the driver and the settings of a shot's folder; {} where it has none."""
+    return _json(folder / PROVENANCE)
+
+
+def pixel_hash(shot: Shot) -> str:
+    """Return the SHA-256 of all that a shot's frames hold, however their files are packed."""
+    digest = sha256()
+    for index in range(len(shot)):
+        raw, classes = shot.read_raw(index), shot.read_classes(index)
+        arrays = {**_arrays(raw), "reference": shot.read_reference(index)}
+        if classes is not None:
+            arrays |= {"ghost": classes.ghost, "alias": classes.alias}
+        digest.update(repr((index, raw.jitter, raw.reset, raw.exposure)).encode())
+        for name in sorted(arrays):
+            array = arrays[name]
+            if array is not None:
+                digest.update(f"{name} {array.dtype.str} {array.shape}".encode())
+                digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def freeze(shots: Sequence[PublicShot], path: Path) -> list[PublicShot]:
+    """Make the pixels of these shots the ones that numbers are published for, and return them as such.
+
+    Raises:
+        ShotError: they were rendered by several drivers, or the file cannot be written.
+    """
+    drivers = sorted({shot.driver for shot in shots})
+    if len(drivers) != 1:
+        raise ShotError(
+            path, f"the shots were rendered by {' and '.join(drivers)}", "One must render them all."
+        )
+    hashes: dict[str, dict[str, str]] = {}
+    for shot in shots:
+        hashes.setdefault(shot.shot.name, {})[variant_name(shot.ratio)] = shot.digest
+    with replacing(path) as partial:
+        text = json.dumps({"driver": drivers[0], "pixels_sha256": hashes}, indent=1) + "\n"
+        partial.write_text(text, encoding="utf-8", newline="\n")
+    return [replace(shot, frozen=shot.digest, frozen_driver=shot.driver) for shot in shots]
+
+
+def _json(path: Path) -> dict[str, Any]:
+    if not path.exists():
+        return {}
+    content = read_json(path)
+    if not isinstance(content, dict):
+        raise ShotError(path, "is no description: want an object {...}", _HOW)
+    return content
+
+
+def _arrays(raw: RawFrame) -> dict[str, Any]:
+    arrays: dict[str, Any] = {name: getattr(raw, name) for name in ("color", "depth", "motion", "aovs")}
+    for group in ("gbuffer", "gbuffer_display"):
+        arrays |= {f"{group}.{name}": array for name, array in (getattr(raw, group) or {}).items()}
+    return arrays

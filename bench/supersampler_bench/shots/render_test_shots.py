@@ -1,0 +1,87 @@
+"""Render the public test shots into a cache, with several processes; a run that was stopped goes on."""
+
+import json
+from collections.abc import Callable
+from functools import partial
+from itertools import count
+from pathlib import Path
+
+from supersampler.errors import ShotError
+from supersampler.io.atomic import replacing
+from supersampler_bench.shots.public_shots import PROVENANCE, TestShots, read_provenance, shot_folder
+from supersampler_model.data.processes import OnFrame, run_parts
+from supersampler_model.data.renderer.context import Graphics, open_graphics
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.sequences import SequenceSpec, make_sequence
+from supersampler_model.data.shots import ShotForm, render_shot, variant_name
+
+
+def render_test_shots(
+    cache: Path, shots: TestShots, *, workers: int = 1, on_progress: Callable[[int], None] = lambda _: None
+) -> None:
+    """Render what is not there yet, a shot to a worker.
+
+    Args:
+        cache: folder of all that can be made again.
+        shots: which.
+        workers: processes; software OpenGL renders with cores / workers threads in each.
+        on_progress: called after each frame with the number of frames that are there, of all shots.
+
+    Raises:
+        DataError: a worker failed; what is complete stays, and the next run goes on.
+    """
+    done = count(frames_there(cache, shots) + 1)
+    families = list(shots.seeds)
+    shares = [families[k::workers] for k in range(min(workers, len(families)))]
+    run_parts(
+        [partial(_render, cache, shots, share) for share in shares], on_frame=lambda: on_progress(next(done))
+    )
+
+
+def render_test_shot(
+    cache: Path,
+    shots: TestShots,
+    family: str,
+    graphics: Graphics | None = None,
+    *,
+    on_frame: Callable[[], None] = lambda: None,
+) -> None:
+    """Render the frames of one shot that are not there yet, at all ratios.
+
+    Raises:
+        ShotError: the shot that is there was rendered by another driver or from other numbers; a full disk.
+        GraphicsError: there is no OpenGL.
+    """
+    graphics = graphics or open_graphics()
+    folder, facts = shot_folder(cache, family), {**shots.facts(family), "driver": driver_name(graphics)}
+    there = read_provenance(folder) or facts
+    for name, value in facts.items():
+        if there.get(name) != value:
+            problem = f"the shot that is there has the {name} {there.get(name)}; this run's is {value}"
+            raise ShotError(folder, problem, "Delete the folder, or name another cache.")
+    with replacing(folder / PROVENANCE) as partial:
+        partial.write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8", newline="\n")
+    spec = SequenceSpec(family=family, seed=shots.seeds[family], frames=shots.frames)
+    renderer = Renderer(shots.display_size, samples=shots.samples, graphics=graphics)
+    form = ShotForm(name=family, ratios=shots.ratios, license="Apache-2.0")
+    render_shot(folder, make_sequence(spec), renderer, form, on_frame=on_frame)
+
+
+def driver_name(graphics: Graphics) -> str:
+    """Return the device and the version of its driver."""
+    with graphics.gl:
+        info = graphics.gl.info
+    return f"{info['GL_RENDERER']}, OpenGL {info['GL_VERSION']}"
+
+
+def frames_there(cache: Path, shots: TestShots) -> int:
+    """Return how many frames of all shots are complete at every ratio."""
+    last = variant_name(shots.ratios[-1])
+    return sum(len(list((shot_folder(cache, family) / last).glob("[!.]*.exr"))) for family in shots.seeds)
+
+
+def _render(cache: Path, shots: TestShots, families: list[str], on_frame: OnFrame) -> None:
+    """Render some shots in this process."""
+    graphics = open_graphics()
+    for family in families:
+        render_test_shot(cache, shots, family, graphics, on_frame=on_frame)

@@ -1,0 +1,298 @@
+"""Ratios of step times: the installed version over another one, in turns in one run.
+
+A machine's speed changes from minute to minute by more than versions differ, and that of a process with where
+its memory lies. So in each round each version has a new process, and both step every method on the same
+frames, one right after the other, in turns as to which is first. What counts is the ratio of their times in a
+round; the median over all rounds has an interval.
+"""
+
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import asdict, dataclass
+from functools import partial
+from itertools import product
+from math import comb
+from pathlib import Path
+from statistics import median
+from tempfile import TemporaryDirectory
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
+
+from supersampler.errors import ArgumentError
+from supersampler.frame import Size
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.model_file import find_model, read_model_info
+from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
+from supersampler_bench.record import Record, machine_name
+from supersampler_bench.timing.other_version import Process, Version
+from supersampler_bench.timing.speed import frames_of
+
+COVERAGE = 0.95
+"""Least probability with which the interval of a median holds it."""
+FEWEST, FEWEST_FOR_INTERVAL = 10, 6
+"""Rounds of steps; rounds of anything, without which there is no interval of `COVERAGE`."""
+_SETTLING = 8  # steps of a block that do not count: the other process had the caches
+
+STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
+FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
+"""What is timed: a step; a program from its first line to its first image, where kernels are kept or not."""
+Pair: TypeAlias = tuple[float, float]
+"""Of this version and of the other."""
+Versions: TypeAlias = tuple[Version, Version]
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+@dataclass(frozen=True)
+class Rounds:
+    """How often everything is timed.
+
+    Attributes:
+        rounds: of steps.
+        steps: that count, of each version and method in a round.
+        starts: rounds of first images with kept kernels.
+        fresh: rounds of first images where nothing is kept.
+    """
+
+    rounds: int = FEWEST
+    steps: int = 10
+    starts: int = FEWEST
+    fresh: int = 0
+
+    def total(self, settings: int) -> int:
+        """How many rounds a method takes at so many sizes and numbers of threads."""
+        return settings * self.rounds + self.starts + self.fresh
+
+
+@dataclass(frozen=True)
+class Compared:
+    """One time of one method in both versions; medians over the rounds, milliseconds.
+
+    Attributes:
+        method: the model's name.
+        display: (width, height) of the images.
+        threads: on the CPU; 0 for first images, which take the version's default.
+        what: `STEP_WALL`, `STEP_CORES`, `FIRST` or `FIRST_FRESH`.
+        this: of the installed version.
+        other: of the other one.
+        median: of the ratios this / other in each round.
+        low, high: interval that holds the median with at least `COVERAGE`, of order statistics.
+        rounds: (this, other) of each round.
+    """
+
+    method: str
+    display: Size
+    threads: int
+    what: str
+    this: float
+    other: float
+    median: float
+    low: float
+    high: float
+    rounds: list[Pair]
+
+
+def measure_against(
+    python: str,
+    methods: Sequence[str],
+    displays: Sequence[Size],
+    threads: Sequence[int],
+    *,
+    ratio: float = 2.0,
+    rounds: Rounds = Rounds(),
+    on_round: Callable[[], None] = lambda: None,
+    on_left_out: Callable[[str], None] = lambda _: None,
+) -> tuple[dict[str, Any], list[Compared]]:
+    """Time methods in this version and in another one.
+
+    Args:
+        python: interpreter of an environment in which the other version is installed.
+        methods: names of models that both have.
+        displays: (width, height) of the images.
+        threads: on the CPU.
+        ratio: display over render size.
+        rounds: how often.
+        on_round: called after each round of each method.
+        on_left_out: called with what is not timed, and why.
+
+    Returns:
+        What each side is, "this" and "other", and the times.
+
+    Raises:
+        ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died; or
+            rounds are too few for an interval.
+    """
+    for name, count in asdict(rounds).items():
+        if name != "steps" and 0 < count < FEWEST_FOR_INTERVAL:
+            want = f"at least {FEWEST_FOR_INTERVAL}, or 0"
+            raise ArgumentError(f"--{name}", got=count, want=want, hint="Fewer give no interval.")
+    results: list[Compared] = []
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        sides = _versions(python, folder)
+        for display, count in product(displays, threads):
+            able = [
+                method for method in methods if not incompatibility(method, _render(display, ratio), display)
+            ]
+            frames = folder / "frames.npz"
+            _write_frames(frames, able, _render(display, ratio), display)
+            results += _steps(sides, frames, able, display, count, rounds, on_round)
+        for method in methods:
+            if reason := _no_first_image(method, _render(displays[0], ratio), displays[0]):
+                on_left_out(reason)
+            else:
+                results += _first_images(sides, method, displays[0], ratio, rounds, on_round)
+        return {version.name: version.about for version in sides}, results
+
+
+def _versions(python: str, folder: Path) -> Versions:
+    other = Version("other", python, folder / "other")  # first: a wrong interpreter fails at once
+    return Version("this", sys.executable, folder / "this"), other
+
+
+def _no_first_image(method: str, render: Size, display: Size) -> str:
+    if reason := incompatibility(method, render, display):
+        return reason
+    info = read_model_info(find_model(method))
+    return f"{method}: no first image is timed, as its frames have no G-buffers." if info.gbuffers else ""
+
+
+def _render(display: Size, ratio: float) -> Size:
+    return round(display[0] / ratio), round(display[1] / ratio)
+
+
+def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Size) -> None:
+    """Write frames for both sides: each field of all frames, and G-buffers of the first, made up."""
+    frames = frames_of(render)
+    arrays = {name: np.stack([getattr(f, name) for f in frames]) for name in ("color", "depth", "motion")}
+    arrays["jitter"] = np.array([frame.jitter for frame in frames])
+    arrays["exposure"] = np.array([frame.exposure for frame in frames])
+    names = gbuffers_of(methods)
+    first = with_default_gbuffers(frames[0], names, display)
+    for name in names:
+        place, array = GBUFFERS[name], GBUFFERS[name].find(first)
+        if array is not None:
+            arrays[f"{place.group}.{place.key}"] = array
+    np.savez(path, **arrays)  # type: ignore[arg-type]  # its stub takes the names for other arguments
+
+
+def _steps(
+    sides: Versions,
+    frames: Path,
+    methods: Sequence[str],
+    display: Size,
+    threads: int,
+    rounds: Rounds,
+    on_round: Callable[[], None],
+) -> list[Compared]:
+    wall: dict[str, list[Pair]] = {method: [] for method in methods}
+    cores: dict[str, list[Pair]] = {method: [] for method in methods}
+    for index in range(rounds.rounds):  # each in new processes: where memory lies changes times by percents
+        with sides[0].process() as this, sides[1].process() as other:
+            for process, method in product((this, other), methods):
+                process.load(method, frames, display, threads)
+            for method in methods:
+                timed = partial(Process.step, method=method, settling=_SETTLING, count=rounds.steps)
+                now, then = _in_turns(index, (this, other), timed)
+                wall[method].append((now.wall, then.wall))
+                cores[method].append((now.cores, then.cores))
+                on_round()
+    return [
+        compared(method, display, threads, what, pairs[method])
+        for method in methods
+        for what, pairs in ((STEP_WALL, wall), (STEP_CORES, cores))
+    ]
+
+
+def _first_images(
+    sides: Versions,
+    method: str,
+    display: Size,
+    ratio: float,
+    rounds: Rounds,
+    on_round: Callable[[], None],
+) -> Iterator[Compared]:
+    render = _render(display, ratio)
+    for what, count, fresh in ((FIRST_FRESH, rounds.fresh, True), (FIRST, rounds.starts, False)):
+        timed = partial(Version.first_image, method=method, render=render, scale=ratio, fresh=fresh)
+        if count and not fresh:
+            _in_turns(0, sides, timed)  # what this process compiles is kept for the others
+        pairs = []
+        for index in range(count):
+            pairs.append(_in_turns(index, sides, timed))
+            on_round()
+        if pairs:
+            yield compared(method, display, 0, what, pairs)
+
+
+def _in_turns(index: int, both: tuple[T, T], timed: Callable[[T], R]) -> tuple[R, R]:
+    """Time this version, then the other; the other way round in each second round."""
+    this, other = both
+    if index % 2 == 0:
+        now = timed(this)
+        return now, timed(other)
+    then = timed(other)
+    return timed(this), then
+
+
+def compared(method: str, display: Size, threads: int, what: str, rounds: list[Pair]) -> Compared:
+    """Summarise what all rounds have given."""
+    ratios = [this / other for this, other in rounds]
+    low, high = interval(ratios)
+    this, other = (median(times) for times in zip(*rounds, strict=True))
+    return Compared(method, display, threads, what, this, other, median(ratios), low, high, rounds)
+
+
+def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
+    """Return an interval that holds the median of the distribution behind some samples.
+
+    Its ends are values: the k-th from either end, with the largest k for which the median lies between them
+    with that probability, whatever the distribution. For 0.95 that takes `FEWEST_FOR_INTERVAL` values.
+    """
+    count, ordered = len(values), sorted(values)
+    outside, k = 2.0 * 0.5**count, 0  # the probability that the median is beyond the k-th from either end
+    while k + 1 < count // 2 and outside + 2.0 * comb(count, k + 1) * 0.5**count <= 1.0 - coverage:
+        k += 1
+        outside += 2.0 * comb(count, k) * 0.5**count
+    return ordered[k], ordered[-1 - k]
+
+
+def against_record(
+    sides: Mapping[str, Any], results: Sequence[Compared], ratio: float, rounds: Rounds
+) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    return {
+        "bench": "against",
+        "ratio": ratio,
+        "sides": dict(sides),
+        "taken": asdict(rounds),
+        "compared": [asdict(result) for result in results],
+    }
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    rows = [
+        "| display | threads | method | what | other, ms | this, ms | this / other | 95 % interval |",
+        "| --- | ---: | --- | --- | ---: | ---: | ---: | --- |",
+    ]
+    for row in record["compared"]:
+        c = Compared(**row)
+        rows.append(
+            f"| {c.display[0]}x{c.display[1]} | {c.threads or 'all'} | {c.method} | {c.what} | {c.other:.1f} "
+            f"| {c.this:.1f} | {c.median:.3f} | {c.low:.3f} to {c.high:.3f} |"
+        )
+    taken, sides = Rounds(**record["taken"]), record["sides"]
+    caption = (
+        f"This version ({_named(sides['this'])}) and another ({_named(sides['other'])}) in turns, "
+        f"{taken.rounds} rounds of {taken.steps} steps each at ratio {record['ratio']:g}; "
+        "medians over the rounds, and of the ratios in each round, with an interval of order statistics that "
+        f"holds the median with at least {COVERAGE:.0%}. {machine_name(record)}."
+    )
+    return "\n".join([*rows, "", caption])
+
+
+def _named(version: Mapping[str, Any]) -> str:
+    commit = f", commit {version['commit']}" if version["commit"] else ""
+    return f"{version['version']}{commit}, Python {version['python']}"

@@ -1,0 +1,173 @@
+"""Static-tile reuse: time saved and error, in partly static scenes, stepped with and without it."""
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from statistics import median
+from typing import Any, Literal
+
+import numpy as np
+
+from supersampler import Model, Upscaler, halton_jitter
+from supersampler.conventions import jitter_phase_count
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import decibels, display_transform
+from supersampler.model import Skip
+from supersampler_bench.record import Record, machine_name
+from supersampler_bench.shots.public_shots import TEST_SHOTS
+from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_model.data.renderer.renderer import Renderer
+from supersampler_model.data.sequences import HeldSequence
+from supersampler_model.data.shots import render_size
+from supersampler_model.data.specs import SequenceSpec
+
+SKIPS: tuple[Literal["exact", "auto"], ...] = ("exact", "auto")
+HELD_FRAME = 12  # frame of the test shot whose camera is kept
+SCORED = 16  # frames at the end, after four periods of the jitter
+
+
+@dataclass(frozen=True)
+class StaticTileTimes:
+    """One scene and method, over the last frames.
+
+    Attributes:
+        scene: family of the test shot whose camera is fixed.
+        all_static: nothing moves; else objects do.
+        method: the model's name.
+        work: share of a full step that was computed.
+        milliseconds: median of a step, by `SKIPS`.
+        psnr: against the reference, by `SKIPS`.
+    """
+
+    scene: str
+    all_static: bool
+    method: str
+    work: float
+    milliseconds: dict[str, float]
+    psnr: dict[str, float]
+
+
+class _Runner:
+    """One way to step through a scene."""
+
+    def __init__(self, method: str, display: Size, skip: Skip) -> None:
+        self._upscaler = Upscaler(
+            Model.load(method, providers="cpu", executor="cpu"),
+            display_size=display,
+            skip=skip,
+            validate="off",
+        )
+        self._image = np.empty((*display[::-1], 3), np.float32)
+        self.milliseconds: list[float] = []
+        self.work: list[float] = []
+        self.psnr: list[float] = []
+
+    def step(self, frame: Frame, truth: Float32 | None) -> None:
+        """Step; the frame counts where its reference is known."""
+        done = self._upscaler.stats.work
+        began = time.perf_counter()
+        self._upscaler.step(frame, out=self._image)
+        if truth is not None:
+            self.milliseconds.append(1e3 * (time.perf_counter() - began))
+            self.work.append(self._upscaler.stats.work - done)
+            exposure = frame.exposure or 1.0
+            off = display_transform(self._image, exposure) - display_transform(truth, exposure)
+            self.psnr.append(decibels(float(np.mean(off * off))))
+
+
+def measure_skipping(
+    families: Sequence[str],
+    methods: Sequence[str],
+    display: Size,
+    *,
+    ratio: float = 2.0,
+    samples: int = 64,
+    on_frame: Callable[[], None] = lambda: None,
+) -> list[StaticTileTimes]:
+    """Step through each scene, static and with moving objects, with and without reuse, in turns.
+
+    Args:
+        families: of the test shots.
+        methods: names of models that have kernels.
+        display: (width, height) of the images.
+        ratio: display over render size.
+        samples: a pixel of the references.
+        on_frame: called after each frame of a scene.
+    """
+    renderer = Renderer(display, samples=samples)
+    results = []
+    for family in families:
+        for all_static in (True, False):
+            runners = {(m, skip): _Runner(m, display, skip) for m in methods for skip in SKIPS}
+            for frame, truth in _frames(renderer, family, ratio, all_static=all_static):
+                for runner in runners.values():
+                    runner.step(frame, truth)
+                on_frame()
+            results += [_summary(family, all_static, m, [runners[m, s] for s in SKIPS]) for m in methods]
+    return results
+
+
+def frame_count(ratio: float) -> int:
+    """Frames of a scene."""
+    return 4 * jitter_phase_count(ratio) + SCORED
+
+
+def _frames(renderer: Renderer, family: str, ratio: float, *, all_static: bool) -> Any:
+    count = frame_count(ratio)
+    spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
+    sequence = HeldSequence(spec, HELD_FRAME, time_stands=all_static)
+    size = render_size(renderer.display_size, ratio)
+    truth: Float32 | None = None
+    rendered: dict[tuple[float, float], Frame] = {}  # by jitter: where nothing moves, frames repeat
+    for index in range(count):
+        scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
+        if index >= count - SCORED and (truth is None or not all_static):
+            truth = renderer.reference(scene).color
+        if not all_static or jitter not in rendered:
+            rendered[jitter] = rendered_frame(renderer, scene, size, jitter)
+        yield rendered[jitter], truth
+
+
+def _summary(scene: str, all_static: bool, method: str, runners: Sequence[_Runner]) -> StaticTileTimes:
+    return StaticTileTimes(
+        scene=scene,
+        all_static=all_static,
+        method=method,
+        work=float(np.mean(runners[SKIPS.index("auto")].work)),
+        milliseconds={s: median(r.milliseconds) for s, r in zip(SKIPS, runners, strict=True)},
+        psnr={s: float(np.mean(r.psnr)) for s, r in zip(SKIPS, runners, strict=True)},
+    )
+
+
+def skip_record(results: Sequence[StaticTileTimes], display: Size, ratio: float) -> dict[str, Any]:
+    """Return all values, ready for JSON."""
+    return {
+        "bench": "skip",
+        "display": list(display),
+        "ratio": ratio,
+        "held_frame": HELD_FRAME,
+        "scored": SCORED,
+        "frames": frame_count(ratio),
+        "scenes": [asdict(r) for r in results],
+    }
+
+
+def markdown_table(record: Record) -> str:
+    """Return the table of a record as Markdown, with its caption."""
+    width, height = record["display"]
+    rows = [
+        "| scene | moves | method | work | ms, exact | ms | share | PSNR dB, exact | PSNR dB |",
+        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
+    ]
+    for r in (StaticTileTimes(**row) for row in record["scenes"]):
+        exact, auto = (r.milliseconds[s] for s in SKIPS)
+        all_drawn, skipped = (r.psnr[s] for s in SKIPS)
+        rows.append(
+            f"| {r.scene} | {'nothing' if r.all_static else 'objects'} | {r.method} | {100 * r.work:.0f} % "
+            f"| {exact:.1f} | {auto:.1f} | {auto / exact:.2f} | {all_drawn:.2f} | {skipped:.2f} |"
+        )
+    caption = (
+        f"Images of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
+        f"{record['frames']} frames: test shots with a fixed camera. {machine_name(record)}."
+    )
+    return "\n".join([*rows, "", caption])

@@ -1,0 +1,119 @@
+"""Hashes of images: the same from run to run, other ones where an image or a history is another."""
+
+import copy
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler_bench.agreement import hashes
+from supersampler_bench.agreement.hashes import (
+    FRAMES,
+    SIZES,
+    Subject,
+    differences,
+    hashes_record,
+    measure_hashes,
+    scene,
+    subjects,
+)
+from supersampler_bench.cli.app import app
+from supersampler_bench.record import setting
+
+TODAY = Path(__file__).parents[3] / "bench" / "results" / "today" / "hashes.json"
+SMALL = ((32, 18), (48, 27))
+
+
+@pytest.fixture(scope="module")
+def record() -> dict[str, Any]:
+    drawn = measure_hashes(subjects(["taa"]), [SMALL])
+    return {**hashes_record(drawn), **setting()}
+
+
+def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:
+    found = [(s.method, s.extrapolation, s.executor, s.precision, s.skip) for s in subjects(["taa"])]
+    assert found == [
+        ("taa", None, "onnx", "fp32", "exact"),
+        ("taa", None, "cpu", "fp32", "exact"),
+        ("taa", None, "cpu", "fp32", "auto"),
+    ]
+
+
+def test_a_second_run_has_the_same_hashes(record: dict[str, Any]) -> None:
+    again = hashes_record(measure_hashes(subjects(["taa"]), [SMALL]))
+    assert list(differences(record, again)) == []
+    assert all(len(set(row["frames"])) > FRAMES // 2 for row in record["hashed"])
+
+
+def test_the_first_image_that_differs_is_named_and_how_far(record: dict[str, Any]) -> None:
+    other, before = copy.deepcopy(record), record["hashed"][1]["sketches"]
+    other["hashed"][1]["frames"][5] = other["hashed"][1]["frames"][7] = "0"
+    other["hashed"][1]["sketches"] = [value + 2e-6 for value in before]
+    (text,) = differences(record, other)
+    assert text.startswith("taa, cpu fp32, skip exact, 32x18 to 48x27: 2 of 24 images differ")
+    assert "first is frame 5" in text
+    assert "about 2e-06" in text
+
+
+def test_a_history_that_differs_a_run_that_is_missing_and_other_frames_are_named(
+    record: dict[str, Any],
+) -> None:
+    other = copy.deepcopy(record)
+    other["hashed"][0]["history"]["history.color"] = "0"
+    other["inputs"][next(iter(other["inputs"]))] = "0"
+    del other["hashed"][2]
+    frames, history, missing = differences(record, other)
+    assert "frames that go in are others" in frames
+    assert history.endswith("of the history history.color")
+    assert missing == "taa, cpu fp32, skip auto, 32x18 to 48x27: missing"
+    assert list(differences(record, {**record, "hashed": record["hashed"][:2]}, partly=True)) == []
+
+
+def test_a_sketch_tells_how_far_images_are_apart(monkeypatch: pytest.MonkeyPatch) -> None:
+    subject = Subject("bilinear", None, "onnx", "fp32", "exact")
+    (before,) = measure_hashes([subject], [SMALL])
+    frames = scene(*SMALL)
+    noise = np.random.default_rng(0).normal(0.0, 1e-4, (18, 32, 3)).astype(np.float32)
+    noisy = [replace(frame, color=np.maximum(np.asarray(frame.color) + noise, 0.0)) for frame in frames]
+    shown = [np.asarray(frame.color) / (1.0 + np.asarray(frame.color)) for frame in (*frames, *noisy)]
+    truth = np.sqrt(np.mean((np.stack(shown[:FRAMES]) - np.stack(shown[FRAMES:])) ** 2))
+    monkeypatch.setattr(hashes, "scene", lambda *_: noisy)
+    (after,) = measure_hashes([subject], [SMALL])
+    estimate = np.sqrt(np.mean(np.subtract(before.sketches, after.sketches) ** 2))
+    assert 0.3 * truth < estimate < 1.5 * truth  # bilinear averages some of the noise
+
+
+@pytest.mark.parametrize("method", ["taa", "classifier"])
+def test_tiles_rest_in_the_scene_for_skip_auto(method: str) -> None:
+    upscaler = hashes._upscaler(Subject(method, None, "cpu", "auto", "auto"), SIZES[0][1])
+    for frame in scene(*SIZES[0], "auto"):
+        upscaler.step(frame)
+    assert upscaler.stats.work < FRAMES - 1.0
+
+
+def test_the_command_compares_with_a_record(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(hashes, "SIZES", (SMALL,))
+    run, file = CliRunner().invoke, tmp_path / "hashes.json"
+    arguments = ["hashes", "--methods", "bilinear"]
+    assert run(app, [*arguments, "--json", str(file)]).exit_code == 0
+    assert run(app, [*arguments, "--check", str(file)]).exit_code == 0
+    record = json.loads(file.read_text())
+    record["hashed"][0]["frames"][0] = "0"
+    record["machine"]["cpu"] = "another"
+    file.write_text(json.dumps(record))
+    result = run(app, [*arguments, "--check", str(file)])
+    assert result.exit_code == 1
+    assert "the first is frame 0" in result.output
+    assert "machine another" in result.output
+
+
+def test_the_record_of_today_has_every_way_of_every_method() -> None:
+    rows = json.loads(TODAY.read_text())["hashed"]
+    recorded = {(row["subject"]["method"], row["subject"]["extrapolation"]) for row in rows}
+    assert {pair for pair in recorded if pair[1]} == set(hashes.EXTRAPOLATED)
+    assert len(rows) == len(SIZES) * len({json.dumps(row["subject"]) for row in rows})
+    assert len(recorded) == 13

@@ -1,0 +1,33 @@
+"""Torch, the ONNX and CPU backends draw the same, for as long as they run."""
+
+from collections.abc import Iterator
+
+import pytest
+import torch
+
+from supersampler_bench.agreement.parity import markdown_table, measure_parity, parity_record
+
+
+@pytest.fixture(autouse=True)
+def one_thread() -> Iterator[None]:
+    """Threads of torch that wait for each other wait long where other processes have the cores."""
+    before = torch.get_num_threads()
+    torch.set_num_threads(1)
+    yield
+    torch.set_num_threads(before)
+
+
+def test_methods_stay_with_torch_however_they_run() -> None:
+    results = measure_parity(["taau", "classifier"], 10)
+    assert [(r.method, r.runs) for r in results[:5]] == [
+        ("taau", "onnx, fp32"),
+        ("taau", "cpu, fp32"),
+        ("classifier", "onnx, fp32"),
+        ("classifier", "onnx, fp16"),
+        ("classifier", "cpu, int8"),
+    ]
+    for result in results:
+        precision = result.runs.split()[-1]
+        assert result.last < {"int8": 1.0 / 255.0, "fp16": 1e-4, "fp32": 1e-5}[precision], result
+        assert result.psnr > {"int8": 45.0, "fp16": 65.0, "fp32": 80.0}[precision], result
+    assert "cpu, int8" in markdown_table(parity_record(results))

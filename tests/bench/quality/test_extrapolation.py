@@ -1,0 +1,224 @@
+"""`bench extrapolation`: which frames are unshaded, what is shown of them, and what is counted."""
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from joint_folder import joint_folder
+from lit_scene import LitScene, even
+from supersampler import ArgumentError, Frame, Shot, ShotError, halton_jitter
+from supersampler.cli import app
+from supersampler.frame import Float32
+from supersampler.io.shot import ShotFrame, ShotWriter
+from supersampler_bench.quality.extrapolation import (
+    PSNR_SHADED,
+    TEMPORAL_METRICS,
+    Alternation,
+    UnshadedScores,
+    WarpBaseline,
+    extrapolation_record,
+    markdown_table,
+    measure_extrapolation,
+)
+from supersampler_bench.quality.masks import disoccluded
+from supersampler_bench.quality.summaries import FRAME_METRICS, MASKED, FrameScores, MethodScores
+from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
+from supersampler_bench.record import read_record, setting, write_json
+from supersampler_bench.report.doc_tables import blocks_of
+
+SIZE, DISPLAY, FRAMES = (48, 27), (96, 54), 12
+SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5))
+ITEM: dict[str, Any] = {"raw": None, "reference": None}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("shots") / "lit"
+    with ShotWriter(path, name="lit", display_size=DISPLAY, frame_rate=24) as writer:
+        for index in range(FRAMES):
+            frame = SCENE.frame(index, SIZE, halton_jitter(index, 2.0))
+            writer.write(frame, reference=SCENE.truth(index, DISPLAY))
+    return path
+
+
+def unshaded(text: str, resets: set[int], count: int = 9) -> str:
+    alternation, said = Alternation(text), ""
+    for index in range(count):
+        item = ShotFrame(index=index, frame=SCENE.frame(index, SIZE, reset=index in resets), **ITEM)
+        said += "u" if alternation.leaves_unshaded(item) else "s"
+        assert alternation.leaves_unshaded(item) == (said[-1] == "u")  # each way asks
+    assert alternation.indices == {index for index, kind in enumerate(said) if kind == "u"}
+    return said
+
+
+@pytest.mark.parametrize(
+    ("text", "resets", "said"),
+    [
+        ("1:1", {0}, "susususus"),
+        ("2:1", {0}, "suusuusuu"),
+        ("1:1", {0, 3}, "sussususu"),
+        ("2:1", {0, 1, 5}, "ssuussuus"),
+    ],
+)
+def test_frames_are_unshaded_after_each_shaded_one_and_never_after_a_cut(
+    text: str, resets: set[int], said: str
+) -> None:
+    assert unshaded(text, resets) == said
+
+
+@pytest.mark.parametrize("text", ["1", "0:1", "1:2", "a:1", "-1:1", ""])
+def test_other_alternations_are_refused(text: str) -> None:
+    with pytest.raises(ArgumentError, match="--alternation"):
+        Alternation(text)
+
+
+def scores_of(frame: int, value: float) -> FrameScores:
+    scores = dict.fromkeys(FRAME_METRICS, value) | dict.fromkeys((f"pixels_{name}" for name in MASKED), 1.0)
+    scores |= {"srred": value, "trred": value}
+    return FrameScores(frame, full=scores, cropped=scores)
+
+
+def test_scores_are_of_unshaded_frames_and_changes_of_all() -> None:
+    scores = MethodScores(
+        "m", [scores_of(8, 10.0), scores_of(9, 20.0), scores_of(10, 30.0), scores_of(11, 60.0)]
+    )
+    summary = UnshadedScores(scores, frozenset({9, 11})).summary()
+    assert (summary["psnr"], summary["flip"], summary[PSNR_SHADED]) == (40.0, 40.0, 20.0)
+    assert {summary[name] for name in TEMPORAL_METRICS if name != "strred"} == {30.0}
+
+
+# --- warping ---
+
+
+def test_an_image_is_warped_by_motion_and_its_border_is_repeated() -> None:
+    image = np.random.default_rng(0).random((36, 64, 3), np.float32)
+    frame = LitScene(velocity=(3.0, -2.0)).frame(1, (64, 36))
+    moved = warped(image, frame)
+    np.testing.assert_allclose(moved[:-2, 3:], image[2:, :-3], atol=1e-6)
+    np.testing.assert_allclose(moved[:-2, 0], image[2:, 0], atol=1e-6)
+
+
+def test_disoccluded_pixels_are_filled_from_the_nearest_background() -> None:
+    scene = LitScene(base=even, radius=7.0, disc_velocity=(3.0, 0.0))
+    before, frame = scene.frame(0, (64, 36)), scene.frame(1, (64, 36))
+    assert before.color is not None
+    assert frame.color is not None
+    image, unshaded = warped(before.color, frame), disoccluded(frame, before)
+    filled = with_background_filled(image, frame, before)
+    assert (scene.uncovered(1) & unshaded).sum() > 20
+    assert np.abs(image - frame.color)[unshaded].mean() > 1.0
+    assert np.abs(filled - frame.color)[unshaded].max() < 0.1
+    np.testing.assert_array_equal(filled[~unshaded], image[~unshaded])
+
+
+def test_what_has_no_background_near_is_left() -> None:
+    scene = LitScene(radius=200.0, disc_velocity=(3.0, 0.0))
+    before, image = scene.frame(0, (64, 36)), np.ones((36, 64, 3), np.float32)
+    behind = replace(scene.frame(1, (64, 36)), depth=np.full((36, 64), 1e-3, np.float32))
+    np.testing.assert_array_equal(with_background_filled(image, behind, before), image)
+
+
+def test_motion_is_followed_over_unshaded_frames_to_the_sample_that_it_led_from() -> None:
+    x = np.arange(48, dtype=np.float32)[None, :, None]
+    sheared = np.broadcast_to(x * np.array([0.1, -0.05]), (27, 48, 2)).astype(np.float32)
+    frame = replace(SCENE.frame(1, SIZE), motion=np.full((27, 48, 2), -1.5, np.float32), jitter=(0.3, -0.1))
+    assert motion_over_two_frames(frame, None, (0.0, 0.0)) is frame.motion
+    total = motion_over_two_frames(frame, sheared, (-0.2, 0.4))
+    places = x - 1.5 + 0.5  # of the samples then: moved, and this jitter less that
+    expected = np.broadcast_to(-1.5 + 0.1 * places, (27, 48, 1))[..., 0]
+    np.testing.assert_allclose(total[3:, 3:, 0], expected[3:, 3:], atol=1e-5)
+    np.testing.assert_array_equal(total[:, 0], frame.motion[:, 0])  # off screen
+
+
+class Taker:
+    """Stands where an Upscaler would; keeps what it is handed in."""
+
+    def __init__(self) -> None:
+        self.frames: list[Frame] = []
+
+    def step(self, frame: Frame) -> Float32:
+        self.frames.append(frame)
+        return np.full((54, 96, 3), float(len(self.frames)), np.float32)
+
+
+@pytest.mark.parametrize("filled", [False, True])
+def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(filled: bool) -> None:
+    taker: Any = Taker()
+    warping, scene = WarpBaseline(taker, Alternation("2:1"), filled=filled), LitScene(velocity=(1.0, -0.5))
+    images = [
+        warping.step(ShotFrame(index=index, frame=scene.frame(index, SIZE), **ITEM)) for index in range(7)
+    ]
+    assert [image[20, 40, 0] for image in images] == [1, 1, 1, 2, 2, 2, 3]
+    pixels = np.array(SIZE) / (64, 36)
+    for frame in taker.frames[1:]:
+        np.testing.assert_allclose(
+            frame.motion[10:-10, 10:-10], np.broadcast_to((-3.0, 1.5) * pixels, (7, 28, 2))
+        )
+    np.testing.assert_array_equal(taker.frames[0].motion, scene.frame(0, SIZE).motion)
+
+
+# --- the whole ---
+
+
+def test_an_extrapolated_frame_beats_a_warped_one_in_disocclusions(folder: Path) -> None:
+    found = measure_extrapolation(Shot.open(folder), ["taau"], ["guided-warp"], ["1:1", "2:1"])
+    assert list(found.alternations) == ["1:1", "2:1"]
+    for scores in found.alternations.values():
+        by_way = {s.method: s.summary(warm=False) for s in scores}
+        assert list(by_way) == ["taau, shaded", "taau, warp", "taau, warp, filled", "taau, guided-warp"]
+        shaded, plain, filled, drawn = (summary["psnr_disoccluded"] for summary in by_way.values())
+        assert drawn > filled + 1.0
+        assert filled > plain
+        assert abs(shaded - drawn) < 2.0
+        assert by_way["taau, guided-warp"]["psnr"] > by_way["taau, warp, filled"]["psnr"] + 1.0
+
+
+def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Path, tmp_path: Path) -> None:
+    page, file = tmp_path / "page.md", tmp_path / "extrapolation-lit.json"
+    page.write_text("<!-- bench:extrapolation lit -->\n<!-- /bench -->\n")
+    arguments = ["bench", "extrapolation", str(folder), "--methods", "bilinear", "--alternation", "1:1"]
+    done = CliRunner().invoke(app, [*arguments, "--json", str(file), "--update", str(page)])
+    assert done.exit_code == 0
+    record = read_record(file)
+    table = markdown_table(record)
+    assert table in page.read_text()
+    assert "| bilinear, guided-warp |" in table
+    assert "lit, 48x27 to 96x54, 1:1 unshaded to shaded frames" in table
+    assert blocks_of("extrapolation-lit", record)["extrapolation lit"]() == table
+    assert table.splitlines()[2] in done.output
+
+
+def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
+    shot = Shot.open(folder)
+    found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"], origin={"ratio": 2.0})
+    record = {**extrapolation_record([found, found], ["guided-warp"]), **setting()}
+    write_json(record, tmp_path / "a.json")
+    table = markdown_table(read_record(tmp_path / "a.json"))
+    assert table.count("| bilinear, warp |") == 1
+    assert "Mean of the shots lit, lit at ratio 2, 1:1 unshaded" in table
+
+
+def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
+    folder: Path, tmp_path: Path
+) -> None:
+    plain = Shot.open(folder)
+    with ShotWriter(tmp_path / "bare", name="bare", display_size=DISPLAY, frame_rate=24) as writer:
+        item = plain.read(0)
+        writer.write(replace(item.frame, gbuffer=None), reference=item.reference)
+    with pytest.raises(ShotError, match="frames have no base_color, normal at render size"):
+        measure_extrapolation(Shot.open(tmp_path / "bare"), ["taau"], ["guided-warp"], ["1:1"])
+    with pytest.raises(ArgumentError, match="--methods"):
+        measure_extrapolation(plain, ["guided-warp"], ["guided-warp"], ["1:1"])
+
+
+def test_an_upscaler_may_have_its_own_graph_for_extrapolated_frames(folder: Path, tmp_path: Path) -> None:
+    joint = str(joint_folder(tmp_path / "joint"))
+    found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], ["guided-warp"], ["1:1"])
+    by_way = {s.method: s.summary(warm=False)["psnr"] for s in found.alternations["1:1"]}
+    for way in ("shaded", "warp", "warp, filled"):
+        assert by_way[f"{joint}, {way}"] == pytest.approx(by_way[f"classifier:fp32, {way}"], abs=0.01)
+    assert by_way[f"{joint}, guided-warp"] < by_way["classifier:fp32, guided-warp"] - 1.0  # it is brighter

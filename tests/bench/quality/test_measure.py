@@ -1,0 +1,255 @@
+"""`measure_quality` on small analytic shots, written to disk and read back."""
+
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler import Frame, ShotError, StepResult
+from supersampler.frame import Float32
+from supersampler.io.display import CEILING_DB
+from supersampler.io.shot import ClassMaps, Shot, ShotWriter
+from supersampler_bench.quality import measure as quality
+from supersampler_bench.quality import metrics
+from supersampler_bench.quality.measure import measure_quality
+from supersampler_bench.quality.summaries import (
+    BORDER,
+    FRAME_METRICS,
+    MASKED,
+    FrameScores,
+    MeanScores,
+    MethodScores,
+)
+from supersampler_model.data.scenes.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
+
+RENDER, DISPLAY = (48, 27), (96, 54)
+SCENE = DiscOverPlane()
+
+
+def write_shot(
+    folder: Path,
+    *,
+    scene: Scene = SCENE,
+    references: Sequence[int],
+    count: int = 6,
+    classes: ClassMaps | None = None,
+) -> Shot:
+    with ShotWriter(folder, name="disc", display_size=DISPLAY, frame_rate=30) as writer:
+        for index in range(count):
+            jitter = (0.25, -0.25) if index % 2 else (-0.25, 0.25)
+            truth = scene.truth(index, DISPLAY, samples=4) if index in references else None
+            of_truth = classes if truth is not None else None
+            writer.write(scene.frame(index, RENDER, jitter), reference=truth, classes=of_truth)
+    return Shot.open(folder)
+
+
+class Painter:
+    """Stands where an Upscaler would and paints by a function of the frame's number, to test the measure."""
+
+    def __init__(self, paint: Callable[[int], Float32]) -> None:
+        self.paint, self.number = paint, -1
+        self.model = SimpleNamespace(info=SimpleNamespace(maps={}, gbuffers=()))
+
+    def __call__(self, *_: Any, **__: Any) -> "Painter":
+        return self
+
+    def step(self, _: Frame, **__: Any) -> Float32:
+        self.number += 1
+        return np.asarray(self.paint(self.number), np.float32)
+
+
+def truth(index: int) -> Float32:
+    return SCENE.truth(index, DISPLAY, samples=4)
+
+
+def painted(
+    monkeypatch: pytest.MonkeyPatch, shot: Shot, paint: Callable[[int], Float32]
+) -> list[FrameScores]:
+    monkeypatch.setattr(quality, "Upscaler", Painter(paint))
+    return measure_quality(shot, ["painter"])[0].frames
+
+
+def test_a_perfect_picture_scores_perfectly_in_everything(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3)))
+    shot = write_shot(tmp_path, references=[2, 4, 5], classes=hard)
+    stored = {item.index: item.reference for item in shot if item.reference is not None}
+    frames = painted(monkeypatch, shot, lambda i: stored.get(i, truth(i)))
+    assert [f.frame for f in frames] == [2, 4, 5]
+    for scores in (frames[-1].full, frames[-1].cropped):
+        perfect = {"flip": 0.0, "ssim": 1.0, "warped_error_difference": 0.0, "strred": 0.0}
+        assert scores == {
+            name: pytest.approx(perfect.get(name, CEILING_DB))
+            if name in FRAME_METRICS
+            else pytest.approx(scores[name])
+            for name in scores
+        }
+
+
+def test_change_is_measured_only_between_neighbours_that_both_have_a_reference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = write_shot(tmp_path, references=[2, 4, 5])
+    frames = painted(monkeypatch, shot, truth)
+    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
+    assert [np.isnan(f.full["warped_error_difference"]) for f in frames] == [True, True, False]
+
+
+def test_change_is_not_measured_across_a_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = Cut(Plane(dots), Plane(checker), at=3)
+    shot = write_shot(tmp_path, scene=scene, references=[2, 3, 4])
+    frames = painted(monkeypatch, shot, lambda i: scene.truth(i, DISPLAY, samples=4))
+    assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
+
+
+def test_a_picture_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is_not_flicker(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = write_shot(tmp_path, references=[4, 5])
+    late = painted(monkeypatch, shot, lambda i: truth(i - 1) if i else truth(0))[-1].cropped
+    stain = np.random.default_rng(0).uniform(0.9, 1.1, (DISPLAY[1], DISPLAY[0], 3)).astype(np.float32)
+    stained = painted(monkeypatch, shot, lambda i: truth(i) * stain)[-1].cropped
+    assert late["psnr"] < stained["psnr"] - 5
+    assert late["tpsnr"] < stained["tpsnr"] - 5
+
+
+def test_the_masks_are_those_of_the_scene(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = write_shot(tmp_path, references=[3])
+    unshaded = SCENE.disoccluded(3, DISPLAY)
+    wrong_there = painted(monkeypatch, shot, lambda i: np.where(unshaded[..., None], 0, truth(i)))[0].full
+    assert 0.7 * unshaded.sum() < wrong_there["pixels_disoccluded"] < 1.3 * unshaded.sum()
+    assert wrong_there["psnr_disoccluded"] < wrong_there["psnr"] - 6
+    moving_share = wrong_there["pixels_moving"] / (DISPLAY[0] * DISPLAY[1])
+    disc_share = np.pi * 8**2 / (64 * 36)  # moves by 0.84 render pixels; the background by 0.38
+    assert moving_share == pytest.approx(disc_share, rel=0.1)
+
+
+def test_the_masks_are_the_truth_classes_where_a_shot_has_them(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    ghost[20:22, 30:40], ghost[30:33, 30:40], alias[40:42, 30:40], alias[42:46, 30:40] = 1, 2, 1, 2
+    shot = write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias))
+    wrong = painted(monkeypatch, shot, lambda i: np.where((ghost == 2)[..., None], 0, truth(i)))[0].full
+    pixels = {name: wrong[f"pixels_{name}"] for name in ("disoccluded", "changing_light", "aliased")}
+    assert pixels == {"disoccluded": 20, "changing_light": 30, "aliased": 60}
+    assert wrong["psnr_changing_light"] < 20 < 60 < wrong["psnr_disoccluded"]
+    assert wrong["psnr_aliased"] > 60
+
+
+def test_without_truth_classes_what_only_they_tell_is_not_measured(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scores = painted(monkeypatch, write_shot(tmp_path, references=[3]), truth)[0].full
+    assert np.isnan([scores["psnr_changing_light"], scores["psnr_aliased"]]).all()
+    assert scores["pixels_aliased"] == 0
+
+
+def test_strred_is_of_pairs_that_do_not_overlap(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    shot = write_shot(tmp_path, references=[1, 2, 3, 4, 5, 8, 9], count=10)
+    frames = painted(monkeypatch, shot, lambda i: truth(i - i % 2))
+    paired = [f.frame for f in frames if not np.isnan(f.cropped["strred"])]
+    assert paired == [2, 4, 9]
+    assert all(f.full["trred"] > 0.0 for f in frames if f.frame in paired)
+
+
+def test_predicted_classes_are_compared_with_the_true_ones(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ghost, alias = (np.zeros((DISPLAY[1], DISPLAY[0]), np.uint8) for _ in range(2))
+    ghost[20:22, 30:40] = 1
+    classes = np.zeros((DISPLAY[1] // 2, DISPLAY[0] // 2, 6), np.float32)
+    classes[..., 0], classes[..., 5] = 0.5, 1.0
+    classes[10, 15:18, 1] = 0.9
+
+    class Teller(Painter):
+        def __init__(self) -> None:
+            super().__init__(truth)
+            self.model.info.maps["class_map"] = None
+
+        def step(self, _: Frame, **asked: Any) -> StepResult:  # type: ignore[override]
+            assert asked == {"outputs": ["class_map"]}
+            return StepResult(super().step(_), class_map=classes)
+
+    monkeypatch.setattr(quality, "Upscaler", Teller())
+    [result] = measure_quality(write_shot(tmp_path, references=[3], classes=ClassMaps(ghost, alias)), ["t"])
+    counts = result.classes(warm=False, cropped=False)
+    assert counts is not None
+    of_ghosting, of_aliasing = counts
+    assert of_ghosting[1].tolist() == [8, 12, 0]
+    assert of_aliasing.tolist() == [[0, 0, 96 * 54], [0, 0, 0], [0, 0, 0]]
+    assert result.classes() is None  # no frame after the warm-up
+    cropped = result.frames[0].cropped_classes
+    assert cropped is not None
+    assert cropped.sum() == 2 * 80 * 38
+
+
+def test_the_border_is_left_out_of_the_cropped_scores(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = write_shot(tmp_path, references=[4, 5])
+
+    def framed(index: int) -> Float32:
+        image = truth(index) * (index % 2)
+        metrics.crop(image, BORDER)[...] = metrics.crop(truth(index), BORDER)
+        return image
+
+    scores = painted(monkeypatch, shot, framed)[-1]
+    assert scores.cropped["psnr"] > 60 > 30 > painted(monkeypatch, shot, framed)[0].full["psnr"]
+    assert scores.cropped["tpsnr"] > 60 > scores.full["tpsnr"]
+
+
+def test_a_brighter_exposure_is_the_same_for_output_and_reference(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shot = write_shot(tmp_path, references=[4])
+    too_bright = painted(monkeypatch, shot, lambda i: 2 * truth(i))[0].full
+    assert too_bright["psnr"] < 25  # metered each on its own, they would be equal
+
+
+def test_a_shot_without_references_says_so(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="no frame has a reference to measure against"):
+        measure_quality(write_shot(tmp_path, references=[]), ["bilinear"])
+
+
+def scores_of(frame: int, psnr: float, pixels: float) -> FrameScores:
+    scores = dict.fromkeys(FRAME_METRICS, float("nan"))
+    scores |= {"psnr": psnr, "psnr_moving": psnr if pixels else float("nan"), "pixels_moving": pixels}
+    scores |= dict.fromkeys((f"pixels_{name}" for name in MASKED if name != "moving"), 0.0)
+    scores |= {"srred": psnr, "trred": 2.0 if pixels else float("nan")}
+    return FrameScores(frame, full=scores, cropped={**scores, "psnr": psnr + 1})
+
+
+def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
+    result = MethodScores("m", [scores_of(0, 10, 5), scores_of(8, 20, 900), scores_of(9, 30, 100)])
+    assert result.summary()["psnr"] == pytest.approx(26)
+    assert result.summary(cropped=False)["psnr"] == pytest.approx(25)
+    assert result.summary(warm=False, cropped=False)["psnr"] == pytest.approx(20)
+    pooled = -10 * np.log10(0.9 * 10**-2 + 0.1 * 10**-3)
+    assert result.summary()["psnr_moving"] == pytest.approx(pooled)
+    assert np.isnan(result.summary()["psnr_disoccluded"])
+    assert np.isnan(result.summary()["tpsnr"])
+    assert result.summary()["strred"] == pytest.approx(25 * 2)
+
+
+def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:
+    long = MethodScores("m", [scores_of(frame, 20, 0) for frame in (8, 9, 10)])
+    mean = MeanScores("m", [long, MethodScores("m", [scores_of(8, 30, 10)])]).summary(cropped=False)
+    assert mean["psnr"] == pytest.approx(25)
+    assert mean["psnr_moving"] == pytest.approx(30)
+    assert np.isnan(mean["tpsnr"])
+
+
+def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> None:
+    shot = write_shot(tmp_path, references=[3, 4])
+    done: list[int] = []
+    first = measure_quality(shot, ["bilinear", "taau"], on_frame=done.append)
+    assert done == [1, 2, 3, 4, 5, 6]
+    assert [result.method for result in first] == ["bilinear", "taau"]
+    assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
+    alone = measure_quality(shot, ["taau:fp32"])
+    np.testing.assert_equal(alone[0].summary(warm=False), first[1].summary(warm=False))

@@ -1,0 +1,206 @@
+"""What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from OpenImageIO import ImageBuf
+from typer.testing import CliRunner
+
+from supersampler import ArgumentError, __version__
+from supersampler.cli import app
+from supersampler.io.shot import ClassMaps, Shot, ShotWriter
+from supersampler_bench.markdown_blocks import find_blocks, update_block
+from supersampler_bench.quality.figure_folder import FigureFolder
+from supersampler_bench.quality.score_record import Measured, method_scores, quality_record, shot_record
+from supersampler_bench.quality.score_report import NO_CLASSES, Report, block_names
+from supersampler_bench.quality.score_table import caption, cells, markdown_table
+from supersampler_bench.quality.summaries import FRAME_METRICS as FRAME_METRICS
+from supersampler_bench.quality.summaries import FrameScores, MethodScores
+from supersampler_bench.record import read_record, write_json
+from supersampler_model.data.scenes.analytic import Plane, checker
+
+README = "# Title\n<!-- bench:quality plaza -->\nold\n<!-- /bench -->\ntext\n<!-- /bench -->\n"
+
+
+def result(method: str, psnr: float, flip: float) -> MethodScores:
+    scores = dict.fromkeys(FRAME_METRICS, float("nan"))
+    scores |= {"psnr": psnr, "flip": flip, "pixels_moving": 0.0, "pixels_disoccluded": 0.0}
+    scores |= {"warped_error_difference": 0.00123, "srred": 3.0, "trred": 4.0}
+    return MethodScores(method, [FrameScores(8, full=scores, cropped=scores)])
+
+
+RESULTS = [result("worse", 20.001, 0.2), result("better", 21.0, 0.1)]
+
+
+def test_the_best_figure_of_a_column_stands_out_whichever_way_is_better() -> None:
+    worse, better = cells(RESULTS, "*{}*")
+    assert worse[:4] == ["worse", "20.00", "–", "0.2000"]
+    assert better[:4] == ["better", "*21.00*", "–", "*0.1000*"]
+    assert worse[5] == better[5] == "*1.23*"
+
+
+def test_a_block_is_replaced_and_all_around_it_stays(tmp_path: Path) -> None:
+    file = tmp_path / "README.md"
+    file.write_text(README, encoding="utf-8")
+    update_block(file, "quality plaza", "new\\1\ntable")
+    assert file.read_text(encoding="utf-8") == README.replace("old", "new\\1\ntable")
+    assert [path.name for path in tmp_path.iterdir()] == ["README.md"]
+
+
+def test_line_ends_of_windows_stay(tmp_path: Path) -> None:
+    file = tmp_path / "README.md"
+    file.write_bytes(README.replace("\n", "\r\n").encode())
+    update_block(file, "quality plaza", "a\nb")
+    assert file.read_bytes() == README.replace("old", "a\nb").replace("\n", "\r\n").encode()
+
+
+@pytest.mark.parametrize(("text", "found"), [("no marks", 0), (README + README, 2)])
+def test_a_file_without_one_block_is_left_alone_and_told_what_to_write(
+    tmp_path: Path, text: str, found: int
+) -> None:
+    file = tmp_path / "README.md"
+    file.write_text(text, encoding="utf-8")
+    with pytest.raises(ArgumentError, match=rf"{found} blocks .*Write the lines <!-- bench:"):
+        update_block(file, "quality plaza", "new")
+    assert file.read_text(encoding="utf-8") == text
+
+
+def test_a_missing_file_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ArgumentError, match=r"README\.md"):
+        update_block(tmp_path / "README.md", "quality plaza", "new")
+
+
+def test_a_record_holds_what_the_numbers_depend_on_and_is_strict_json(tmp_path: Path) -> None:
+    file = tmp_path / "results" / "quality.json"
+    write_json(quality_record([Measured(Shot.open("plaza"), RESULTS)]), file)
+    record = json.loads(file.read_text(encoding="utf-8"))
+    assert record["versions"]["supersampler"] == __version__
+    assert record["machine"]["cores"] >= 1
+    [shot] = record["shots"]
+    assert len(shot["shot_json_sha256"]) == 64
+    assert shot["reference_frames"][0] == 15
+    assert shot["masks"] == "truth classes"
+    assert shot["methods"][1]["summary"]["warm_cropped"]["psnr"] == 21.0
+    assert shot["methods"][1]["summary"]["all_full"]["tpsnr"] is None
+    assert shot["methods"][0]["frames"][0]["cropped"]["psnr"] == 20.001
+    assert record["means"] == []
+
+
+def test_only_the_date_differs_between_records_of_one_measurement() -> None:
+    first, second = (quality_record([Measured(Shot.open("plaza"), RESULTS)]) for _ in range(2))
+    assert first.pop("date")
+    assert second.pop("date")
+    assert repr(first) == repr(second)
+
+
+def test_the_markdown_table_says_what_was_measured() -> None:
+    lines = markdown_table(caption(shot_record(Shot.open("plaza"))), RESULTS).split("\n")
+    assert len({line.count("|") for line in lines[:4]}) == 1
+    assert lines[-1].startswith("plaza, 320x180 to 640x360: 17 reference frames of 32, without the")
+
+
+def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
+    readme, values = tmp_path / "README.md", tmp_path / "values.json"
+    readme.write_text(README.replace("plaza", "small"), encoding="utf-8")
+    scene = Plane(checker, velocity=(1.0, 0.0))
+    with ShotWriter(tmp_path / "shot", name="small", display_size=(80, 60), frame_rate=30) as writer:
+        for index in range(10):
+            writer.write(scene.frame(index, (40, 30)), reference=scene.truth(index, (80, 60), samples=2))
+    options = ["--methods", "bilinear, bicubic", "--json", str(values), "--update", str(readme)]
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options])
+    assert answer.exit_code == 0, answer.output
+    record = json.loads(values.read_text(encoding="utf-8"))
+    [shot] = record["shots"]
+    assert shot["masks"] == "depth and motion"
+    psnr = f"{shot['methods'][1]['summary']['warm_cropped']['psnr']:.2f}"
+    assert psnr in answer.stdout
+    assert psnr in readme.read_text(encoding="utf-8")
+    assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
+
+
+def test_the_command_draws_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
+    first, second = tmp_path / "README.md", tmp_path / "quality.md"
+    first.write_text(README.replace("plaza", "own"), encoding="utf-8")
+    names = ("quality own clip", "quality own classes")
+    second.write_text("\n".join(f"<!-- bench:{n} -->\n<!-- /bench -->" for n in names), encoding="utf-8")
+    scene, size = Plane(checker, velocity=(1.0, 0.0)), (80, 60)
+    aliased = ClassMaps(np.zeros((60, 80), np.uint8), np.ones((60, 80), np.uint8))
+    with ShotWriter(tmp_path / "shot", name="own", display_size=size, frame_rate=30) as writer:
+        for index in range(10):
+            truth = scene.truth(index, size, samples=2)
+            writer.write(scene.frame(index, (40, 30)), reference=truth, classes=aliased)
+    options = ["--methods", "bilinear,classifier-small", "-o", str(tmp_path / "out")]
+    pages = ["--update", str(first), "--update", str(second)]
+    answer = CliRunner().invoke(app, ["bench", "quality", str(tmp_path / "shot"), *options, *pages])
+    assert answer.exit_code == 0, answer.output
+    assert "aliasing: geometry" in answer.stdout
+    assert "STRRED" in answer.stdout
+    assert "STRRED" not in first.read_text(encoding="utf-8")
+    filled = second.read_text(encoding="utf-8")
+    assert filled.count("STRRED") == 2  # without and with warm-up and border
+    assert filled.count("`classifier-small`") == 2
+    drawn = {
+        p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
+    }
+    assert set(drawn) == {"curves.png", "errors.png", "classes.png"}
+    assert all(image.std() > 10.0 for image in drawn.values())
+
+
+def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text(README, encoding="utf-8")
+    with pytest.raises(ArgumentError, match="0 blocks of 'quality other'"):
+        find_blocks(page, block_names("quality other"))
+    assert find_blocks(page, block_names("quality plaza")) == ["quality plaza"]
+
+
+def test_several_shots_have_tables_and_figures_of_their_mean(tmp_path: Path) -> None:
+    told = [
+        MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
+        for r in RESULTS
+    ]
+    shots = [Measured(Shot.open("plaza"), methods, {"ratio": 2.0}) for methods in (told, told)]
+    report = Report(quality_record(shots))
+    first, clip, classes = report.blocks("quality shots").values()
+    assert first.splitlines()[-1].startswith("Mean of the shots plaza, plaza at ratio 2 to 640x360")
+    assert clip.count("Mean of the shots") == 2
+    assert "**12.0**" in clip
+    assert "33.3 %" in classes
+    assert classes.count("Mean of the shots") == 1
+    FigureFolder(tmp_path / "out").add_means(report)
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["classes-2x.png"]
+    untold = Report(quality_record([Measured(Shot.open("plaza"), RESULTS, {})]))
+    assert untold.blocks("quality plaza")["quality plaza classes"] == NO_CLASSES
+
+
+def test_the_tables_of_a_record_that_was_read_back_are_the_same(tmp_path: Path) -> None:
+    told = [
+        MethodScores(r.method, [replace(f, cropped_classes=np.ones((2, 3, 3), np.int64)) for f in r.frames])
+        for r in RESULTS
+    ]
+    record = quality_record([Measured(Shot.open("plaza"), told, {"ratio": 2.0}) for _ in range(2)])
+    write_json(record, tmp_path / "record.json")
+    again = read_record(tmp_path / "record.json")
+    assert Report(again).blocks("quality shots") == Report(record).blocks("quality shots")
+    row = again["shots"][0]["methods"][1]
+    assert method_scores(row).summary() == pytest.approx(told[1].summary(), nan_ok=True)
+
+
+def test_the_command_teaches_its_options() -> None:
+    answer = CliRunner().invoke(app, ["bench", "quality", "--help"], env={"COLUMNS": "200", "NO_COLOR": "1"})
+    assert answer.exit_code == 0
+    options = ("--methods", "--ratio", "--cache", "--output", "--json", "--update")
+    for word in (*options, "plaza", "test-shots"):
+        assert word in answer.stdout
+
+
+@pytest.mark.parametrize("command", [("parity", "--json"), ("report", "-o")])
+def test_a_file_that_no_bench_wrote_is_kept(tmp_path: Path, command: tuple[str, str]) -> None:
+    (tmp_path / "notes").write_text('{"mine": 1}')
+    answer = CliRunner().invoke(app, ["bench", command[0], command[1], str(tmp_path / "notes")])
+    assert (answer.exit_code, answer.stderr.count("\n")) == (1, 1)
+    assert "notes: is there already, and is not a" in answer.stderr
+    assert (tmp_path / "notes").read_text() == '{"mine": 1}'

@@ -1,0 +1,191 @@
+"""The test shots: rendered once, opened only when they are whole, and known by their pixels."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler import ShotError
+from supersampler.cli import app
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, copy_shot
+from supersampler_bench.shots import public_shots
+from supersampler_bench.shots.public_shots import (
+    PublicShot,
+    TestShots,
+    default_cache,
+    freeze,
+    open_test_shots,
+    pixel_hash,
+)
+from supersampler_bench.shots.render_test_shots import frames_there, render_test_shot, render_test_shots
+from supersampler_model.data.errors import DataError
+from supersampler_model.data.sequences import TEST_FAMILIES
+
+TINY = TestShots(
+    seeds={"gallery": 5, "court": 3}, frames=10, display_size=(48, 28), ratios=(1.5, 2.0), samples=4
+)
+
+
+@pytest.fixture(scope="module")
+def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    cache = tmp_path_factory.mktemp("cache")
+    seen: list[int] = []
+    render_test_shots(cache, TINY, workers=2, on_progress=seen.append)
+    assert seen[-1] == frames_there(cache, TINY) == 20
+    return cache
+
+
+@pytest.fixture(scope="module")
+def opened(cache: Path) -> list[PublicShot]:
+    return open_test_shots(cache, TINY.ratios, TINY, cache / "none.json")
+
+
+def test_there_is_one_test_shot_of_each_family_that_is_never_trained_on() -> None:
+    assert set(public_shots.TEST_SHOTS.seeds) == set(TEST_FAMILIES)
+    assert public_shots.TEST_SHOTS.ratios == (1.5, 2.0, 3.0, 4.0)
+    assert public_shots.TEST_SHOTS.samples >= 64
+
+
+def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[PublicShot]) -> None:
+    assert [(o.shot.name, o.ratio, o.shot.render_size) for o in opened] == [
+        ("gallery", 1.5, (32, 19)), ("court", 1.5, (32, 19)), ("gallery", 2.0, (24, 14)),
+        ("court", 2.0, (24, 14)),
+    ]  # fmt: skip
+    for item in opened[3].shot:
+        assert item.reference is not None
+        assert opened[3].shot.read_classes(item.index) is not None
+        assert item.frame.gbuffer is not None
+        assert item.frame.gbuffer_display is not None
+        assert {*item.frame.gbuffer, "depth"} == {*item.frame.gbuffer_display}
+
+
+def test_a_second_run_draws_nothing_and_another_driver_does_not_mix_in(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
+    render_test_shots(cache, TINY)
+    assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
+    monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
+    with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
+        render_test_shot(cache, TINY, "court")
+
+
+def test_what_a_worker_cannot_do_is_said(cache: Path) -> None:
+    with pytest.raises(DataError, match=r"has the samples 4; this run's is 9\. Delete the folder"):
+        render_test_shots(cache, replace(TINY, samples=9))
+
+
+def test_the_hash_is_of_pixels_and_not_of_files(tmp_path: Path, opened: list[PublicShot]) -> None:
+    copy = copy_shot(opened[0].shot, tmp_path / "copy")
+    assert pixel_hash(copy) == opened[0].digest
+    assert len({o.digest for o in opened}) == 4
+    path = tmp_path / "copy" / "reference" / "0004.exr"
+    channels = read_exr(path)
+    channels["class.alias"][3, 3] += np.float16(1)
+    write_exr(path, channels)
+    assert pixel_hash(copy) != opened[0].digest
+
+
+def test_frozen_pixels_are_known_again_and_others_are_warned_of(
+    tmp_path: Path, cache: Path, opened: list[PublicShot]
+) -> None:
+    assert "no hash is frozen for it" in (opened[0].warning() or "")
+    file = tmp_path / "frozen.json"
+    freeze(opened, file)
+    again = open_test_shots(cache, TINY.ratios, TINY, file)
+    assert [(shot.as_frozen, shot.warning()) for shot in again] == [(True, None)] * 4
+    changed = replace(again[1], digest="0" * 64)
+    assert not changed.origin()["as_frozen"]
+    assert "court at 1.5x: its pixels are not the frozen ones" in (changed.warning() or "")
+    elsewhere = replace(changed, driver="a GPU")
+    assert "rendered by a GPU, the frozen pixels by" in (elsewhere.warning() or "")
+    with pytest.raises(ShotError, match=r"rendered by a GPU and .*One must render them all"):
+        freeze([again[0], elsewhere], file)
+
+
+def test_what_is_not_there_or_not_whole_is_answered_with_the_command(tmp_path: Path, cache: Path) -> None:
+    none = tmp_path / "none.json"
+    with pytest.raises(ShotError, match=r"gallery at ratio 2 is not there\. `supersampler bench shots`"):
+        open_test_shots(tmp_path, [2.0], TINY, none)
+    with pytest.raises(ShotError, match=r"no test shot has the ratio 1\.7\. They are made at 1\.5, 2"):
+        open_test_shots(cache, [1.7], TINY, none)
+    with pytest.raises(ShotError, match=r"is of another version of the test shots\. Delete"):
+        open_test_shots(cache, [2.0], replace(TINY, frames=11), none)
+
+
+def test_the_cache_is_where_the_platform_keeps_what_can_be_made_again(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setattr(Path, "home", lambda: tmp_path)
+    for variable in ("XDG_CACHE_HOME", "LOCALAPPDATA"):
+        monkeypatch.delenv(variable, raising=False)
+    for platform, folder in (
+        ("linux", ".cache/supersampler"),
+        ("darwin", "Library/Caches/supersampler"),
+        ("win32", "AppData/Local/supersampler"),
+    ):
+        monkeypatch.setattr("sys.platform", platform)
+        assert default_cache() == tmp_path / folder
+    monkeypatch.setattr("sys.platform", "linux")
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "other"))
+    assert default_cache() == tmp_path / "other" / "supersampler"
+
+
+def test_the_bench_measures_all_of_them_and_their_mean(
+    cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(public_shots, "TEST_SHOTS", TINY)
+    monkeypatch.setattr(public_shots, "FROZEN", tmp_path / "frozen.json")
+    monkeypatch.setenv(public_shots.CACHE_VARIABLE, str(cache))
+    shots = CliRunner().invoke(app, ["bench", "shots", "--freeze"])
+    assert shots.exit_code == 0, shots.output
+    assert shots.stdout.count("yes") == 4
+    readme, values = tmp_path / "README.md", tmp_path / "values.json"
+    readme.write_text("<!-- bench:quality test-shots -->\n<!-- /bench -->\n")
+    command = ["bench", "quality", "test-shots", "--ratio", "1.5,2", "--methods", "bilinear,taau"]
+    done = CliRunner().invoke(app, [*command, "--json", str(values), "--update", str(readme)])
+    assert done.exit_code == 0, done.output
+    assert done.stderr == ""
+    record = json.loads(values.read_text(encoding="utf-8"))
+    assert [(s["name"], s["ratio"], s["as_frozen"]) for s in record["shots"]] == [
+        ("gallery", 1.5, True), ("court", 1.5, True), ("gallery", 2.0, True), ("court", 2.0, True),
+    ]  # fmt: skip
+    assert {s["masks"] for s in record["shots"]} == {"truth classes"}
+    of_shots = [s["methods"][1]["summary"]["all_full"]["psnr"] for s in record["shots"][:2]]
+    mean = record["means"][1]
+    assert (mean["ratio"], mean["method"]) == (1.5, "taau")
+    assert mean["summary"]["all_full"]["psnr"] == pytest.approx(np.mean(of_shots))
+    text = readme.read_text(encoding="utf-8")
+    assert text.count("| taau |") == 2  # the means
+    assert "Mean of the shots gallery, court at ratio 1.5 to 48x28: 10 frames each" in text
+
+
+def test_the_bench_without_a_cache_says_what_makes_one(tmp_path: Path) -> None:
+    done = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--cache", str(tmp_path)])
+    assert done.exit_code == 1
+    assert done.stderr.count("\n") == 1
+    assert "`supersampler bench shots` renders it" in done.stderr
+    wrong = CliRunner().invoke(app, ["bench", "quality", "test-shots", "--ratio", "half"])
+    assert "--ratio is 'half'; want numbers" in wrong.stderr
+
+
+def test_the_shot_that_ships_is_drawn_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
+    monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 17)
+    done = CliRunner().invoke(app, ["bench", "product-shot", str(tmp_path / "plaza")])
+    assert done.exit_code == 0, done.output
+    shot = Shot.open(tmp_path / "plaza")
+    assert (shot.name, shot.render_size, len(shot), shot.reference_indices) == (
+        "plaza",
+        (16, 9),
+        17,
+        [15, 16],
+    )
+    assert shot.read_classes(16) is not None
+    shipped = Shot.open("plaza")
+    assert [shot.read_raw(i).jitter for i in range(17)] == [shipped.read_raw(i).jitter for i in range(17)]
+    assert shot.license == shipped.license

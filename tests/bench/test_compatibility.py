@@ -1,0 +1,126 @@
+"""Benches give a method the G-buffers that it reads, and leave out by name what it cannot draw."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from gbuffer_method import WANTED, exported, lit
+from noise import noise
+from supersampler import ArgumentError, Shot, Upscaler
+from supersampler.io.display import auto_exposure, display_transform
+from supersampler.io.shot import ShotWriter
+from supersampler.methods.gbuffers import GBUFFERS, names_of
+from supersampler.validation import FrameChecker
+from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
+from supersampler_bench.quality.measure import ScoredImage, measure_quality, runnable
+from supersampler_bench.stress.runner import chosen, left_out, measure, runs
+from supersampler_bench.stress.subjects import subjects
+from supersampler_bench.timing.device import measure_device
+from supersampler_bench.timing.speed import measure_speed
+
+RENDER, DISPLAY = (32, 18), (64, 36)
+
+
+@pytest.fixture(scope="module")
+def gbuffer_model(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return exported(tmp_path_factory)
+
+
+def test_made_up_buffers_are_right_ones_whatever_the_frame_holds() -> None:
+    frame = with_default_gbuffers(noise(1, (96, 54)), GBUFFERS, (192, 108))
+    assert names_of(frame) == [*GBUFFERS]
+    FrameChecker("strict").check(frame, (192, 108), GBUFFERS)
+    bad = replace(noise(1), depth=np.full(RENDER[::-1], np.nan, np.float32))
+    assert all(
+        np.isfinite(np.asarray(place.find(with_default_gbuffers(bad, GBUFFERS, DISPLAY)))).all()
+        for place in GBUFFERS.values()
+    )
+
+
+def test_buffers_that_a_frame_has_stay_and_others_are_not_made_up() -> None:
+    frame = lit(1)
+    assert with_default_gbuffers(frame, WANTED, DISPLAY) is frame
+    assert with_default_gbuffers(frame, (), DISPLAY) is frame
+    part = with_default_gbuffers(lit(1, drop=WANTED[0]), WANTED, DISPLAY)
+    assert set(names_of(part)) == set(WANTED)
+    np.testing.assert_array_equal(GBUFFERS[WANTED[1]].find(part), GBUFFERS[WANTED[1]].find(frame))
+
+
+def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_model: Path) -> None:
+    name = str(gbuffer_model)
+    assert incompatibility(name, RENDER, DISPLAY) == incompatibility(name, RENDER, DISPLAY, WANTED) == ""
+    assert incompatibility("taau", (33, 19), (49, 28), ()) == ""
+    assert f"{name} is left out: frame.size is (32, 18)" in incompatibility(name, RENDER, (96, 54))
+    lacking = "the frames have no base_color at render size; normal at display size"
+    assert lacking in incompatibility(name, RENDER, DISPLAY, WANTED[1:2])
+    assert gbuffers_of([name, "taau"]) == set(WANTED)
+
+
+def test_speed_times_a_method_with_buffers_where_it_draws(gbuffer_model: Path) -> None:
+    name, told = str(gbuffer_model), list[str]()
+    sizes = [DISPLAY, (65, 36)]
+    results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=told.append)
+    assert [(r.setting.method, r.setting.display[0]) for r in results] == [
+        ("taa", 64), (name, 64), ("bilinear", 64), ("taa", 65), ("bilinear", 65),
+    ]  # fmt: skip
+    plain, reading = results[2].moved, results[1].moved
+    history = 2 * 4 * 3 * 64 * 36
+    assert reading - plain == history + 4 * (3 * 32 * 18 + 6 * 64 * 36)
+    assert len(told) == 1
+    assert "(65, 36)" in told[0]
+
+
+def test_a_device_is_timed_with_buffers_captured_too(gbuffer_model: Path) -> None:
+    name, told = str(gbuffer_model), list[str]()
+    results = measure_device(
+        [name], [DISPLAY, (63, 36)], ["fp32"], provider="cpu", steps=1, captures=(False, True),
+        on_left_out=told.append,
+    )  # fmt: skip
+    assert [(r.method, r.capture) for r in results] == [("demodulated", False), ("demodulated", True)]
+    assert len(told) == 1
+
+
+def test_stress_gives_buffers_and_says_what_a_ratio_leaves_out(gbuffer_model: Path) -> None:
+    stressed = subjects([str(gbuffer_model), "bilinear"], ["onnx"])
+    scenarios = chosen(["a cut in every frame", "odd and tiny sizes", "ratios from 1 to 3"])
+    planned = [(scenario.name, Path(subject.method).name) for scenario, subject in runs(scenarios, stressed)]
+    assert planned == [
+        ("a cut in every frame", "demodulated"), ("a cut in every frame", "bilinear"),
+        ("ratios from 1 to 3", "bilinear"), ("odd and tiny sizes", "bilinear"),
+    ]  # fmt: skip
+    (text,) = left_out(scenarios, stressed)
+    assert text.endswith("whose ratios are 2 alone, is left out of ratios from 1 to 3, odd and tiny sizes")
+    for outcome in measure(chosen(["a cut in every frame", "saved and restored"]), stressed[:1], quick=True):
+        assert outcome.passed, outcome
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Shot:
+    with ShotWriter(tmp_path / "lit", name="lit", display_size=DISPLAY, frame_rate=24) as writer:
+        for seed in range(2):
+            writer.write(lit(seed), reference=np.full((*DISPLAY[::-1], 3), 0.5, np.float16))
+    return Shot.open(tmp_path / "lit")
+
+
+def test_quality_is_measured_with_the_buffers_of_a_shot(shot: Shot, gbuffer_model: Path) -> None:
+    name, seen = str(gbuffer_model), list[ScoredImage]()
+    scores = measure_quality(shot, ["bilinear", name], watch=seen.append)
+    assert [score.method for score in scores] == ["bilinear", name]
+    upscaler = Upscaler(gbuffer_model, display_size=DISPLAY)
+    exposure = auto_exposure(np.full((*DISPLAY[::-1], 3), 0.5, np.float32))
+    drawn = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
+    for image, own in zip([s.shown for s in seen if s.method == 1], drawn, strict=True):
+        np.testing.assert_array_equal(image, own)
+
+
+def test_quality_leaves_out_by_name_what_cannot_draw_a_shot(shot: Shot, gbuffer_model: Path) -> None:
+    name, told = str(gbuffer_model), list[str]()
+    assert runnable(shot, ["bilinear:exact", name], told.append) == ["bilinear:exact", name]
+    assert told == []
+    assert runnable(Shot.open("plaza"), ["taau", name], told.append) == ["taau"]
+    assert len(told) == 1
+    assert told[0].startswith(f"plaza: {name} is left out: the frames have no base_color at render size")
+    with pytest.raises(ArgumentError, match="one that can upscale plaza"):
+        runnable(Shot.open("plaza"), [name], told.append)

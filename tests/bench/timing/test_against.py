@@ -1,0 +1,184 @@
+"""Two versions in turns: which goes first, what is counted, and what is wrong with the other one."""
+
+import json
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from statistics import median
+from typing import Any, NamedTuple
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler.cli import app as supersampler
+from supersampler.errors import ArgumentError
+from supersampler_bench.cli.app import app
+from supersampler_bench.timing import other_version as version
+from supersampler_bench.timing.against import (
+    COVERAGE,
+    FIRST,
+    FIRST_FRESH,
+    STEP_CORES,
+    STEP_WALL,
+    Rounds,
+    _first_images,
+    _in_turns,
+    interval,
+)
+from supersampler_bench.timing.other_version import Version
+
+SMALL = (32, 18)
+
+
+class Measured(NamedTuple):
+    """This version against itself, by the command: what it wrote, and the programs that it started."""
+
+    record: dict[str, Any]
+    page: str
+    started: list[list[str]]
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory: pytest.TempPathFactory) -> Measured:
+    folder, started, popen = tmp_path_factory.mktemp("against"), [], subprocess.Popen
+
+    def noted(command: list[str], **options: Any) -> Any:
+        started.append(command)
+        return popen(command, **options)
+
+    (folder / "page.md").write_text("<!-- bench:against -->\n<!-- /bench -->\n")
+    options = ["--methods", "bilinear", "--sizes", "32x18", "--threads", "1", "--steps", "1", "--starts", "0"]
+    files = ["--json", str(folder / "against.json"), "--update", str(folder / "page.md")]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(subprocess, "Popen", noted)
+        result = CliRunner().invoke(app, ["speed", "--against", sys.executable, *options, *files])
+    assert result.exit_code == 0, result.output
+    record = json.loads((folder / "against.json").read_text())
+    return Measured(record, (folder / "page.md").read_text(), started)
+
+
+def test_each_time_is_a_median_of_ratios_of_rounds(measured: Measured) -> None:
+    found = measured.record["compared"]
+    assert [row["what"] for row in found] == [STEP_WALL, STEP_CORES]
+    for row in found:
+        ratios = [this / other for this, other in row["rounds"]]
+        assert len(ratios) == 10
+        assert row["median"] == pytest.approx(median(ratios))
+        assert min(ratios) <= row["low"] <= row["median"] <= row["high"] <= max(ratios)
+    assert measured.record["sides"]["this"] == measured.record["sides"]["other"]
+    assert "| 32x18 | 1 | bilinear | step, wall |" in measured.page
+
+
+def test_each_round_has_new_processes(measured: Measured) -> None:
+    served = [command for command in measured.started if version._SERVE in command]
+    assert len(served) == 2 + 2 * 10  # each side once to say what it is
+
+
+def test_versions_take_turns_as_to_which_is_first() -> None:
+    order: list[str] = []
+
+    def timed(who: str) -> str:
+        order.append(who)
+        return who
+
+    pairs = [_in_turns(index, ("A", "B"), timed) for index in range(4)]
+    assert "".join(order) == "ABBAABBA"
+    assert pairs == [("A", "B")] * 4
+
+
+def test_the_interval_holds_the_median_as_often_as_it_says() -> None:
+    generator = np.random.default_rng(5)
+    for count in (6, 10, 25):
+        intervals = [interval(list(generator.exponential(size=count))) for _ in range(2000)]
+        held = np.mean([low <= np.log(2.0) <= high for low, high in intervals])
+        assert held > COVERAGE - 0.015
+    assert interval(range(10)) == (1, 8)  # 0.979; (2, 7) would be 0.891
+    assert interval(range(6)) == (0, 5)
+
+
+def test_first_images_are_of_programs_with_kernels_kept_and_without(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sides = Version("this", sys.executable, tmp_path / "a"), Version("other", sys.executable, tmp_path / "b")
+    empty: list[Path] = []
+    filled: list[Path] = []
+
+    def compiled(command: list[str], *, env: dict[str, str], **options: Any) -> Any:
+        cache = Path(env["XDG_CACHE_HOME"])
+        (filled if (cache / "kernel").is_file() else empty).append(cache)
+        cache.mkdir(exist_ok=True)
+        (cache / "kernel").touch()
+        return subprocess.CompletedProcess(command, 0, stdout=b"0.25\n")
+
+    monkeypatch.setattr(subprocess, "run", compiled)
+    rounds = Rounds(rounds=0, starts=7, fresh=6)
+    found = list(_first_images(sides, "taa", SMALL, 2.0, rounds, lambda: None))
+    assert [(row.what, len(row.rounds)) for row in found] == [(FIRST_FRESH, 6), (FIRST, 7)]
+    assert (found[0].this, found[0].median) == (250.0, 1.0)
+    assert len(set(empty)) == 12 + 2, "each fresh program has a folder of its own"
+    assert sorted(filled) == [tmp_path / "a"] * 7 + [tmp_path / "b"] * 7
+
+
+def test_a_program_says_how_long_its_first_image_took(tmp_path: Path) -> None:
+    assert (
+        0.0
+        < Version("other", sys.executable, tmp_path).first_image("bilinear", SMALL, 2.0, fresh=True)
+        < 60e3
+    )
+
+
+@pytest.mark.parametrize(
+    ("python", "message"),
+    [
+        ("/no/such/python", "not to be started: No such file"),
+        (str(Path(__file__).parent), "not to be started: Permission denied"),
+        ("true", "ended with code 0"),
+        ("echo", "no Python: it prints"),
+    ],
+)
+def test_what_is_no_interpreter_is_one_line(python: str, message: str) -> None:
+    result = CliRunner().invoke(supersampler, ["bench", "speed", "--against", python])
+    assert result.exit_code == 1
+    assert result.output.startswith(f"error: --against is {python}: {message}")
+    assert result.output.count("\n") == 1
+
+
+def test_an_interpreter_without_the_package_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    subprocess.run([sys.executable, "-m", "venv", "--without-pip", str(tmp_path)], check=True)
+    monkeypatch.chdir(Path(__file__).parents[3] / "sdk")  # not to be found in the folder we are in either
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[3] / "sdk"))
+    with pytest.raises(ArgumentError, match="No module named 'supersampler'"):
+        Version("other", str(tmp_path / "bin" / "python"), tmp_path / "cache")
+
+
+def test_a_method_that_the_other_version_lacks_and_one_that_dies_are_named(tmp_path: Path) -> None:
+    other = Version("other", sys.executable, tmp_path)
+    with other.process() as process, pytest.raises(ArgumentError, match=r"no-such.*want an interpreter"):
+        process.load("no-such", _frames(tmp_path), SMALL, 1)
+    with other.process() as process:
+        process._process.send_signal(signal.SIGKILL)
+        process._process.wait()
+        with pytest.raises(ArgumentError, match="ended by signal 9"):
+            process.load("bilinear", tmp_path / "frames.npz", SMALL, 1)
+    with pytest.raises(ArgumentError, match=r"ended with code 1: .*ModelError"):
+        other.first_image("no-such", SMALL, 2.0, fresh=False)
+
+
+def _frames(folder: Path) -> Path:
+    zeros = np.zeros((1, 9, 16, 3), np.float32)
+    images = {"color": zeros, "depth": zeros[..., 0], "motion": zeros[..., :2]}
+    arrays: dict[str, Any] = {**images, "jitter": np.zeros((1, 2)), "exposure": np.ones(1)}
+    np.savez(folder / "frames.npz", **arrays)
+    return folder / "frames.npz"
+
+
+def test_too_few_rounds_for_an_interval_and_options_without_effect_are_refused() -> None:
+    run = CliRunner().invoke
+    few = run(supersampler, ["bench", "speed", "--against", sys.executable, "--starts", "5"])
+    assert few.output.startswith("error: --starts is 5; want at least 6, or 0.")
+    both = run(supersampler, ["bench", "speed", "--against", sys.executable, "--executors", "cpu"])
+    assert both.output.startswith("error: --executors is given; want left out")
+    alone = run(supersampler, ["bench", "speed", "--fresh", "6"])
+    assert alone.output.startswith("error: --fresh is given; want left out: they are of --against")

@@ -1,0 +1,55 @@
+"""Timing of graphs where their tensors are: what is in the table, not how long it takes."""
+
+import pytest
+from typer.testing import CliRunner
+
+from supersampler.cli import app
+from supersampler_bench.record import setting
+from supersampler_bench.timing.device import (
+    OnDevice,
+    device_record,
+    markdown_table,
+    measure_copy,
+    measure_device,
+)
+
+
+def test_each_precision_that_a_method_has_is_timed_with_and_without_recording() -> None:
+    results = measure_device(
+        ["taau", "classifier-small"],
+        [(32, 18)],
+        ["fp32", "fp16"],
+        provider="cpu",
+        steps=2,
+        captures=(False, True),
+    )
+    assert [(r.method, r.precision, r.capture) for r in results] == [
+        ("taau", "fp32", False),
+        ("taau", "fp32", True),
+        ("classifier-small", "fp32", False),
+        ("classifier-small", "fp32", True),
+        ("classifier-small", "fp16", False),
+        ("classifier-small", "fp16", True),
+    ]
+    frame = 16 * 9 * 6 * 4  # colour, depth, motion
+    assert all(r.moved > frame + 32 * 18 * 3 * 4 for r in results)
+    assert all(0.0 < r.median <= r.p95 <= r.p99 for r in results)
+
+
+def test_the_table_says_how_many_copies_long_a_step_is() -> None:
+    timed = OnDevice("taau", (1920, 1080), "fp32", "CUDAExecutionProvider", True, 2.0, 3.0, 4.0, 100_000_000)
+    table = markdown_table({**device_record([timed], 1e12, 2.0), **setting()})
+    assert "| taau | fp32 | CUDAExecutionProvider | yes | 2.00 | 3.00 | 4.00 | 100 | 20x |" in table
+    assert "1000 GB/s" in table
+    assert "| – |" in markdown_table({**device_record([timed], 0.0, 2.0), **setting()})
+
+
+def test_a_device_whose_copies_cannot_be_timed_has_no_limit() -> None:
+    assert measure_copy("dml") == 0.0
+
+
+@pytest.mark.parametrize("precisions", ["int8", "fp32,fp64"])
+def test_graphs_have_no_other_precisions(precisions: str) -> None:
+    result = CliRunner().invoke(app, ["bench", "device", "--precisions", precisions])
+    assert result.exit_code != 0
+    assert "fp32, fp16 or both" in result.output

@@ -1,0 +1,160 @@
+"""Time against error: who leads, which presets follow, and what fits a budget of time."""
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from supersampler import ArgumentError
+from supersampler_bench.record import setting
+from supersampler_bench.report.pareto_figures import draw_pareto
+from supersampler_bench.specs import Spec, parse_spec
+from supersampler_bench.timing.pareto import (
+    METRICS,
+    Point,
+    best_within,
+    frontier,
+    markdown_table,
+    measure_pareto,
+    pareto_record,
+    points_of,
+    preset_table,
+    presets,
+    scores_of,
+    shots_of,
+)
+
+PSNR, FLIP = METRICS[0], METRICS[2]
+SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_size=1, max_size=8)
+
+
+def point(word: str, milliseconds: float, psnr: float, ratio: float = 2.0) -> Point:
+    scores = {"psnr": psnr, "flip": 1.0 / psnr}
+    return Point(parse_spec(word), "cpu, fp32", ratio, milliseconds, scores)
+
+
+KNOWN = [
+    point("bilinear", 9.0, 26.7),
+    point("taa", 5.0, 26.8),
+    point("taau", 8.0, 29.2),
+    point("classifier-small", 13.0, 30.1),
+    point("classifier:exact", 15.5, 30.6),
+    point("classifier", 16.0, 30.48),
+    point("classifier:fp32", 380.0, 30.50),
+]
+
+
+@given(SCORES)
+def test_what_leads_is_beaten_by_none_and_what_does_not_by_some(found: list[tuple[float, float]]) -> None:
+    points = [point(f"m{i}", *pair) for i, pair in enumerate(found)]
+    for metric in (PSNR, FLIP):
+        sign = 1.0 if metric.higher else -1.0
+        line = frontier(points, metric)
+        for p in points:
+            beaten = any(
+                q.milliseconds <= p.milliseconds
+                and sign * (q.scores[metric.name] - p.scores[metric.name]) >= 0.0
+                and q is not p
+                for q in points
+            )
+            assert p in line or beaten
+        times = [p.milliseconds for p in line]
+        assert times == sorted(times)
+
+
+def test_scores_that_a_pareto_record_kept_can_be_timed_again() -> None:
+    record = pareto_record(KNOWN, ["a"], (96, 54), 2)
+    scores = scores_of([record])[2.0]
+    assert {str(spec): found["psnr"] for spec, found in scores.items()} == {
+        str(p.spec): p.scores["psnr"] for p in KNOWN
+    }
+
+
+def test_presets_are_points_of_the_frontier_by_their_rule() -> None:
+    chosen = presets(KNOWN)
+    assert chosen == {
+        "fast": Spec("taau"),
+        "balanced": Spec("classifier-small"),
+        "high": Spec("classifier", skip="exact"),
+    }
+    assert presets([*KNOWN, point("better", 100.0, 31.0)])["high"] == Spec("better", skip="exact")
+    assert presets([p for p in KNOWN if p.spec.model != "classifier-small"])["balanced"] == chosen["high"]
+
+
+@pytest.mark.parametrize(
+    ("word", "spec"),
+    [
+        ("taau", Spec("taau")),
+        ("classifier:fp32", Spec("classifier", "fp32")),
+        ("classifier:int8:exact", Spec("classifier", "int8", "exact")),
+        ("taau:0.01", Spec("taau", skip=0.01)),
+        ("C:/models/mine", Spec("C:/models/mine")),
+        ("C:/models/mine:fp16", Spec("C:/models/mine", "fp16")),
+    ],
+)
+def test_a_word_says_a_setting_and_back(word: str, spec: Spec) -> None:
+    assert parse_spec(word) == spec
+    assert str(spec) == word
+
+
+def quality() -> dict[str, Any]:
+    def mean(method: str, psnr: float) -> dict[str, Any]:
+        scores = {"psnr": psnr, "ssim": 0.9, "flip": 0.1, "tpsnr": 27.0, "strred": None}
+        return {"ratio": 2.0, "method": method, "summary": {"warm_cropped": scores}}
+
+    means = [("bilinear", 26.0), ("taau", 29.0), ("classifier-small:exact", 30.0)]
+    return {"bench": "quality", "means": [mean(*m) for m in means]}
+
+
+def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
+    points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
+    assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
+    assert [p.runs for p in points] == ["onnx, fp32", "cpu, fp32", "cpu, int8"]
+    assert all(p.milliseconds > 0.0 for p in points)
+    record = {**pareto_record(points, ["a", "b"], (48, 27), 1), **setting()}
+    table = markdown_table(record)
+    assert "| **30.00** | " in table
+    assert "STRRED" not in table
+    written = draw_pareto(points, "a title", tmp_path)
+    assert {path.name for path in written} >= {"pareto-psnr.png", "pareto-flip.png"}
+    assert all(path.stat().st_size > 5000 for path in written)
+    assert points_of(record) == points
+    assert "mean scores of the test shots" in table
+    assert "scores of a." in markdown_table({**record, "shots": ["a"]})
+    assert "| fast | taau |" in preset_table(record)
+
+
+def test_scores_of_one_shot_need_no_means() -> None:
+    shot = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": quality()["means"]}
+    for method in shot["methods"]:
+        del method["ratio"]
+    record = {"bench": "quality", "shots": [shot], "means": []}
+    [(ratio, scores)] = scores_of([record]).items()
+    assert ratio == 1.5
+    assert scores[Spec("taau")]["psnr"] == 29.0
+    assert "strred" not in scores[Spec("taau")]
+    assert shots_of(record) == ["own"]
+
+
+def test_ratios_come_from_several_records_of_the_same_shots() -> None:
+    other = quality()
+    other["means"] = [{**mean, "ratio": 1.5} for mean in other["means"][:2]]
+    scores = scores_of([quality(), other])
+    assert {ratio: len(group) for ratio, group in scores.items()} == {1.5: 2, 2.0: 3}
+    own = {"name": "own", "render_size": [40, 30], "display_size": [60, 45], "methods": []}
+    with pytest.raises(ArgumentError, match="of the same shots"):
+        scores_of([quality(), {**other, "shots": [own]}])
+
+
+def test_a_record_without_means_is_refused() -> None:
+    with pytest.raises(ArgumentError, match="test-shots"):
+        measure_pareto([{"bench": "speed"}], (48, 27), threads=1)
+
+
+def test_the_best_within_a_budget_is_named_and_beside_it_the_best_without_gbuffers() -> None:
+    reads_gbuffers = point("gbuffer-small", 14.0, 31.0)
+    best = best_within([*KNOWN, reads_gbuffers, point("taa", 3.0, 27.0, ratio=1.5)], 15.0)
+    assert [str(p.spec) for p in best] == ["taa", "gbuffer-small", "classifier-small"]
+    assert best_within(KNOWN, 4.0) == []

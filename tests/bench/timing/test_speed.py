@@ -1,0 +1,64 @@
+"""Timing: what is compared is comparable, and nothing that a method does not have is listed."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+from supersampler_bench.cli.app import app
+from supersampler_bench.record import setting
+from supersampler_bench.timing import speed
+from supersampler_bench.timing.speed import Limits, frames_of, markdown_table, measure_speed, speed_record
+
+
+def test_settings_that_a_method_has_are_timed_beside_taa() -> None:
+    results = measure_speed(["taau", "bilinear"], [(64, 36)], ["cpu", "onnx"], [1], steps=2)
+    found = [(r.setting.method, r.setting.executor) for r in results]
+    assert found == [("taa", "cpu"), ("taau", "cpu"), ("taau", "onnx"), ("bilinear", "onnx")]
+    assert results[0].multiple == 1.0
+    for result in results:
+        assert 0.0 < result.least <= result.median <= result.p95 <= result.p99
+        assert result.processor > 0.0
+
+
+def test_slow_settings_take_no_turns_with_fast_ones(monkeypatch: pytest.MonkeyPatch) -> None:
+    steps: list[str] = []
+    step = speed._Runner.step
+
+    def noted(runner: speed._Runner, *, counts: bool = True) -> float:
+        if counts:
+            steps.append(runner.setting.method)
+        return step(runner, counts=counts) * (1e3 if runner.setting.method == "taau" else 1.0)
+
+    monkeypatch.setattr(speed._Runner, "step", noted)
+    measure_speed(["taau", "bilinear"], [(64, 36)], ["onnx"], [1], steps=2)
+    assert steps == ["taa", "bilinear"] * 2 + ["taau"] * 2
+
+
+def test_skipping_is_a_setting_like_others() -> None:
+    results = measure_speed(["taa"], [(64, 36)], ["cpu"], [1], skips=["exact", "auto"], steps=1)
+    assert [r.setting.skip for r in results] == ["exact", "auto"]
+    table = markdown_table({**speed_record(results, Limits(1e10, 1e11), 2.0), **setting()})
+    assert "| cpu, fp32 |" in table
+    assert "| cpu, fp32, skip auto |" in table
+
+
+def test_frames_of_any_size_show_the_shipped_shot() -> None:
+    large, small = frames_of((700, 400)), frames_of((33, 20))
+    assert large[0].size == (700, 400)
+    assert small[0].size == (33, 20)
+    np.testing.assert_array_equal(large[3].depth[:20, :33], small[3].depth)
+    np.testing.assert_array_equal(large[3].motion[180:200, 320:350], large[3].motion[:20, :30])
+
+
+def test_the_command_writes_a_record_and_a_table(tmp_path: Path) -> None:
+    page = tmp_path / "page.md"
+    page.write_text("<!-- bench:speed -->\n<!-- /bench -->\n")
+    arguments = ["speed", "--methods", "taa", "--sizes", "32x18", "--threads", "1", "--steps", "1"]
+    result = CliRunner().invoke(
+        app, [*arguments, "--json", str(tmp_path / "speed.json"), "--update", str(page)]
+    )
+    assert result.exit_code == 0, result.output
+    assert "| 32x18 | 1 | taa | cpu, fp32 |" in page.read_text()
+    assert '"multiplied"' in (tmp_path / "speed.json").read_text()

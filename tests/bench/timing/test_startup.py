@@ -1,0 +1,19 @@
+"""The first image is timed where kernels are compiled, and where they are kept."""
+
+from supersampler_bench.timing.startup import FirstFrame, markdown_table, measure_startup, startup_record
+
+
+def test_kernels_are_compiled_in_the_fresh_process_and_kept_for_the_later() -> None:
+    started: list[int] = []
+    (result,) = measure_startup(["taa"], (64, 36), cold=1, warm=2, on_process=lambda: started.append(1))
+    assert result.method == "taa"
+    assert len(started) == 3
+    assert result.cache_bytes > 10_000
+    assert 0.0 < result.warm_seconds < result.cold_seconds
+
+
+def test_the_table_has_a_row_for_each_method() -> None:
+    record = startup_record([FirstFrame("taa", 2.04, 0.214, 4096)], (480, 270), 2.0)
+    table = markdown_table({**record, "machine": {"cpu": "A", "cores": 2}})
+    assert "| taa | 2.0 | 0.21 | 4 |" in table
+    assert "480x270" in table
