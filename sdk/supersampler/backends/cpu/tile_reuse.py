@@ -7,11 +7,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.frame_preprocess import Planes
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import SAMPLES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.static_tiles import Jitter, Sums
+from supersampler.backends.cpu.structs import FrameInputs, TileComparison, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import Looks, Pending, TileState, next_generation
 from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, seen_from
@@ -21,8 +21,8 @@ from supersampler.frame import Float32, Size
 _KERNELS = "backends.cpu.kernels.stillness"
 TILE_REUSE_KERNELS = (
     f"{_KERNELS}.fingerprints",
-    f"{_KERNELS}.show",
-    f"{_KERNELS}.look",
+    f"{_KERNELS}.copy_colors",
+    f"{_KERNELS}.compare_tiles",
 )
 LEAST = 0.1
 """Share of the tiles below which it is not worth while to leave them out."""
@@ -54,7 +54,14 @@ class TileReuse:
         return display[0] * display[1] * 3 * 4 + phases * tiles * 8
 
     def begin(
-        self, planes: Planes, jitter: Jitter, display: Size, past: TileState, left: TileState, *, skips: bool
+        self,
+        planes: FrameInputs,
+        jitter: Jitter,
+        display: Size,
+        past: TileState,
+        left: TileState,
+        *,
+        skips: bool,
     ) -> Tiles:
         """Say what is to be drawn, and that `left` does not hold it yet; `skips`: not necessarily all."""
         drawn = np.ones(past.generations.shape, bool)
@@ -126,9 +133,12 @@ class TileReuse:
         if left.looks is None:
             left.looks = Looks(np.zeros((height, width, 3), np.float32), np.zeros(due.shape, np.int64))
         changes = np.zeros(due.shape, np.float32)
-        arguments = address(pixels), pixels.shape[2], width, height, due.shape[1], exposure
-        places = address(left.looks.pixels), address(changes)
-        self._bands.cover("skip", runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
+        tiles_ = pack(
+            TileComparison(
+                pixels, left.looks.pixels, changes, pixels.shape[2], width, height, due.shape[1], exposure
+            )
+        )
+        self._bands.cover("skip", runs_of(due), lambda box, _: self._look(tiles_, *box))
         known = (left.looked == left.looks.generations) & (left.matched > interval)
         allowed = allowed_change(tolerance, (left.matched - 1) // interval)
         left.still |= due & known & (changes <= allowed * allowed)
@@ -150,11 +160,12 @@ class TileReuse:
         self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, to))
         past.looks.generations[tiles] = past.looked[tiles]
 
-    def _sums(self, planes: Planes) -> Sums:
+    def _sums(self, planes: FrameInputs) -> Sums:
         h, w = planes.depth.shape
         rows, columns = -(-h // SAMPLES), -(-w // SAMPLES)
         words = np.empty((rows, columns, 8), np.uint64)
-        inputs = (*(address(plane) for plane in planes), address(planes.motion), w, h)
+        color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
+        inputs = color, depth, motion, motion, w, h
         self._bands.run("skip", rows, lambda y0, y1, _: self._sum(*inputs, y0, y1, address(words)))
         return np.asarray(words @ _FACTORS)
 

@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, Weight
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Weight, frame_inputs
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Columns, Filter, Looks, linear, up_to
+from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -21,6 +22,7 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 KERNELS = "methods.taa.kernels"
 SHARPNESS = 0.5  # Catmull-Rom
@@ -51,14 +53,15 @@ class TaaHistory:
 class _Space:
     """Buffers for frames of one size; `scratch`: rows that one thread works on."""
 
-    def __init__(self, render: Size, display: Size, threads: int) -> None:
+    def __init__(self, render: Size, display: Size, gamma: float, threads: int) -> None:
         w, h = render
-        self.width, self.stride = up_to(display[0], LANES), up_to(w, LANES)
+        self.stride = up_to(w, LANES)
         self.looks = Looks(render, display, [Filter(linear, False)], rows=Columns)
-        self.planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
-        self.box = np.zeros((h, TAA_BOX, self.stride), np.float32)
+        planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
+        boxes = np.zeros((h, TAA_BOX, self.stride), np.float32)
+        self.samples = TaaSamples(planes, boxes, gamma, w, h, self.stride)
         self.scratch = [
-            (
+            TaaScratch(
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
                 np.zeros((LANES, 4), np.float32),
@@ -81,16 +84,17 @@ class TaaCpu(CpuExecutor):
     def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         kernels = load_kernels(
             f"{KERNELS}.step_rows",
-            f"{KERNELS}.boxes",
-            f"{KERNELS}.enter",
+            f"{KERNELS}.fill_boxes",
+            f"{KERNELS}.read_samples",
             *TILE_REUSE_KERNELS,
             *PREPROCESS_KERNELS,
         )
         super().__init__(kernels, bands)
         self._alpha, self._gamma = info.config["alpha"], info.config["gamma"]
-        self._enter, self._boxes = kernels[f"{KERNELS}.enter"], kernels[f"{KERNELS}.boxes"]
-        self._step = kernels[f"{KERNELS}.step_rows"]
-        self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
+        self._read_samples, self._fill_boxes, self._step = (
+            kernels[f"{KERNELS}.{name}"] for name in ("read_samples", "fill_boxes", "step_rows")
+        )
+        self._spaces = Workspaces(self._space)
 
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
         """See `Executor`."""
@@ -113,7 +117,7 @@ class TaaCpu(CpuExecutor):
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
+        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
         tiles = self._skipping.begin(
             planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
@@ -121,7 +125,7 @@ class TaaCpu(CpuExecutor):
         if tiles.any:
             left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
             with self._spaces.borrow(frame.size, display) as space:
-                self._read(space, planes, abs(left.exposure))
+                self._read(space, planes._replace(exposure=abs(left.exposure)))
                 self._draw(space, frame, past, left, image, weight, tiles)
         self._skipping.end(
             tiles, past.tile_state, left.tile_state, [(TILE, past.image, left.image)], image,
@@ -131,7 +135,7 @@ class TaaCpu(CpuExecutor):
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = _Space(render, display, self.bands.threads)
+        space = self._space(render, display)
         working = held_bytes(space) + space.looks.most_bytes() + self._skipping.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
@@ -147,16 +151,17 @@ class TaaCpu(CpuExecutor):
         buffers.image[:] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.exposure = float(tensors["history.exposure"][0])
 
-    def _read(self, space: _Space, planes: Planes, exposure: float) -> None:
-        """Tone the samples, box their neighbourhoods."""
-        h, w = planes.depth.shape
-        s, color, motion = space, address(planes.color), address(planes.motion)
-        to, box = address(s.planes), address(s.box)
+    def _space(self, render: Size, display: Size) -> _Space:
+        return _Space(render, display, self._gamma, self.bands.threads)
+
+    def _read(self, space: _Space, frame: FrameInputs) -> None:
+        """Tone the samples, and fill the box around each."""
+        inputs, samples, h = pack(frame), pack(space.samples), space.samples.height
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
-            self._enter(color, motion, exposure, w, s.stride, max(y0 - 1, 0), min(y1 + 1, h), to)
-            self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box)
+            self._read_samples(inputs, samples, max(y0 - 1, 0), min(y1 + 1, h))
+            self._fill_boxes(samples, y0, y1)
 
         self.bands.run("read", h, read)
 
@@ -170,20 +175,18 @@ class TaaCpu(CpuExecutor):
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        s, display = space, left.display
+        display = left.display
         alpha = self._alpha if abs(past.exposure) > 0.0 else 1.0
         numbers = [abs(left.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
         given = np.array(numbers, np.float32)
-        places = [
-            (*axis.samples[1:3], *axis.weights[1:3], axis.near) for axis in s.looks.at(frame.jitter)
-        ]  # of the tent, the inner two weigh
-        inputs = (
-            address(s.planes), address(s.box), s.stride, address(past.pixels),
-            *(address(a) for a in (*places[0], *places[1], given)), *display, s.width,
-        )  # fmt: skip
-        outputs = address(left.pixels), address(image), *weight.arguments
+        columns, rows = (  # of the four samples around a pixel, a tent weighs the inner two
+            pack(LinearAxis(axis.samples[1], axis.samples[2], axis.weights[1], axis.weights[2], axis.near))
+            for axis in space.looks.at(frame.jitter)
+        )
+        inputs = pack(space.samples), address(past.pixels), columns, rows, address(given)
+        output, scratch = pack(weight.output(left.pixels, image)), [pack(s) for s in space.scratch]
 
         def draw(box: Rect, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
+            self._step(*inputs, scratch[worker], output, *box)
 
         self.bands.cover("draw", tiles.boxes(TILE, display), draw)

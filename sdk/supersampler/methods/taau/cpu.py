@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, View, Weight, bordered
+from supersampler.backends.cpu.frame_preprocess import (
+    PREPROCESS_KERNELS,
+    View,
+    Weight,
+    bordered,
+    frame_inputs,
+)
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -21,6 +28,7 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
 CONSTANTS = (  # in the order of kernels.taau
@@ -58,10 +66,9 @@ class _Space(View):
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
-        self.width = up_to(display[0], LANES)
-        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
+        self.shades = np.zeros((threads, 3, self.wide), np.float32)
         self.scratch = [
-            (
+            TaauScratch(
                 self.lines[worker],
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
@@ -123,7 +130,7 @@ class TaauCpu(CpuExecutor):
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
+        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
         tiles = self._skipping.begin(
             planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
         )
@@ -133,7 +140,7 @@ class TaauCpu(CpuExecutor):
             with self._spaces.borrow(frame.size, display) as space:
                 space.look(frame.jitter)
                 self._reader.read(planes, abs(exposure), space.samples)
-                left.glares = space.samples.any_glares or (past.glares and not tiles.all)
+                left.glares = bool(space.samples.glares.any()) or (past.glares and not tiles.all)
                 self._leave(space, left)
                 self._draw(space, past, left, image, weight, tiles)
         else:
@@ -179,18 +186,13 @@ class TaauCpu(CpuExecutor):
 
     def _leave(self, space: _Space, left: TaauHistory) -> None:
         """What the next frame wants to know of this one's surfaces."""
-        read, (w, h) = space.samples, left.render
-        inputs, to = (
-            [address(a) for a in (read.color, read.own, read.glares, read.eroded)],
-            address(left.surface),
-        )
-        self.bands.run(
-            "read",
-            h,
-            lambda y0, y1, worker: self._shade(
-                *inputs, w, h, read.stride, y0, y1, address(space.shades[worker]), to
-            ),
-        )
+        samples, surface = pack(space.samples), address(left.surface)
+        lines = [address(line) for line in space.shades]
+
+        def shade(y0: int, y1: int, worker: int) -> None:
+            self._shade(samples, lines[worker], surface, y0, y1)
+
+        self.bands.run("read", space.samples.height, shade)
 
     def _draw(
         self,
@@ -201,7 +203,7 @@ class TaauCpu(CpuExecutor):
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        s, read, c = space, space.samples, self._config
+        c = self._config
         (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
         exposure, before = abs(left.exposure), abs(past.exposure)
         change = exposure / before if before > 0.0 else 1.0
@@ -213,15 +215,13 @@ class TaauCpu(CpuExecutor):
             np.float32,
         )  # fmt: skip
         inputs = (
-            *(address(a) for a in (read.color, read.front, left.surface)), read.stride,
-            address(past.pixels), address(past.surface), past.surface.shape[1],
-            *(address(a) for a in (s.y.samples, s.y.weights, s.x.start, s.x.weights)),
-            *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
-            big_w, big_h, s.width,
+            pack(space.samples), address(left.surface),
+            pack(TaauHistoryInput(past.pixels, past.surface, past.surface.shape[1])),
+            pack(space.tables()), address(numbers),
         )  # fmt: skip
-        outputs = address(left.pixels), address(image), *weight.arguments
+        output, scratch = pack(weight.output(left.pixels, image)), [pack(s) for s in space.scratch]
 
         def draw(box: Rect, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
+            self._step(*inputs, scratch[worker], output, *box)
 
         self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)
