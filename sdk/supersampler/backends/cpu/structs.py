@@ -61,14 +61,17 @@ class FrameInputs(NamedTuple):
 
 
 class FrameSamples(NamedTuple):
-    """The samples of a frame, ready to be resampled; wide = PAD + stride + PAD, the padding repeats the border.
+    """The samples of a frame, ready to be resampled.
+
+    Rows of `wide` samples are PAD, stride, PAD; the padding repeats the border.
 
     Attributes:
         color: (height, SAMPLED, wide) toned RGB, whether usable, YCoCg and its squares.
         depth, motion_x, motion_y: (height, wide); depth is -1 where it is unusable.
         eroded_depth: (height, wide) the farthest of 3x3.
         dilated: (height, stride, 4) depth and motion of the closest of 2x2 samples.
-        own: (height, stride, 4) motion of the sample itself, range of depth in 3x3, 1 where one of them is over GLARING.
+        own: (height, stride, 4) motion of the sample itself, range of depth in 3x3, 1 where one of these is
+            over GLARING.
         glares: (height,) 1 where a sample of the row is over GLARING, else 0.
         width, height: of the frame.
         stride: width up to whole vectors.

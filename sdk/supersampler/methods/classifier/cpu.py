@@ -100,7 +100,12 @@ class _Scratch:
         read, decoded = aligned((2, half_w, 32), np.uint8)
         hidden = aligned((half_w, 4 * LANES), np.uint8)
         self.finish = FinishScratch(
-            *(as_words for row in (read, decoded, hidden) for as_words in (row, row.view(np.int32))),
+            read,
+            read.view(np.int32),
+            decoded,
+            decoded.view(np.int32),
+            hidden,
+            hidden.view(np.int32),
             aligned((variant.outputs, half_w)),
             aligned((LANES, LANES), np.int32),
             aligned((LANES, 8)),

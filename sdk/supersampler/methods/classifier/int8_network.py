@@ -74,8 +74,9 @@ class _Level:
         self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
         self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
         self.buffers = LevelBuffers(
-            self.x, self.first.outputs, _row_of(self.x), self.out, self.last.outputs, _row_of(self.out), width
-        )
+            self.x, self.first.outputs, _row_of(self.x), self.spatial.outputs, self.out, self.last.outputs,
+            _row_of(self.out), width,
+        )  # fmt: skip
 
 
 def _row_of(image: Bytes) -> int:
@@ -105,16 +106,15 @@ class Encoder:
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((bands.threads, most), np.uint8)
         scratch = [
-            pack(LevelScratch(*rows[:3], rows[3].view(np.int32), line, line.view(np.int32)))
-            for rows, line in zip(self._scratch, self._lines, strict=True)
+            pack(LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32)))
+            for (signed, absolute, tent, codes), line in zip(self._scratch, self._lines, strict=True)
         ]
         inputs = pack(self.inputs)
         self._work = [_work_of(network, self._levels, depth, inputs, scratch) for depth in range(len(KEPT))]
         pitches = [level.buffers.out_pitch for level in self._levels]
         rows = [level.buffers.out_row for level in self._levels]
-        self.levels = EncodedLevels(
-            *(level.out for level in self._levels), np.array([*pitches, *rows], np.int32)
-        )
+        first, second, third, fourth = (level.out for level in self._levels)
+        self.levels = EncodedLevels(first, second, third, fourth, np.array([*pitches, *rows], np.int32))
 
     def run(self, tiles: Tiles) -> None:
         """All of it, of tiles."""

@@ -119,9 +119,10 @@ class LevelBuffers(NamedTuple):
     """The images of a level of the encoder.
 
     Attributes:
-        x: (height + 2, row, channels) what the first layer gives, within a border of one pixel.
+        x: (height + 2, row, pitch) what the first layer gives, within a border of one pixel.
         pitch, row: bytes of `x` from pixel to pixel and from row to row.
-        out: (height, row, channels) what the level gives.
+        channels: of `x` that the other layers read.
+        out: (height, row, out_pitch) what the level gives.
         out_pitch, out_row: bytes of `out`.
         width: of the level.
     """
@@ -129,6 +130,7 @@ class LevelBuffers(NamedTuple):
     x: Bytes
     pitch: int
     row: int
+    channels: int
     out: Bytes
     out_pitch: int
     out_row: int

@@ -85,10 +85,8 @@ class GuidedWarpCpu:
             stride, samples = space.stride, address(space.samples)
             shaded = [address(past[f"history.{name}"]) for name in ("color", "base_color", "normal", "depth")]
 
-            inputs = (
-                pack(UnshadedFrame(base_color, normal, depth, motion, w, h, stride)), address(before), samples, address(numbers),
-                pack(self._rings),
-            )  # fmt: skip
+            unshaded = pack(UnshadedFrame(base_color, normal, depth, motion, w, h, stride))
+            inputs = unshaded, address(before), samples, address(numbers), pack(self._rings)
             output = pack(ExtrapolationOutput(total, image))
             scratch = [(address(room), address(line)) for room, line in space.scratch]
 

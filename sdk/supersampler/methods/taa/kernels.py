@@ -1,6 +1,6 @@
 """Kernels of `taa` (Salvi 2016, his defaults); supersampler_model.methods.taa defines them.
 
-A step reads the samples, fills a box of allowed colors around each, then computes all display pixels in one pass.
+A step reads the samples, fills a box of allowed colors for each, then computes the display in one pass.
 """
 
 import numpy as np
@@ -112,7 +112,7 @@ def enters(color, sample, low, high):
 
 @device_function
 def clip_to_sample(history, sample, low, high):
-    """Cut the segment from the history color to the sample where it enters the box; see `ops.rectification`."""
+    """Cut the segment from the history to the sample where it enters the box; see `ops.rectification`."""
     a, b = enters(history[0], sample[0], low[0], high[0])
     c, d = enters(history[1], sample[1], low[1], high[1])
     e, f = enters(history[2], sample[2], low[2], high[2])

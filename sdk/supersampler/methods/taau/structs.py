@@ -20,7 +20,7 @@ class TaauHistoryInput(NamedTuple):
 
 
 class TaauScratch(NamedTuple):
-    """What one thread works in: filtered rows, slots and weights of `warp.aim`, warped pixels, image pixels."""
+    """What one thread works in: filtered rows; slots and weights of `warp.aim`; warped and final pixels."""
 
     line: Floats
     slots: Words

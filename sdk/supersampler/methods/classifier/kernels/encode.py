@@ -38,7 +38,8 @@ def level(
     words, weights, blocks, scales, biases = first.words, first.weights, first.blocks, first.scale, first.bias
     x, pitch, row, width = buffers.x, buffers.pitch, buffers.row, buffers.width
     drift, grain, tent, codes = scratch.signed, scratch.absolute, scratch.tent, scratch.codes
-    channels, between, line, line_words = above.channels, pitch, scratch.line, scratch.line_words
+    channels, between = above.channels, buffers.channels
+    line, line_words = scratch.line, scratch.line_words
     count = x1 - x0
     start = np.int64(0)  # of a literal numba would make functions of its own
     for y in range(min(first0, y0), max(first1, y1 + 1)):

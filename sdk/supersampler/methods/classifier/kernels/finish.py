@@ -28,7 +28,7 @@ WIDE = 16  # words of what the hidden layer gives
 
 @device_function
 def blend_row(hidden, layer, outputs, p0, p1, pitch, columns, out, constants, classes, to):
-    """Compute the blend parameters of packed pixels p0 to p1, (outputs, pitch), and their class probabilities.
+    """Compute blend parameters, (outputs, pitch), and class probabilities of packed pixels p0 to p1.
 
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
     """
