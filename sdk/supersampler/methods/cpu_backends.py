@@ -15,7 +15,7 @@ from supersampler.methods.taa.cpu import TaaCpu
 from supersampler.methods.taau.cpu import TaauCpu
 
 _SALVIS = {"intersect_extent": True, "clip": "sample", "space": "ycocg", "wide_window": False}
-_HOSTS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
+_EXECUTORS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
     "classifier": ClassifierCpu,
     "taa": TaaCpu,
     "taau": TaauCpu,
@@ -41,7 +41,7 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
         return None
     check_constants(info, kernels)
     try:
-        return _HOSTS[kernels](info, ThreadPool(threads or len(_cores())))
+        return _EXECUTORS[kernels](info, ThreadPool(threads or len(_cores())))
     except KernelError as error:
         _fall_back(error, required=required)
         return None

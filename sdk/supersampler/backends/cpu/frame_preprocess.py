@@ -1,4 +1,4 @@
-"""What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
+"""Frame preprocessing on the CPU: exposure, toned samples, usable depth and motion, resampling tables."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
@@ -8,7 +8,7 @@ import numpy as np
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.resample_tables import Filter, Kernel, Looks, up_to
+from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTableCache, up_to
 from supersampler.backends.cpu.structs import FrameInputs, FrameSamples, Output, ResampleTables, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.plan import held_bytes
@@ -42,18 +42,19 @@ def empty_samples(render: Size) -> FrameSamples:
     return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
 
 
-class View:
-    """How a display looks at frames of one size, and their samples.
+class ResampledFrame:
+    """The samples of a frame, and the tables by which the display resamples them.
 
     Args:
         render, display: sizes.
         filters, windows: of samples; see `Axis`.
-        threads: that filter.
+        threads: number of threads that filter.
 
     Attributes:
-        x, y: its axes, as it looks at the frame.
-        lines: that each thread filters in, FILTERED and four more.
-        samples: of the frame that is looked at.
+        x, y: tables of columns and rows, for the current jitter.
+        samples: of the current frame.
+        wide: samples of a row with its padding.
+        lines: (threads, ...) rows that each thread filters in, FILTERED and four more.
     """
 
     def __init__(
@@ -64,30 +65,35 @@ class View:
         threads: int,
         windows: Sequence[Kernel] = (),
     ) -> None:
-        self._looks = Looks(render, display, filters, windows)
-        self.look((0.0, 0.0))
+        self._tables = ResampleTableCache(render, display, filters, windows)
+        self.set_jitter((0.0, 0.0))
         self.samples = empty_samples(render)
         self.wide = self.samples.stride + 2 * PAD
         self.lines = aligned((threads, (FILTERED + 4) * self.wide + LANES))
 
-    def look(self, jitter: tuple[float, float]) -> None:
-        """Look at a frame with this jitter."""
-        self.x, self.y = self._looks.at(jitter)
+    def set_jitter(self, jitter: tuple[float, float]) -> None:
+        """Set the jitter of the current frame."""
+        self.x, self.y = self._tables.at(jitter)
 
     def tables(self) -> ResampleTables:
-        """Return the tables of the frame that is looked at."""
+        """Return the tables for the current jitter."""
         x, y = self.x, self.y
         return ResampleTables(
             y.samples, y.weights, y.windows, y.first, y.near, x.start, x.weights, x.windows, x.first, x.near
         )
 
     def most_bytes(self) -> int:
-        """What it comes to hold."""
-        return held_bytes(self) + self._looks.most_bytes()
+        """Return the bytes that it comes to hold."""
+        return held_bytes(self) + self._tables.most_bytes()
 
 
 class Weight:
-    """The share of the past, in rows of whole LANES, where it is asked for; 1 where nothing is drawn."""
+    """The weight of the history, where the caller asks for it; 1 in tiles that are reused.
+
+    Args:
+        aux_outputs: names of the outputs that the caller asks for.
+        display: size.
+    """
 
     def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
         self._width, asked = display[0], "weight" in aux_outputs
@@ -102,7 +108,7 @@ class Weight:
         return Output(next_history, image, rows, asked, width, height, up_to(width, LANES))
 
     def aux_outputs(self) -> dict[str, Float32]:
-        """What an executor returns."""
+        """Return {"weight": (1, 1, H, W)} where the caller asked for it, else nothing."""
         return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
 
 
@@ -113,10 +119,10 @@ def bordered(plane: Float32, wide: int) -> Float32:
 
 
 class FramePreprocess:
-    """What every method begins with.
+    """The first stage of every method.
 
     Args:
-        kernels: READING.
+        kernels: PREPROCESS_KERNELS, among others.
         bands: threads.
     """
 
@@ -125,7 +131,7 @@ class FramePreprocess:
         self._measure, self._prepare, self._dilate = (kernels[name] for name in PREPROCESS_KERNELS)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
-        """What the frame gives, else 0.18 over its log-average luminance; see `followed_exposure`."""
+        """Return the frame's exposure, else 0.18 over its log-average luminance; see `followed_exposure`."""
         given = usable_exposure(frame.exposure)
         target = self._measured(color) if given is None else None
         return float(np.float32(followed_exposure(given, target, before)))

@@ -1,4 +1,4 @@
-"""`classifier` on a processor: gather, network in bytes and finish, row by row on several threads."""
+"""CPU backend of `classifier`: gather, int8 network and finish, row by row on several threads."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from supersampler.backends.cpu.executor import CpuExecutor
 from supersampler.backends.cpu.frame_preprocess import (
     PREPROCESS_KERNELS,
-    View,
+    ResampledFrame,
     Weight,
     bordered,
     frame_inputs,
@@ -46,15 +46,15 @@ KEEP_DEPTH = "backends.cpu.kernels.frame.keep_depth"
 
 @dataclass(eq=False)
 class ClassifierHistory:
-    """What one frame leaves for the next.
+    """The history that one frame hands to the next.
 
     Attributes:
         render: size of that frame.
         pixels: (H, W, CLASSIFIER_PIXEL) linear RGB, count, least and most luma.
-        classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
-        surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
+        classes: (H / 2, W / 2, 8) probabilities of six classes, ALL is 1.
+        surfaces: (h, PAD + stride + PAD, 2) depth as it is and by morphological opening.
         jitter: of that frame.
-        trail: what tells which tiles may stay as they are.
+        tile_state: for static-tile reuse.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
         glares: whether pixels may hold counts of frames with light over GLARING.
     """
@@ -139,7 +139,7 @@ class ClassifierCpu(CpuExecutor):
             kernels[name] for name in (gather, KEEP_DEPTH, finish)
         )
         self._spaces = Workspaces(lambda display: _Space(self, display))
-        self._views = Workspaces(self._view)
+        self._resampled = Workspaces(self._resampled_frame)
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:
         """See `Executor`."""
@@ -160,8 +160,8 @@ class ClassifierCpu(CpuExecutor):
         self,
         frame: Frame,
         display: Size,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
@@ -169,25 +169,34 @@ class ClassifierCpu(CpuExecutor):
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
-        tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
+        tiles = self._tile_reuse.begin(
+            planes,
+            frame.jitter,
+            display,
+            history.tile_state,
+            next_history.tile_state,
+            skips=tolerance is not None,
         )
         if tiles.any:
-            self._draw(planes, frame, display, past, left, image, weight, tiles)
+            self._compute(planes, frame, display, history, next_history, image, weight, tiles)
         else:
-            left.jitter, left.exposure, left.glares = past.jitter, past.exposure, past.glares
-            left.surfaces[:] = past.surfaces
-        kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
-        self._skipping.end(
-            tiles, past.tile_state, left.tile_state, kept, image,
-            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+            next_history.jitter, next_history.exposure, next_history.glares = (
+                history.jitter,
+                history.exposure,
+                history.glares,
+            )
+            next_history.surfaces[:] = history.surfaces
+        kept = (TILE, history.pixels, next_history.pixels), (TILE // 2, history.classes, next_history.classes)
+        self._tile_reuse.end(
+            tiles, history.tile_state, next_history.tile_state, kept, image,
+            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space, view = _Space(self, display), self._view(render, display)
-        working = held_bytes(space) + view.most_bytes() + self._skipping.most_bytes(display, render)
+        space, view = _Space(self, display), self._resampled_frame(render, display)
+        working = held_bytes(space) + view.most_bytes() + self._tile_reuse.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
@@ -216,81 +225,88 @@ class ClassifierCpu(CpuExecutor):
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
-    def _view(self, render: Size, display: Size) -> View:
-        return View(render, display, self._filters, self.bands.threads, self._windows)
+    def _resampled_frame(self, render: Size, display: Size) -> ResampledFrame:
+        return ResampledFrame(render, display, self._filters, self.bands.threads, self._windows)
 
-    def _draw(
+    def _compute(
         self,
         planes: FrameInputs,
         frame: Frame,
         display: Size,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        exposure = self._reader.exposure(frame, planes.color, past.exposure)
-        left.jitter, left.exposure = frame.jitter, exposure
-        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
-            view.look(frame.jitter)
-            self._reader.read(planes, abs(exposure), view.samples)
-            left.glares = bool(view.samples.glares.any()) or (past.glares and not tiles.all)
-            self._gather_all(space, view, past, left, tiles)
+        exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
+        next_history.jitter, next_history.exposure = frame.jitter, exposure
+        with self._spaces.borrow(display) as space, self._resampled.borrow(frame.size, display) as view:
+            view.set_jitter(frame.jitter)
+            self._preprocess.read(planes, abs(exposure), view.samples)
+            next_history.glares = bool(view.samples.glares.any()) or (history.glares and not tiles.all)
+            self._gather_all(space, view, history, next_history, tiles)
             space.encoder.run(tiles)
-            self._compose(space, view, past, left, image, weight, tiles)
+            self._compose(space, view, history, next_history, image, weight, tiles)
 
     def _gather_all(
-        self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
+        self,
+        space: _Space,
+        view: ResampledFrame,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
+        tiles: Tiles,
     ) -> None:
-        """All that is known of the display before the network speaks, and the depth for the next frame."""
+        """Compute the network inputs and all that finish needs, and the depth for the next frame."""
         s, c, read = space, self._config, view.samples
-        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
+        (old_w, old_h), (w, h), (big_w, big_h) = history.render, next_history.render, s.display
         numbers = np.array(
             [
-                abs(left.exposure), w, h, big_w, big_h, old_w, old_h, *past.jitter,
+                abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h, *history.jitter,
                 c["history_sharpness"], c["gamma"], c["depth_margin"], c["depth_ramp"],
-                left.glares or past.glares,
+                next_history.glares or history.glares,
             ],
             np.float32,
         )  # fmt: skip
-        history = ClassifierHistoryInput(past.pixels, past.classes, past.surfaces, past.surfaces.shape[1])
-        samples, next_depth = pack(read), address(left.surfaces)
-        inputs = samples, pack(history), pack(view.tables()), address(numbers)
+        previous = ClassifierHistoryInput(
+            history.pixels, history.classes, history.surfaces, history.surfaces.shape[1]
+        )
+        samples, next_depth = pack(read), address(next_history.surfaces)
+        inputs = samples, pack(previous), pack(view.tables()), address(numbers)
         lines, scratch = [address(line) for line in view.lines], [pack(t.gather) for t in s.scratch]
         outputs = pack(s.gathered), pack(s.encoder.inputs)
 
         def gather(box: Rect, worker: int) -> None:
             self._gather(*inputs, lines[worker], scratch[worker], *outputs, *box)
 
-        def leave(box: Rect, _: int) -> None:
+        def write_depth(box: Rect, _: int) -> None:
             self._keep_depth(samples, next_depth, box.y0, box.y1)
 
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
-        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], leave))
+        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], write_depth))
 
     def _compose(
         self,
         space: _Space,
-        view: View,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        view: ResampledFrame,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        """The last layers, and the picture that they make of what was gathered."""
+        """Run the last layers; compose the image and the next history from what was gathered."""
         s, n, c, e, big_w = space, self.network, self._config, space.encoder, space.display[0]
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0)
         constants = FinishConstants(
-            n.logits, n.logits_scale, abs(left.exposure), c["samples"], c["contraction"],
-            left.glares or past.glares, streams,
+            n.logits, n.logits_scale, abs(next_history.exposure), c["samples"], c["contraction"],
+            next_history.glares or history.glares, streams,
         )  # fmt: skip
         inputs = [
             pack(struct)
             for struct in (e.levels, n.layers, e.inputs, s.gathered, view.samples, view.tables(), constants)
         ]
-        outputs = pack(weight.output(left.pixels, image)), address(left.classes)
+        outputs = pack(weight.output(next_history.pixels, image)), address(next_history.classes)
         scratch = [pack(thread.finish) for thread in s.scratch]
 
         def finish(box: Rect, worker: int) -> None:

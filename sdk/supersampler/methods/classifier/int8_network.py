@@ -1,4 +1,4 @@
-"""The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
+"""The int8 network of `classifier`: weights, and the encoder, level by level."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any

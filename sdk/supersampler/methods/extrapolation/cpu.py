@@ -1,4 +1,4 @@
-"""`guided-warp` on a processor: the samples of the last shaded frame, then each pixel of this one."""
+"""CPU backend of `guided-warp`: reads the last shaded frame, then computes each pixel of this one."""
 
 from collections.abc import Mapping
 from typing import Any

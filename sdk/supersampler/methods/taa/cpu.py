@@ -1,4 +1,4 @@
-"""`taa` on a processor, in one pass over the display: Salvi's, with his defaults."""
+"""CPU backend of `taa` (Salvi 2016, his defaults)."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Weigh
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address
-from supersampler.backends.cpu.resample_tables import Columns, Filter, Looks, linear, up_to
+from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleTableCache, linear, up_to
 from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
@@ -30,12 +30,12 @@ SHARPNESS = 0.5  # Catmull-Rom
 
 @dataclass(eq=False)
 class TaaHistory:
-    """What one frame leaves for the next.
+    """The history that one frame hands to the next.
 
     Attributes:
         display: (width, height).
         pixels: linear RGB as values, and one of room.
-        trail: see there.
+        tile_state: for static-tile reuse.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
     """
 
@@ -56,7 +56,7 @@ class _Space:
     def __init__(self, render: Size, display: Size, gamma: float, threads: int) -> None:
         w, h = render
         self.stride = up_to(w, LANES)
-        self.looks = Looks(render, display, [Filter(linear, False)], rows=Columns)
+        self.table_cache = ResampleTableCache(render, display, [Filter(linear, False)], rows=Columns)
         planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
         boxes = np.zeros((h, TAA_BOX, self.stride), np.float32)
         self.samples = TaaSamples(planes, boxes, gamma, w, h, self.stride)
@@ -109,8 +109,8 @@ class TaaCpu(CpuExecutor):
         self,
         frame: Frame,
         display: Size,
-        past: TaaHistory,
-        left: TaaHistory,
+        history: TaaHistory,
+        next_history: TaaHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
@@ -118,25 +118,33 @@ class TaaCpu(CpuExecutor):
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
         planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
-        tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
+        tiles = self._tile_reuse.begin(
+            planes,
+            frame.jitter,
+            display,
+            history.tile_state,
+            next_history.tile_state,
+            skips=tolerance is not None,
         )
-        left.exposure = past.exposure
+        next_history.exposure = history.exposure
         if tiles.any:
-            left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
+            next_history.exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
             with self._spaces.borrow(frame.size, display) as space:
-                self._read(space, planes._replace(exposure=abs(left.exposure)))
-                self._draw(space, frame, past, left, image, weight, tiles)
-        self._skipping.end(
-            tiles, past.tile_state, left.tile_state, [(TILE, past.image, left.image)], image,
-            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+                self._read(space, planes._replace(exposure=abs(next_history.exposure)))
+                self._compute(space, frame, history, next_history, image, weight, tiles)
+        self._tile_reuse.end(
+            tiles, history.tile_state, next_history.tile_state,
+            [(TILE, history.image, next_history.image)], image,
+            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         space = self._space(render, display)
-        working = held_bytes(space) + space.looks.most_bytes() + self._skipping.most_bytes(display, render)
+        working = (
+            held_bytes(space) + space.table_cache.most_bytes() + self._tile_reuse.most_bytes(display, render)
+        )
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
@@ -165,28 +173,28 @@ class TaaCpu(CpuExecutor):
 
         self.bands.run("read", h, read)
 
-    def _draw(
+    def _compute(
         self,
         space: _Space,
         frame: Frame,
-        past: TaaHistory,
-        left: TaaHistory,
+        history: TaaHistory,
+        next_history: TaaHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        display = left.display
-        alpha = self._alpha if abs(past.exposure) > 0.0 else 1.0
-        numbers = [abs(left.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
+        display = next_history.display
+        alpha = self._alpha if abs(history.exposure) > 0.0 else 1.0
+        numbers = [abs(next_history.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
         given = np.array(numbers, np.float32)
         columns, rows = (  # of the four samples around a pixel, a tent weighs the inner two
             pack(LinearAxis(axis.samples[1], axis.samples[2], axis.weights[1], axis.weights[2], axis.near))
-            for axis in space.looks.at(frame.jitter)
+            for axis in space.table_cache.at(frame.jitter)
         )
-        inputs = pack(space.samples), address(past.pixels), columns, rows, address(given)
-        output, scratch = pack(weight.output(left.pixels, image)), [pack(s) for s in space.scratch]
+        inputs = pack(space.samples), address(history.pixels), columns, rows, address(given)
+        output, scratch = pack(weight.output(next_history.pixels, image)), [pack(s) for s in space.scratch]
 
-        def draw(box: Rect, worker: int) -> None:
+        def compute(box: Rect, worker: int) -> None:
             self._step(*inputs, scratch[worker], output, *box)
 
-        self.bands.cover("draw", tiles.boxes(TILE, display), draw)
+        self.bands.cover("draw", tiles.boxes(TILE, display), compute)

@@ -26,8 +26,8 @@ from supersampler.backends.cpu.kernels.frame import fours, opened_at, repeat_end
 from supersampler.backends.cpu.kernels.warp import (
     aim,
     around,
+    disoccluded,
     followed,
-    hidden,
     mean_of,
     on_screen,
     warp5,
@@ -260,7 +260,7 @@ def step_rows(
             a, b = gather4(before, slots, 0, 4, 0), gather4(before, slots, 0, 4, 4)
             c, d = gather4(before, slots, 16, 4, 0), gather4(before, slots, 16, 4, 4)
             depths = a[0], b[0], c[0], d[0]
-            cover = hidden(depth, shares, depths, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
+            cover = disoccluded(depth, shares, depths, numbers[DEPTH_MARGIN], numbers[DEPTH_RAMP])
             same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
             mean = mean_of((a[1], b[1], c[1], d[1]), shares)
             spread = mean_of((a[2], b[2], c[2], d[2]), shares)

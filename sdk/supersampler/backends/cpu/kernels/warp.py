@@ -1,4 +1,4 @@
-"""Reading the past where motion leads."""
+"""Reprojection: device functions that resample the history where motion leads."""
 
 import numpy as np
 
@@ -88,9 +88,9 @@ def linear4(h, a, b, c, d, t, u):
 
 @device_function
 def warp(history, at, weights, alone, out):
-    """Sixteen pixels of the past, (16, 16): colour and state, linear; colour by a cubic; own motion's.
+    """Resample sixteen pixels of the history, (16, 16): linear; color by a cubic; color by own motion.
 
-    history (H, W, 8). `alone`: own motion leads to the same places, and is left out.
+    history (H, W, 8). `alone`: the pixels' own motion leads to the same places, so it is left out.
     """
     h = history
     one = np.float32(1.0)
@@ -121,7 +121,7 @@ def warp(history, at, weights, alone, out):
 
 @device_function
 def warp5(history, at, weights, out):
-    """Sixteen pixels of a past of five values, (16, 8): the first four by a cubic; the last four, linear."""
+    """Resample sixteen pixels of five values, (16, 8): the first four by a cubic; the last four, linear."""
     h = history
     for i in range(16):
         store(out, 8 * i, cubic4(h, at, weights, i))
@@ -132,19 +132,19 @@ def warp5(history, at, weights, out):
 
 @device_function
 def on_screen(px, py, width, height):
-    """Where the past was on screen."""
+    """Whether the place in the previous frame is on screen."""
     return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
 
 
 @device_function
 def followed(lane, y, mx, my, width, height):
-    """Where sixteen pixels were, kept within two pixels of the screen."""
+    """Places of sixteen pixels in the previous frame, kept within two pixels of the screen."""
     return clamped(lane + mx, -2.0, width + 1.0), clamped(my + np.float32(y), -2.0, height + 1.0)
 
 
 @device_function
 def around(x, y, w, h, wide, places):
-    """Where the four samples around places in the past are, and with what weights they count.
+    """Return the four samples around places in the previous frame, and their weights.
 
     places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD
     samples, `wide` from row to row, whose ends repeat the border.
@@ -162,8 +162,8 @@ def around(x, y, w, h, wide, places):
 
 
 @device_function
-def hidden(depth, weights, befores, margin, ramp):
-    """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
+def disoccluded(depth, weights, befores, margin, ramp):
+    """Weight of the four samples of the previous frame that were closer than `depth`: the disocclusion."""
     share = depth * 0.0
     for before, weight in zip(befores, weights):  # noqa: B905  # numba has no strict
         closer = (before - depth) / maximum(maximum(before, depth), 1e-12)

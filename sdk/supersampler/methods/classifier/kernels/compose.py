@@ -1,4 +1,4 @@
-"""Composing of `classifier` on a processor: what `Classifier.finish` does with what the network says."""
+"""Compositor of `classifier`: the twin of `Classifier.finish`, by the network's blend parameters."""
 
 import numpy as np
 
@@ -70,9 +70,9 @@ def factor(value):
 
 
 @device_function
-def said(mixing, pitch, number, numbers, half):
+def blend_parameters(blend, pitch, number, numbers, half):
     """One of so many numbers, of sixteen pixels in a row: left and right of packed ones from `half` on."""
-    left, right = load8(mixing, number * pitch + half), load8(mixing, (number + numbers) * pitch + half)
+    left, right = load8(blend, number * pitch + half), load8(blend, (number + numbers) * pitch + half)
     return zipped(left, right)
 
 
@@ -125,10 +125,10 @@ def make_compose_row(variant: Variant):
     corrected, rectified, own_motion = variant
     planes, mean, own = variant.rest, variant.mean, variant.own
     sample_weight, sharpness, kernel = variant.pasts, variant.sharpness, variant.kernel_weights
-    numbers = variant.said
+    numbers = variant.blend_parameters
 
     @device_function
-    def compose_row(y, mixing, mixing_pitch, gathered, read, tables, constants, output, out, x0, x1):
+    def compose_row(y, blend, blend_pitch, gathered, read, tables, constants, output, out, x0, x1):
         """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
         past_planes, rest, width = gathered.history, gathered.rest, gathered.pitch
         samples, wide, h = read.color, read.stride + 2 * PAD, read.height
@@ -145,15 +145,17 @@ def make_compose_row(variant: Variant):
             for line in range(0, 16 * planes, HALVES):
                 prefetch(rest, half + 16 * planes + line)
             # the past
-            sharp = clamped(said(mixing, mixing_pitch, m + sharpness, numbers, pixels), 0.0, SHARPEST)
+            sharp = clamped(
+                blend_parameters(blend, blend_pitch, m + sharpness, numbers, pixels), 0.0, SHARPEST
+            )
             detail = three(rest, half + 16 * DETAIL)
             if corrected:
                 lane, cross = ramp16() + np.int32(x), m + sharpness + 1
                 first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-                up = factor(said(mixing, mixing_pitch, cross, numbers, pixels)) * SIDE
-                left = factor(said(mixing, mixing_pitch, cross + 1, numbers, pixels)) * SIDE
-                right = factor(said(mixing, mixing_pitch, cross + 2, numbers, pixels)) * SIDE
-                low = factor(said(mixing, mixing_pitch, cross + 3, numbers, pixels)) * SIDE
+                up = factor(blend_parameters(blend, blend_pitch, cross, numbers, pixels)) * SIDE
+                left = factor(blend_parameters(blend, blend_pitch, cross + 1, numbers, pixels)) * SIDE
+                right = factor(blend_parameters(blend, blend_pitch, cross + 2, numbers, pixels)) * SIDE
+                low = factor(blend_parameters(blend, blend_pitch, cross + 3, numbers, pixels)) * SIDE
                 sides, scale = (up, left, right, low), 1.0 / (up + left + right + low + 1.0)
                 a, c = (above + x) * PAST, (below + x) * PAST
                 color = (
@@ -177,14 +179,20 @@ def make_compose_row(variant: Variant):
             other = select(known, count * 0.1 + 1e-3, 0.0)
             begun = select(known, count * load16(rest, half + 16 * SURFACE) + 1e-3, 0.0)
             none = zero, zero, zero, zero
-            past = added(none, begun * factor(said(mixing, mixing_pitch, m, numbers, pixels)), color)
+            past = added(
+                none, begun * factor(blend_parameters(blend, blend_pitch, m, numbers, pixels)), color
+            )
             if rectified:
                 cut = cut_to_box(color, three(rest, half + 16 * mean), three(rest, half + 16 * (mean + 3)))
-                past = added(past, other * factor(said(mixing, mixing_pitch, m + 1, numbers, pixels)), cut)
+                past = added(
+                    past, other * factor(blend_parameters(blend, blend_pitch, m + 1, numbers, pixels)), cut
+                )
             if own_motion:
                 moved = three(rest, half + 16 * own)
                 number = m + sample_weight - 1
-                past = added(past, other * factor(said(mixing, mixing_pitch, number, numbers, pixels)), moved)
+                past = added(
+                    past, other * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), moved
+                )
             kept = past[3]
             # this frame
             first, step, index = places_in(columns_near, x)
@@ -192,7 +200,7 @@ def make_compose_row(variant: Variant):
             for k in range(9):
                 begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
                 number = m + kernel + k
-                weigh = begun * factor(said(mixing, mixing_pitch, number, numbers, pixels))
+                weigh = begun * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels))
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
                 at_row = SAMPLED * row * wide + PAD + first
                 q = tap(samples, at_row + k % 3 - 1, wide, step, index, weigh, q)
@@ -208,10 +216,16 @@ def make_compose_row(variant: Variant):
             sampled, beside = there * (confidence + 1e-3), there * 0.05
             sample = three(rest, half + 16 * SAMPLE)
             number = m + sample_weight
-            now = added(none, sampled * factor(said(mixing, mixing_pitch, number, numbers, pixels)), sample)
-            now = added(now, beside * factor(said(mixing, mixing_pitch, number + 1, numbers, pixels)), frame)
             now = added(
-                now, beside * factor(said(mixing, mixing_pitch, number + 2, numbers, pixels)), filtered
+                none, sampled * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), sample
+            )
+            now = added(
+                now, beside * factor(blend_parameters(blend, blend_pitch, number + 1, numbers, pixels)), frame
+            )
+            now = added(
+                now,
+                beside * factor(blend_parameters(blend, blend_pitch, number + 2, numbers, pixels)),
+                filtered,
             )
             new = now[3]
             scale = 1.0 / maximum(kept + new, 1e-12)

@@ -1,4 +1,4 @@
-"""Finish of `classifier` on a processor: the network's last layers, and what they say, composed."""
+"""Finish of `classifier`: the last layers of the network, then the image by their blend parameters."""
 
 import numpy as np
 

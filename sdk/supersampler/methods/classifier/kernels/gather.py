@@ -1,4 +1,4 @@
-"""Gather of `classifier` on a processor: what `Classifier.gather` and `Classifier.seen` do, in one pass.
+"""Gather of `classifier`: the twin of `Classifier.gather` and of its network inputs, in one pass.
 
 Rows of vectors of sixteen pixels; where a pixel's channels are read at places of their own (filters, warps),
 a vector holds one pixel's channels instead. Rows end in padding up to a multiple of sixteen.
@@ -24,8 +24,8 @@ from supersampler.backends.cpu.kernels.warp import (
     aim,
     aim_own,
     around,
+    disoccluded,
     followed,
-    hidden,
     on_screen,
     warp,
 )
@@ -96,7 +96,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     weights = around(x, y, old_w, old_h, wide, places)
     a, b, c, d = gather4(surfaces, places, 0, 2, 0)
     e, f, g, h = gather4(surfaces, places, 16, 2, 0)
-    cover = hidden(depth, weights, (b, d, f, h), numbers[MARGIN], numbers[RAMP])
+    cover = disoccluded(depth, weights, (b, d, f, h), numbers[MARGIN], numbers[RAMP])
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     there = select(low, select(right, g, e), select(right, c, a))

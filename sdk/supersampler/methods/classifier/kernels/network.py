@@ -1,4 +1,4 @@
-"""The network of `classifier` in bytes; see `supersampler_export.quantize` for what the bytes mean.
+"""Layers of the int8 network of `classifier`; see `supersampler_export.quantize` for the quantization.
 
 Images are rows of pixels of channels, bytes, within a border of one pixel where 3x3 convolutions reach. A
 layer's sums of products become bytes again by a scale and a bias for each channel. Four bytes are multiplied
