@@ -108,4 +108,4 @@ def test_a_variant_says_what_its_config_counts() -> None:
                 config = ClassifierConfig(corrected=corrected, rectified=rectified, own_motion=own)
                 assert variant == Variant.of(asdict(config))
                 assert variant == Variant.with_parts(*variant.kernel("module.function").split("+")[1:])
-                assert variant.said == config.blend_parameters
+                assert variant.blend_parameters == config.blend_parameters

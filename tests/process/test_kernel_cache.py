@@ -10,7 +10,7 @@ from supersampler.backends.cpu.kernel_cache import Kernel, read_kernel, write_ke
 from supersampler.backends.cpu.kernel_loader import load_kernels
 
 KERNEL_NAME = "backends.cpu.kernels.frame.measure"
-KERNEL = Kernel(KERNEL_NAME, "symbol", "ppi", b"\x7fELF machine code\n" * 9)
+KERNEL = Kernel(KERNEL_NAME, "symbol", 3, b"\x7fELF machine code\n" * 9)
 
 
 @pytest.fixture
@@ -63,7 +63,7 @@ print(hashlib.sha256(upscaler("taa").step(noise(0)).tobytes()).hexdigest())
     assert run_apart(code, XDG_CACHE_HOME=str(tmp_path)).stdout == image
     assert set(tmp_path.rglob("*.kernel")) == set(paths)
     for path, before in written.items():  # code may differ in what it is called by, headers may not
-        header = len(b"supersampler kernel 1\n") + 32
+        header = len(b"supersampler kernel 2\n") + 32
         assert path.read_bytes()[header:].split(b" ")[0] == before[header:].split(b" ")[0]
 
 

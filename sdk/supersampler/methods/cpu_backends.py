@@ -19,7 +19,7 @@ from supersampler.methods.taau.cpu import TaauCpu
 
 _SALVIS = {name: value for name, value in asdict(TaaConfig()).items() if name not in constants_of(TAA)}
 """Options of `taa` that its kernels are written for."""
-_HOSTS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
+_EXECUTORS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
     "classifier": ClassifierCpu,
     "taa": TaaCpu,
     "taau": TaauCpu,
@@ -45,7 +45,7 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
         return None
     check_constants(info, kernels)
     try:
-        return _HOSTS[kernels](info, ThreadPool(threads or len(_cores())))
+        return _EXECUTORS[kernels](info, ThreadPool(threads or len(_cores())))
     except KernelError as error:
         _fall_back(error, required=required)
         return None

@@ -1,4 +1,4 @@
-"""What the kernels of all methods are driven alike by: threads, reading of frames, skipping."""
+"""Base of the CPU executors: threads, frame preprocessing, static-tile reuse."""
 
 from collections.abc import Mapping
 from typing import Any, Protocol
@@ -14,16 +14,16 @@ from supersampler.frame import Float32, Size
 
 
 class Buffers(Protocol):
-    """A history, whatever else it holds."""
+    """A history of any method."""
 
     tile_state: TileState
 
 
 class CpuExecutor:
-    """Base of the executors on this processor; see `Executor`.
+    """Base of the CPU executors; see `Executor`.
 
     Args:
-        kernels: READING and SKIPPING, at least.
+        kernels: PREPROCESS_KERNELS and TILE_REUSE_KERNELS, at least.
         bands: threads.
     """
 
@@ -31,7 +31,7 @@ class CpuExecutor:
 
     def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self.bands = bands
-        self._reader, self._skipping = FramePreprocess(kernels, bands), TileReuse(kernels, bands)
+        self._preprocess, self._tile_reuse = FramePreprocess(kernels, bands), TileReuse(kernels, bands)
 
     def note_stages(self) -> Mapping[str, float]:
         """See `Executor`."""

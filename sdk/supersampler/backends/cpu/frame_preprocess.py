@@ -1,15 +1,15 @@
-"""What a frame brings, on a processor: usable planes, exposure, toned samples, what is in front."""
+"""Frame preprocessing on the CPU: exposure, toned samples, usable depth and motion, resampling tables."""
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import FILTERED, LANES, PAD, SAMPLED
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.resample_tables import Filter, Kernel, Looks, up_to
+from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTableCache, up_to
+from supersampler.backends.cpu.structs import FrameInputs, FrameSamples, Output, ResampleTables, pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
@@ -19,53 +19,42 @@ _KERNELS = "backends.cpu.kernels.frame"
 PREPROCESS_KERNELS = (
     f"{_KERNELS}.measure",
     f"{_KERNELS}.prepare",
-    f"{_KERNELS}.closest",
+    f"{_KERNELS}.dilate",
 )
 
 
-class Planes(NamedTuple):
-    """Arrays of a frame as kernels read them, C-contiguous float32."""
-
-    color: Float32  # (h, w, 3)
-    depth: Float32  # (h, w)
-    motion: Float32  # (h, w, 2)
-
-    @classmethod
-    def of(cls, frame: Frame) -> "Planes":
-        """Convert where needed."""
-        return cls(*(np.ascontiguousarray(a, np.float32) for a in (frame.color, frame.depth, frame.motion)))
+def frame_inputs(frame: Frame) -> FrameInputs:
+    """Return the arrays of a frame as C-contiguous float32, converted where needed."""
+    color, depth, motion = (
+        np.ascontiguousarray(a, np.float32) for a in (frame.color, frame.depth, frame.motion)
+    )
+    return FrameInputs(color, depth, motion)
 
 
-class Samples:
-    """A frame's toned samples, depth and motion; see kernels.frame for what lies where."""
-
-    def __init__(self, render: Size) -> None:
-        w, h = render
-        self.stride = stride = up_to(w, LANES)
-        self.wide = stride + 2 * PAD
-        self.color = aligned((h, SAMPLED, self.wide))
-        self.depths, self.across, self.down, self.eroded = aligned((4, h, self.wide))
-        self.front, self.own = aligned((2, h, stride, 4))
-        self.glares = aligned((h,))
-
-    @property
-    def any_glares(self) -> bool:
-        """Whether a sample is over GLARING."""
-        return bool(self.glares.any())
+def empty_samples(render: Size) -> FrameSamples:
+    """Return buffers for the samples of frames of this size."""
+    w, h = render
+    stride = up_to(w, LANES)
+    wide = stride + 2 * PAD
+    depth, motion_x, motion_y, eroded_depth = aligned((4, h, wide))
+    dilated, own = aligned((2, h, stride, 4))
+    color, glares = aligned((h, SAMPLED, wide)), aligned((h,))
+    return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
 
 
-class View:
-    """How a display looks at frames of one size, and their samples.
+class ResampledFrame:
+    """The samples of a frame, and the tables by which the display resamples them.
 
     Args:
         render, display: sizes.
         filters, windows: of samples; see `Axis`.
-        threads: that filter.
+        threads: number of threads that filter.
 
     Attributes:
-        x, y: its axes, as it looks at the frame.
-        lines: that each thread filters in, FILTERED and four more.
-        samples: of the frame that is looked at.
+        x, y: tables of columns and rows, for the current jitter.
+        samples: of the current frame.
+        wide: samples of a row with its padding.
+        lines: (threads, ...) rows that each thread filters in, FILTERED and four more.
     """
 
     def __init__(
@@ -76,35 +65,50 @@ class View:
         threads: int,
         windows: Sequence[Kernel] = (),
     ) -> None:
-        self._looks = Looks(render, display, filters, windows)
-        self.look((0.0, 0.0))
-        self.samples = Samples(render)
-        self.lines = aligned((threads, (FILTERED + 4) * self.samples.wide + LANES))
+        self._tables = ResampleTableCache(render, display, filters, windows)
+        self.set_jitter((0.0, 0.0))
+        self.samples = empty_samples(render)
+        self.wide = self.samples.stride + 2 * PAD
+        self.lines = aligned((threads, (FILTERED + 4) * self.wide + LANES))
 
-    def look(self, jitter: tuple[float, float]) -> None:
-        """Look at a frame with this jitter."""
-        self.x, self.y = self._looks.at(jitter)
+    def set_jitter(self, jitter: tuple[float, float]) -> None:
+        """Set the jitter of the current frame."""
+        self.x, self.y = self._tables.at(jitter)
+
+    def tables(self) -> ResampleTables:
+        """Return the tables for the current jitter."""
+        x, y = self.x, self.y
+        return ResampleTables(
+            y.samples, y.weights, y.windows, y.first, y.near, x.start, x.weights, x.windows, x.first, x.near
+        )
 
     def most_bytes(self) -> int:
-        """What it comes to hold."""
-        return held_bytes(self) + self._looks.most_bytes()
+        """Return the bytes that it comes to hold."""
+        return held_bytes(self) + self._tables.most_bytes()
 
 
 class Weight:
-    """The share of the past, in rows of whole LANES, where it is asked for; 1 where nothing is drawn."""
+    """The weight of the history, where the caller asks for it; 1 in tiles that are reused.
+
+    Args:
+        aux_outputs: names of the outputs that the caller asks for.
+        display: size.
+    """
 
     def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
         self._width, asked = display[0], "weight" in aux_outputs
         shape = (1, 1, display[1], up_to(display[0], LANES))
         self._rows = np.ones(shape, np.float32) if asked else None
 
-    @property
-    def arguments(self) -> tuple[int, int]:
-        """Address, and whether it is one."""
-        return (0, 0) if self._rows is None else (address(self._rows), 1)
+    def output(self, next_history: Float32, image: Float32) -> Output:
+        """Return where a step writes."""
+        height, width = image.shape[:2]
+        rows = np.zeros(1, np.float32) if self._rows is None else self._rows
+        asked = int(self._rows is not None)
+        return Output(next_history, image, rows, asked, width, height, up_to(width, LANES))
 
     def aux_outputs(self) -> dict[str, Float32]:
-        """What an executor returns."""
+        """Return {"weight": (1, 1, H, W)} where the caller asked for it, else nothing."""
         return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
 
 
@@ -115,19 +119,19 @@ def bordered(plane: Float32, wide: int) -> Float32:
 
 
 class FramePreprocess:
-    """What every method begins with.
+    """The first stage of every method.
 
     Args:
-        kernels: READING.
+        kernels: PREPROCESS_KERNELS, among others.
         bands: threads.
     """
 
     def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self._bands = bands
-        self._measure, self._prepare, self._closest = (kernels[name] for name in PREPROCESS_KERNELS)
+        self._measure, self._prepare, self._dilate = (kernels[name] for name in PREPROCESS_KERNELS)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
-        """What the frame gives, else 0.18 over its log-average luminance; see `followed_exposure`."""
+        """Return the frame's exposure, else 0.18 over its log-average luminance; see `followed_exposure`."""
         given = usable_exposure(frame.exposure)
         target = self._measured(color) if given is None else None
         return float(np.float32(followed_exposure(given, target, before)))
@@ -140,17 +144,13 @@ class FramePreprocess:
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
         return EXPOSURE_KEY * math.exp(-logs / count) if count else None
 
-    def read(self, planes: Planes, exposure: float, to: Samples) -> None:
-        """Tone the samples; find what is in front."""
-        (h, w), stride = planes.depth.shape, to.stride
-        inputs = [address(plane) for plane in planes]
-        color, depths, across, down = (address(a) for a in (to.color, to.depths, to.across, to.down))
-        glares, found = address(to.glares), [address(plane) for plane in (to.front, to.own, to.eroded)]
+    def read(self, frame: FrameInputs, exposure: float, samples: FrameSamples) -> None:
+        """Fill `samples` from a frame."""
+        inputs, to = pack(frame._replace(exposure=exposure)), pack(samples)
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
-            more = max(y0 - 1, 0), min(y1 + 1, h)
-            self._prepare(*inputs, exposure, w, stride, *more, color, depths, across, down, glares)
-            self._closest(color, glares, depths, across, down, w, h, stride, y0, y1, *found)
+            self._prepare(inputs, to, max(y0 - 1, 0), min(y1 + 1, samples.height))
+            self._dilate(to, y0, y1)
 
-        self._bands.run("read", h, read)
+        self._bands.run("read", samples.height, read)

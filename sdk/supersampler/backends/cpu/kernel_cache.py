@@ -12,7 +12,7 @@ from typing import NamedTuple
 from supersampler.errors import KernelError, ShotError
 from supersampler.io.atomic import replacing
 
-_MAGIC = b"supersampler kernel 1\n"
+_MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256
 
 
@@ -22,13 +22,13 @@ class Kernel(NamedTuple):
     Attributes:
         name: as `load_kernels` takes it.
         symbol: of the function in the object file.
-        parameters: a letter for each parameter: p pointer, i int64, f float32.
+        slots: how many its arguments fill; see `structs`.
         code: the object file.
     """
 
     name: str
     symbol: str
-    parameters: str
+    slots: int
     code: bytes
 
 
@@ -59,13 +59,13 @@ def read_kernel(folder: Path, name: str) -> Kernel | None:
     if head != _MAGIC + hashlib.sha256(payload).digest():
         return None
     header, _, code = payload.partition(b"\n")
-    written_as, symbol, parameters = header.decode().split(" ")
-    return Kernel(name, symbol, parameters, code) if written_as == name else None
+    written_as, symbol, slots = header.decode().split(" ")
+    return Kernel(name, symbol, int(slots), code) if written_as == name else None
 
 
 def write_kernel(folder: Path, kernel: Kernel) -> None:
     """Keep a kernel for later processes, where the folder can be written."""
-    payload = f"{kernel.name} {kernel.symbol} {kernel.parameters}\n".encode() + kernel.code
+    payload = f"{kernel.name} {kernel.symbol} {kernel.slots}\n".encode() + kernel.code
     with suppress(ShotError), replacing(_path(folder, kernel.name)) as partial, partial.open("wb") as file:
         file.write(_MAGIC + hashlib.sha256(payload).digest() + payload)
         file.flush()

@@ -9,44 +9,93 @@ this process. An object needs few symbols, of which `kernel_loader` has its own 
 import gc
 import importlib
 import inspect
+import itertools
 import os
 import platform
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import llvmlite.binding as llvm
+from llvmlite import ir
 from numba import cfunc, config, types
 
 from supersampler.backends.cpu.kernel_cache import Kernel, read_kernel, write_kernel
-from supersampler.backends.cpu.kernel_loader import FLOAT, INTEGER, POINTER, SYMBOLS
-from supersampler.backends.cpu.kernels.types import Bytes, Floats, Halves, Words
+from supersampler.backends.cpu.kernel_loader import SYMBOLS
+from supersampler.backends.cpu.structs import SLOT, Bytes, Floats, Halves, Words
 
-_POINTERS = {Floats: types.float32, Bytes: types.uint8, Halves: types.uint16, Words: types.int32}
-_SCALARS = {int: (INTEGER, types.int64), float: (FLOAT, types.float32)}
+_POINTER = ir.PointerType()
+_FIELDS: dict[Any, tuple[types.Type, ir.Type]] = {
+    Floats: (types.CPointer(types.float32), _POINTER),
+    Bytes: (types.CPointer(types.uint8), _POINTER),
+    Halves: (types.CPointer(types.uint16), _POINTER),
+    Words: (types.CPointer(types.int32), _POINTER),
+    int: (types.int64, ir.IntType(64)),
+    float: (types.float32, ir.FloatType()),
+}
+_ENTRY = "call_kernel"
 _OPTIMIZATION = 1  # of LLVM's code generator; higher takes longer and makes no kernel faster
 
 
 def compile_kernel(name: str) -> Kernel:
-    """Compile one kernel; see `load_kernels` for its name.
+    """Compile one kernel; see `load_kernels` for its name and its arguments.
 
     Raises:
         NotImplementedError: it calls what `kernel_loader` does not define.
     """
     function = _function(name)
-    parameters, arguments = "", []
-    for parameter in inspect.signature(function).parameters.values():
-        pointed_to = _POINTERS.get(parameter.annotation)
-        if pointed_to is None:
-            letter, kind = _SCALARS[parameter.annotation]
-        else:
-            letter, kind = POINTER, types.CPointer(pointed_to)
-        parameters += letter
-        arguments.append(kind)
-    compiled = cfunc(types.void(*arguments), error_model="numpy")(function)
+    parameters = [_type_of(p.annotation) for p in inspect.signature(function).parameters.values()]
+    compiled = cfunc(types.void(*parameters), error_model="numpy")(function)
     module = llvm.parse_assembly(compiled.inspect_llvm())
     _check_symbols(module, name)
-    return Kernel(name, compiled.native_name, parameters, _target_machine().emit_object(module))
+    module.link_in(llvm.parse_assembly(str(_entry(compiled.native_name, parameters))))
+    slots = sum(_slots(kind) for kind in parameters)
+    return Kernel(name, _ENTRY, slots, _target_machine().emit_object(module))
+
+
+def _type_of(annotation: Any) -> types.Type:
+    """Return numba's type of a kernel's parameter, or of a field of one."""
+    if annotation in _FIELDS:
+        return _FIELDS[annotation][0]
+    return types.NamedTuple([_type_of(field) for field in annotation.__annotations__.values()], annotation)
+
+
+def _slots(kind: types.Type) -> int:
+    return sum(map(_slots, kind)) if isinstance(kind, types.NamedTuple) else 1
+
+
+def _llvm_type(kind: types.Type) -> ir.Type:
+    if isinstance(kind, types.NamedTuple):
+        return ir.LiteralStructType([_llvm_type(field) for field in kind])
+    return dict(_FIELDS.values())[kind]
+
+
+def _entry(symbol: str, parameters: Sequence[types.Type]) -> ir.Module:
+    """Return a function that loads the kernel's arguments from a record of slots and calls the kernel.
+
+    It is LLVM's, so that numba compiles each kernel once. Structs are values: their use costs no loads.
+    """
+    kinds = [_llvm_type(kind) for kind in parameters]
+    module = ir.Module()
+    kernel = ir.Function(module, ir.FunctionType(ir.VoidType(), kinds), symbol)
+    entry = ir.Function(module, ir.FunctionType(ir.VoidType(), [_POINTER]), _ENTRY)
+    builder = ir.IRBuilder(entry.append_basic_block())
+    offsets = itertools.count(0, SLOT)
+
+    def load(kind: ir.Type) -> ir.Value:
+        if not isinstance(kind, ir.LiteralStructType):
+            offset = ir.Constant(ir.IntType(64), next(offsets))
+            place = builder.gep(entry.args[0], [offset], source_etype=ir.IntType(8))
+            return builder.load(place, typ=kind)
+        value = ir.Constant(kind, ir.Undefined)
+        for index, field in enumerate(kind.elements):
+            value = builder.insert_value(value, load(field), index)
+        return value
+
+    builder.call(kernel, [load(kind) for kind in kinds])
+    builder.ret_void()
+    return module
 
 
 def _function(name: str) -> Callable[..., None]:

@@ -8,6 +8,7 @@ symbols that no other code of the process sees: the process stays as it was for 
 import ctypes
 import itertools
 import os
+import struct
 import subprocess
 import sys
 import time
@@ -23,6 +24,7 @@ from supersampler.backends.cpu.kernel_cache import (
     read_kernel,
     write_kernel,
 )
+from supersampler.backends.cpu.structs import SLOT
 from supersampler.backends.locks import ForkSafeLock
 from supersampler.errors import KernelError
 
@@ -31,8 +33,8 @@ if TYPE_CHECKING:
 
 Call = Callable[..., None]
 
-POINTER, INTEGER, FLOAT = "p", "i", "f"
-_C_TYPES: dict[str, type] = {POINTER: ctypes.c_void_p, INTEGER: ctypes.c_int64, FLOAT: ctypes.c_float}
+_PROTOTYPE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
+_INTEGER = struct.Struct("=q")
 _CALLED = ("memset", "memcpy", "memmove")  # by loops that only set or copy bytes
 _NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise none
     "NRT_Free", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_SetNone", "PyErr_SetString",
@@ -69,7 +71,8 @@ def load_kernels(*names: str) -> dict[str, Call]:
             compile belong at both ends.
 
     Returns:
-        Functions of addresses (see `memory.address`) and numbers, in the order of the kernel's parameters.
+        Functions of the kernel's arguments in order: a struct as `structs.pack` returns it, an array as
+        `memory.address` returns it, an integer as it is.
 
     Raises:
         KernelError: there is no compiler, or it fails.
@@ -161,8 +164,15 @@ def _link(kernel: Kernel) -> Call:
         builder.import_symbol(symbol, place)
     tracker = builder.link(_jit(), next(_LINKED.library_names))
     _LINKED.trackers.append(tracker)
-    prototype = ctypes.CFUNCTYPE(None, *(_C_TYPES[letter] for letter in kernel.parameters))
-    return prototype(tracker[kernel.symbol])
+    function, size = _PROTOTYPE(tracker[kernel.symbol]), SLOT * kernel.slots
+
+    def call(*arguments: bytes | int) -> None:
+        record = b"".join([a if isinstance(a, bytes) else _INTEGER.pack(a) for a in arguments])
+        if len(record) != size:  # it would read beyond the record
+            raise TypeError(f"kernel {kernel.name} takes {size} bytes of arguments, not {len(record)}")
+        function(record)
+
+    return call
 
 
 @cache

@@ -1,4 +1,4 @@
-"""Where rows and columns of a display look in a frame, and with what weights: one axis at a time.
+"""Which samples the rows and columns of a display resample, and with what weights: one axis at a time.
 
 Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, in the same single precision.
 """
@@ -30,7 +30,7 @@ class Filter(NamedTuple):
 
 
 class Axis:
-    """How the display pixels of one axis look at the samples of a frame; as rows want it, pixel by pixel.
+    """Tables of one axis, pixel by pixel: the layout of rows.
 
     Args:
         display, render: pixels and samples.
@@ -76,12 +76,12 @@ class Axis:
 
     @staticmethod
     def _laid(tables: NDArray[Any]) -> NDArray[Any]:
-        """(m, n, k) tables of n pixels as they are kept."""
+        """Return (m, n, k) tables of n pixels in the layout of this axis."""
         return tables
 
 
 class Columns(Axis):
-    """As columns want it: `samples` (4, n), `weights` (4 * filters, n), `windows` (3 * windows, n)."""
+    """The layout of columns: samples (4, n), weights (4 * filters, n), windows (3 * windows, n)."""
 
     @staticmethod
     def _laid(tables: NDArray[Any]) -> NDArray[Any]:
@@ -91,13 +91,13 @@ class Columns(Axis):
         return rows
 
 
-class Looks:
-    """How a display looks at frames of one size. Jitter repeats, so the tables of one period are kept.
+class ResampleTableCache:
+    """Tables for frames of one size. Jitter repeats, so the tables of one period are kept.
 
     Args:
         render, display: sizes.
         filters, windows: see `Axis`.
-        rows: how those want it.
+        rows: layout of the tables of rows.
     """
 
     def __init__(
@@ -114,11 +114,11 @@ class Looks:
         self._y = keep(partial(rows, display[1], render[1], filters, windows))
 
     def at(self, jitter: tuple[float, float]) -> tuple[Axis, Axis]:
-        """Of frames with this jitter: columns, rows."""
+        """Return the tables of columns and of rows for frames with this jitter."""
         return self._x(jitter[0]), self._y(jitter[1])
 
     def most_bytes(self) -> int:
-        """What it comes to hold."""
+        """Return the bytes that it comes to hold."""
         return self._phases * held_bytes(self.at((0.0, 0.0)))
 
 

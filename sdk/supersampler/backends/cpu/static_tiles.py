@@ -1,4 +1,4 @@
-"""Which parts of a frame are what the same jitter saw of them one period before."""
+"""Which tiles of a frame equal those of the frame one jitter period before."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -16,21 +16,22 @@ Sums = NDArray[np.uint64]
 Jitter = tuple[float, float]
 
 MOVING = 0
-"""The sum of a tile in which anything moves."""
+"""Fingerprint of a tile in which anything moves."""
 PHASES = 256
-"""Of a jitter sequence; of a longer one, or one that never repeats, nothing counts as still."""
+"""Longest jitter sequence; with a longer one, or one that never repeats, no tile counts as static."""
 _MANY = 1 << 53  # frames: a million years
 
 
 @dataclass(frozen=True, eq=False)
 class StaticTiles:
-    """What a frame knows of the frames before: not changed by anything, so it can be kept and shared.
+    """Fingerprints of the frames so far; immutable, so histories share it.
 
     Attributes:
-        frames: how many frames it has seen.
-        phases: by jitter, when it was last seen and the sums of the frame's tiles, the longest ago first.
-        period: frames since this frame's jitter was last seen; 0 where it was not.
-        same: (tiles of the frame) as they were then, and nothing moves; None before the first frame.
+        frames: number of frames so far.
+        phases: by jitter: number of the last frame with it, fingerprints of its tiles; oldest first.
+        period: frames since the last frame with this frame's jitter; 0 where there was none.
+        same: (rows, columns) tiles that equal those of that frame and do not move; None before the first
+            frame.
     """
 
     frames: int = 0
@@ -39,11 +40,11 @@ class StaticTiles:
     same: NDArray[np.bool_] | None = None
 
     def after(self, jitter: Jitter, sums: Sums) -> "StaticTiles":
-        """Return what is known after one more frame.
+        """Return the state after one more frame.
 
         Args:
             jitter: of the frame.
-            sums: (rows, columns) of its tiles.
+            sums: (rows, columns) fingerprints of its tiles.
         """
         begun = self if self.same is not None and self.same.shape == sums.shape else StaticTiles()
         when, before = begun.phases.get(jitter, (begun.frames, None))
@@ -55,7 +56,7 @@ class StaticTiles:
         return StaticTiles(begun.frames + 1, phases, begun.frames - when, same)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
-        """Copies, for `of_arrays`; none before the first frame."""
+        """Return copies for `of_arrays`; none before the first frame."""
         if self.same is None:
             return {}
         return {
@@ -68,7 +69,7 @@ class StaticTiles:
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, NDArray[Any]]) -> "StaticTiles":
-        """Continue from copies by `arrays`, which may lie among others; from nothing where there are none.
+        """Continue from arrays by `arrays`, other arrays among them; begin anew where there are none.
 
         Args:
             arrays: as `static_tile_specs` says.
@@ -92,7 +93,7 @@ class StaticTiles:
 
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
-    """What `StaticTiles.arrays` are after a frame of this size."""
+    """Return the shapes and values of `StaticTiles.arrays` after a frame of this size."""
     tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
     return {
         "still.frames": ArraySpec("int64", (), (1, _MANY)),

@@ -1,4 +1,4 @@
-"""What a step leaves undone: tiles of the picture where the scene stands still keep what they show."""
+"""Static-tile reuse: where a scene stands still, a step copies tiles of the image and computes the rest."""
 
 from collections.abc import Mapping, Sequence
 from functools import partial
@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.frame_preprocess import Planes
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import SAMPLES, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.static_tiles import Jitter, Sums
+from supersampler.backends.cpu.structs import FrameInputs, TileComparison, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
-from supersampler.backends.cpu.tile_state import Looks, Pending, TileState, next_generation
+from supersampler.backends.cpu.tile_state import Pending, ReferenceTiles, TileState, next_generation
 from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, seen_from
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
@@ -21,154 +21,185 @@ from supersampler.frame import Float32, Size
 _KERNELS = "backends.cpu.kernels.stillness"
 TILE_REUSE_KERNELS = (
     f"{_KERNELS}.fingerprints",
-    f"{_KERNELS}.show",
-    f"{_KERNELS}.look",
+    f"{_KERNELS}.copy_colors",
+    f"{_KERNELS}.compare_tiles",
 )
-LEAST = 0.1
-"""Share of the tiles below which it is not worth while to leave them out."""
-SETTLED = 16
-"""Frames between two looks at a tile, at least, also where jitter repeats sooner or there is none."""
-CIRCLES = 1.0, 4.0, 8.0
-"""What a tile may change by in the first period, the second and each further one, and yet rest."""
+LEAST_SHARE = 0.1
+"""Share of reusable tiles below which reuse saves no time."""
+SETTLE_FRAMES = 16
+"""Least number of frames between two comparisons of a tile, also with short or constant jitter."""
+TOLERANCE_GROWTH = 1.0, 4.0, 8.0
+"""The tolerance grows by these factors in the first, the second and all further jitter periods."""
 
 _FACTORS = np.array([pow(0x9E3779B97F4A7C15, k, 2**64) for k in range(1, 9)], np.uint64)
 
 
 class TileReuse:
-    """Decides what a step draws, and keeps the rest.
+    """Decides which tiles a step computes, and copies the others.
 
     Args:
-        kernels: SKIPPING.
+        kernels: TILE_REUSE_KERNELS, among others.
         bands: threads.
     """
 
     def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
         self._bands = bands
-        self._sum, self._show, self._look = (kernels[name] for name in TILE_REUSE_KERNELS)
+        self._fingerprint, self._copy_colors, self._compare = (kernels[name] for name in TILE_REUSE_KERNELS)
 
     @staticmethod
     def most_bytes(display: Size, render: Size) -> int:
-        """What a history comes to hold when all of a scene stands still."""
+        """Return the bytes that a history comes to hold when the whole scene stands still."""
         phases = jitter_phase_count(display[0] / render[0])
         tiles = -(-render[0] // SAMPLES) * -(-render[1] // SAMPLES)
         return display[0] * display[1] * 3 * 4 + phases * tiles * 8
 
     def begin(
-        self, planes: Planes, jitter: Jitter, display: Size, past: TileState, left: TileState, *, skips: bool
+        self,
+        planes: FrameInputs,
+        jitter: Jitter,
+        display: Size,
+        previous: TileState,
+        current: TileState,
+        *,
+        skips: bool,
     ) -> Tiles:
-        """Say what is to be drawn, and that `left` does not hold it yet; `skips`: not necessarily all."""
-        drawn = np.ones(past.generations.shape, bool)
-        left.forget()
+        """Choose the tiles to compute, and mark them as not yet valid in `current`.
+
+        Args:
+            planes: the frame.
+            jitter: of the frame.
+            display: size of the image.
+            previous: state of the history.
+            current: state of the next history.
+            skips: whether tiles may be reused; else all are computed.
+        """
+        drawn = np.ones(previous.generations.shape, bool)
+        current.forget()
         if skips:
-            self._keep_looks(past)
-            stillness = past.stillness.after(jitter, self._sums(planes))
+            self._commit_reference(previous)
+            static_tiles = previous.static_tiles.after(jitter, self._fingerprints(planes))
             same = np.zeros(drawn.shape, bool)
-            if stillness.same is not None and stillness.same.any():
-                same = ~seen_from(~stillness.same, display, planes.depth.shape[1::-1])
-            left.follow(past, stillness, same)
-            if left.still.mean() >= LEAST:
-                drawn = ~left.still
+            if static_tiles.same is not None and static_tiles.same.any():
+                same = ~seen_from(~static_tiles.same, display, planes.depth.shape[1::-1])
+            current.follow(previous, static_tiles, same)
+            if current.still.mean() >= LEAST_SHARE:
+                drawn = ~current.still
         tiles = Tiles(drawn)
-        left.generations[tiles.drawn] = next_generation()
-        left.work = tiles.work()
+        current.generations[tiles.drawn] = next_generation()
+        current.work = tiles.work()
         return tiles
 
     def end(
         self,
         tiles: Tiles,
-        past: TileState,
-        left: TileState,
+        previous: TileState,
+        current: TileState,
         kept: Sequence[tuple[int, NDArray[Any], NDArray[Any]]],
         image: Float32,
         *,
         exposure: float,
         tolerance: float,
     ) -> None:
-        """Let the other tiles show what they did, and go on with it; see which of those drawn have settled.
+        """Copy the tiles that were not computed, and find computed tiles that no longer change.
 
         Args:
-            tiles: what was drawn.
-            past: of the history before.
-            left: of the one that is left.
-            kept: for each image of the histories, pixels of a tile's side, and (H, W, ...) the past's and
-                where it is left; the first holds the picture in its first channels.
-            image: (H, W, 3).
+            tiles: that were computed.
+            previous: state of the history.
+            current: state of the next history.
+            kept: for each array of the histories: pixels of a tile's side, (H, W, ...) of the history, and of
+                the next history; the first array has linear RGB in its first channels.
+            image: (H, W, 3), written to.
             exposure: of the frame.
-            tolerance: how far a tile that has settled may be from what it was one period before, of what a
-                screen shows, root mean square of its pixels.
+            tolerance: root mean square of the change of toned colors within one jitter period, up to which a
+                tile counts as static.
         """
-        self._settle(tiles, left, kept[0][2], exposure, tolerance)
+        self._settle(tiles, current, kept[0][2], exposure, tolerance)
         if tiles.all:
             return
-        stale = ~tiles.drawn & (left.generations != past.generations)
+        stale = ~tiles.drawn & (current.generations != previous.generations)
         if stale.any():
             runs = runs_of(stale)
             for unit, before, after in kept:
                 boxes = scaled(runs, unit, (before.shape[1], before.shape[0]))
                 self._bands.cover("skip", boxes, partial(_copy, before, after))
-        left.generations[~tiles.drawn] = past.generations[~tiles.drawn]
+        current.generations[~tiles.drawn] = previous.generations[~tiles.drawn]
         pixels, (height, width) = kept[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
-        self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, address(image)))
+        self._bands.cover("skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, address(image)))
 
     def _settle(
-        self, tiles: Tiles, left: TileState, pixels: NDArray[Any], exposure: float, tolerance: float
+        self, tiles: Tiles, current: TileState, pixels: NDArray[Any], exposure: float, tolerance: float
     ) -> None:
-        """Once a period, look at tiles of a scene that stands still; those that have not changed may rest."""
-        interval = left.stillness.period * -(-SETTLED // max(left.stillness.period, 1))
+        """Once a jitter period, compare tiles with static samples; reuse those that did not change."""
+        interval = current.static_tiles.period * -(-SETTLE_FRAMES // max(current.static_tiles.period, 1))
         if not interval:
             return
-        due = tiles.drawn & (left.matched > 0) & ((left.matched - 1) % interval == 0)
+        due = tiles.drawn & (current.matched > 0) & ((current.matched - 1) % interval == 0)
         if not due.any():
             return
         height, width = pixels.shape[:2]
-        if left.looks is None:
-            left.looks = Looks(np.zeros((height, width, 3), np.float32), np.zeros(due.shape, np.int64))
+        if current.reference is None:
+            current.reference = ReferenceTiles(
+                np.zeros((height, width, 3), np.float32), np.zeros(due.shape, np.int64)
+            )
         changes = np.zeros(due.shape, np.float32)
-        arguments = address(pixels), pixels.shape[2], width, height, due.shape[1], exposure
-        places = address(left.looks.pixels), address(changes)
-        self._bands.cover("skip", runs_of(due), lambda box, _: self._look(*arguments, *box, *places))
-        known = (left.looked == left.looks.generations) & (left.matched > interval)
-        allowed = allowed_change(tolerance, (left.matched - 1) // interval)
-        left.still |= due & known & (changes <= allowed * allowed)
-        left.looked[due] = next_generation()
-        left.pending = Pending(due, pixels)
+        comparison = pack(
+            TileComparison(
+                pixels,
+                current.reference.pixels,
+                changes,
+                pixels.shape[2],
+                width,
+                height,
+                due.shape[1],
+                exposure,
+            )
+        )
+        self._bands.cover("skip", runs_of(due), lambda box, _: self._compare(comparison, *box))
+        known = (current.reference_generations == current.reference.generations) & (
+            current.matched > interval
+        )
+        allowed = allowed_change(tolerance, (current.matched - 1) // interval)
+        current.still |= due & known & (changes <= allowed * allowed)
+        current.reference_generations[due] = next_generation()
+        current.pending = Pending(due, pixels)
 
-    def _keep_looks(self, past: TileState) -> None:
-        """Copy tiles that have been looked at to where all histories find them.
+    def _commit_reference(self, previous: TileState) -> None:
+        """Copy pending tiles to the reference that all histories share.
 
-        Done again, it changes nothing more: a step that is interrupted may repeat it.
+        An interrupted step may repeat it: the second time changes nothing.
         """
-        if past.pending is None or past.looks is None:
+        if previous.pending is None or previous.reference is None:
             return
-        tiles, image = past.pending
+        tiles, image = previous.pending
         height, width = image.shape[:2]
-        arguments, to = (address(image), image.shape[2], width), address(past.looks.pixels)
-        past.looks.generations[tiles] = 0  # for other histories: these are no longer what they knew
+        arguments, to = (address(image), image.shape[2], width), address(previous.reference.pixels)
+        previous.reference.generations[tiles] = 0  # other histories must not rely on these tiles any more
         boxes = scaled(runs_of(tiles), TILE, (width, height))
-        self._bands.cover("skip", boxes, lambda box, _: self._show(*arguments, *box, to))
-        past.looks.generations[tiles] = past.looked[tiles]
+        self._bands.cover("skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, to))
+        previous.reference.generations[tiles] = previous.reference_generations[tiles]
 
-    def _sums(self, planes: Planes) -> Sums:
+    def _fingerprints(self, planes: FrameInputs) -> Sums:
         h, w = planes.depth.shape
         rows, columns = -(-h // SAMPLES), -(-w // SAMPLES)
         words = np.empty((rows, columns, 8), np.uint64)
-        inputs = (*(address(plane) for plane in planes), address(planes.motion), w, h)
-        self._bands.run("skip", rows, lambda y0, y1, _: self._sum(*inputs, y0, y1, address(words)))
+        color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
+        inputs = color, depth, motion, motion, w, h
+        self._bands.run("skip", rows, lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words)))
         return np.asarray(words @ _FACTORS)
 
 
 def allowed_change(tolerance: float, periods: NDArray[np.int32]) -> Float32:
-    """What tiles may change by in a period and yet rest: more, the longer what they look at stands still.
+    """Return the change of tiles within one jitter period up to which they count as static.
 
-    What has not settled by then goes round in a circle, of which any part is as good.
+    The tolerance grows in later periods, because the remaining change is periodic.
 
     Args:
         tolerance: in the first period.
-        periods: since the first look at each tile; the first is 1.
+        periods: since the first comparison of each tile; the first is 1.
     """
-    return tolerance * np.array(CIRCLES, np.float32)[np.clip(periods, 1, len(CIRCLES)) - 1]
+    return tolerance * np.array(TOLERANCE_GROWTH, np.float32)[np.clip(periods, 1, len(TOLERANCE_GROWTH)) - 1]
 
 
 def _copy(before: NDArray[Any], after: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any

@@ -1,4 +1,4 @@
-"""`classifier` on a processor: gather, network in bytes and finish, row by row on several threads."""
+"""CPU backend of `classifier`: gather, int8 network and finish, row by row on several threads."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, View, Weight, bordered
+from supersampler.backends.cpu.frame_preprocess import (
+    PREPROCESS_KERNELS,
+    ResampledFrame,
+    Weight,
+    bordered,
+    frame_inputs,
+)
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import Job, Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -22,6 +29,13 @@ from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER
+from supersampler.methods.classifier.structs import (
+    ClassifierHistoryInput,
+    FinishConstants,
+    FinishScratch,
+    Gathered,
+    GatherScratch,
+)
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.model_file import ModelInfo
 from supersampler.methods.spec import constants_array
@@ -29,20 +43,20 @@ from supersampler.methods.spec import constants_array
 ALL = 255.0
 GATHER = "methods.classifier.kernels.gather.make_gather_rows"
 FINISH = "methods.classifier.kernels.finish.make_finish_rows"
-SURFACES = "backends.cpu.kernels.frame.surfaces"
+KEEP_DEPTH = "backends.cpu.kernels.frame.keep_depth"
 
 
 @dataclass(eq=False)
 class ClassifierHistory:
-    """What one frame leaves for the next.
+    """The history that one frame hands to the next.
 
     Attributes:
         render: size of that frame.
         pixels: (H, W, CLASSIFIER_PIXEL) linear RGB, count, least and most luma.
-        classes: (H / 2, W / 2, 8) shares of six classes, ALL is all.
-        surfaces: (h, PAD + stride + PAD, 2) depth as it is and without thin things.
+        classes: (H / 2, W / 2, 8) probabilities of six classes, ALL is 1.
+        surfaces: (h, PAD + stride + PAD, 2) depth as it is and by morphological opening.
         jitter: of that frame.
-        trail: what tells which tiles may stay as they are.
+        tile_state: for static-tile reuse.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
         glares: whether pixels may hold counts of frames with light over GLARING.
     """
@@ -64,8 +78,9 @@ class _Space:
         self.display = big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
-        self.past = aligned((big_h * width + LANES, PAST))
-        self.rest = aligned((big_h * width, host.variant.rest), np.uint16)
+        history = aligned((big_h * width + LANES, PAST))
+        rest = aligned((big_h * width, host.variant.rest), np.uint16)
+        self.gathered = Gathered(history, rest, big_w, big_h, width)
         self.encoder = Encoder(host.network, half, host.bands)
         self.scratch = [_Scratch(self, host.variant) for _ in range(host.bands.threads)]
 
@@ -75,23 +90,28 @@ class _Scratch:
 
     def __init__(self, space: _Space, variant: Variant) -> None:
         width, half_w = space.width, space.half[0] + LANES
-        self.ring = aligned((3, width + 2 * PAD))
-        self.slots, self.weights = aligned((12, LANES), np.int32), aligned((12, LANES))
-        self.warped = aligned((LANES, LANES))
-        self.places, self.apart = aligned((2 * width + LANES,)), aligned((4 * width + 2 * LANES,))
-        self.seen = aligned((4 * SEEN * width + 2 * LANES,), np.uint8)
-        self.read, self.decoded = aligned((2, half_w, 32), np.uint8)
-        self.hidden = aligned((half_w, 4 * LANES), np.uint8)
-        self.mixing = aligned((variant.outputs, half_w))
-        self.columns = aligned((LANES, LANES), np.int32)
-        self.out = aligned((LANES, 8))
-        self.gathering = [
-            address(a)
-            for a in (self.ring, self.slots, self.weights, self.warped, self.places, self.seen, self.apart)
-        ]
-        self.finishing = [
-            address(a) for a in (self.read, self.decoded, self.hidden, self.mixing, self.columns, self.out)
-        ]
+        self.gather = GatherScratch(
+            aligned((3, width + 2 * PAD)),
+            aligned((12, LANES), np.int32),
+            aligned((12, LANES)),
+            aligned((LANES, LANES)),
+            aligned((2 * width + LANES,)),
+            aligned((4 * SEEN * width + 2 * LANES,), np.uint8),
+            aligned((4 * width + 2 * LANES,)),
+        )
+        read, decoded = aligned((2, half_w, 32), np.uint8)
+        hidden = aligned((half_w, 4 * LANES), np.uint8)
+        self.finish = FinishScratch(
+            read,
+            read.view(np.int32),
+            decoded,
+            decoded.view(np.int32),
+            hidden,
+            hidden.view(np.int32),
+            aligned((variant.outputs, half_w)),
+            aligned((LANES, LANES), np.int32),
+            aligned((LANES, 8)),
+        )
 
 
 class ClassifierCpu(CpuExecutor):
@@ -107,7 +127,7 @@ class ClassifierCpu(CpuExecutor):
     def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         self.variant = Variant.of(info.config)
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
-        kernels = load_kernels(gather, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, SURFACES, LEVEL, finish)
+        kernels = load_kernels(gather, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, KEEP_DEPTH, LEVEL, finish)
         super().__init__(kernels, bands)
         self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
         self._config = c = info.config
@@ -118,9 +138,11 @@ class ClassifierCpu(CpuExecutor):
             Filter(gaussian(c["moment_sigma"]), False),
         ]
         self._windows = [gaussian(c["kernel_sigma"])]
-        self._gather, self._surfaces, self._finish = (kernels[name] for name in (gather, SURFACES, finish))
+        self._gather, self._keep_depth, self._finish = (
+            kernels[name] for name in (gather, KEEP_DEPTH, finish)
+        )
         self._spaces = Workspaces(lambda display: _Space(self, display))
-        self._views = Workspaces(self._view)
+        self._resampled = Workspaces(self._resampled_frame)
 
     def zeros(self, display: Size, render: Size) -> ClassifierHistory:
         """See `Executor`."""
@@ -141,34 +163,43 @@ class ClassifierCpu(CpuExecutor):
         self,
         frame: Frame,
         display: Size,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
-        tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
+        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
+        tiles = self._tile_reuse.begin(
+            planes,
+            frame.jitter,
+            display,
+            history.tile_state,
+            next_history.tile_state,
+            skips=tolerance is not None,
         )
         if tiles.any:
-            self._draw(planes, frame, display, past, left, image, weight, tiles)
+            self._compute(planes, frame, display, history, next_history, image, weight, tiles)
         else:
-            left.jitter, left.exposure, left.glares = past.jitter, past.exposure, past.glares
-            left.surfaces[:] = past.surfaces
-        kept = (TILE, past.pixels, left.pixels), (TILE // 2, past.classes, left.classes)
-        self._skipping.end(
-            tiles, past.tile_state, left.tile_state, kept, image,
-            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+            next_history.jitter, next_history.exposure, next_history.glares = (
+                history.jitter,
+                history.exposure,
+                history.glares,
+            )
+            next_history.surfaces[:] = history.surfaces
+        kept = (TILE, history.pixels, next_history.pixels), (TILE // 2, history.classes, next_history.classes)
+        self._tile_reuse.end(
+            tiles, history.tile_state, next_history.tile_state, kept, image,
+            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space, view = _Space(self, display), self._view(render, display)
-        working = held_bytes(space) + view.most_bytes() + self._skipping.most_bytes(display, render)
+        space, view = _Space(self, display), self._resampled_frame(render, display)
+        working = held_bytes(space) + view.most_bytes() + self._tile_reuse.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: ClassifierHistory, name: str) -> Float32:
@@ -197,103 +228,90 @@ class ClassifierCpu(CpuExecutor):
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
-    def _view(self, render: Size, display: Size) -> View:
-        return View(render, display, self._filters, self.bands.threads, self._windows)
+    def _resampled_frame(self, render: Size, display: Size) -> ResampledFrame:
+        return ResampledFrame(render, display, self._filters, self.bands.threads, self._windows)
 
-    def _draw(
+    def _compute(
         self,
-        planes: Planes,
+        planes: FrameInputs,
         frame: Frame,
         display: Size,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        exposure = self._reader.exposure(frame, planes.color, past.exposure)
-        left.jitter, left.exposure = frame.jitter, exposure
-        with self._spaces.borrow(display) as space, self._views.borrow(frame.size, display) as view:
-            view.look(frame.jitter)
-            self._reader.read(planes, abs(exposure), view.samples)
-            left.glares = view.samples.any_glares or (past.glares and not tiles.all)
-            self._gather_all(space, view, past, left, tiles)
+        exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
+        next_history.jitter, next_history.exposure = frame.jitter, exposure
+        with self._spaces.borrow(display) as space, self._resampled.borrow(frame.size, display) as view:
+            view.set_jitter(frame.jitter)
+            self._preprocess.read(planes, abs(exposure), view.samples)
+            next_history.glares = bool(view.samples.glares.any()) or (history.glares and not tiles.all)
+            self._gather_all(space, view, history, next_history, tiles)
             space.encoder.run(tiles)
-            self._compose(space, view, past, left, image, weight, tiles)
+            self._compose(space, view, history, next_history, image, weight, tiles)
 
     def _gather_all(
-        self, space: _Space, view: View, past: ClassifierHistory, left: ClassifierHistory, tiles: Tiles
+        self,
+        space: _Space,
+        view: ResampledFrame,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
+        tiles: Tiles,
     ) -> None:
-        """All that is known of the display before the network speaks, and the depth for the next frame."""
-        s, v, read = space, view, view.samples
-        (old_w, old_h), (w, h), (big_w, big_h) = past.render, left.render, s.display
+        """Compute the network inputs and all that finish needs, and the depth for the next frame."""
+        s, read = space, view.samples
+        (old_w, old_h), (w, h), (big_w, big_h) = history.render, next_history.render, s.display
         numbers = np.array(
             [
-                *self._constants, abs(left.exposure), w, h, big_w, big_h, old_w, old_h,
-                *past.jitter, left.glares or past.glares,
+                *self._constants, abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h,
+                *history.jitter, next_history.glares or history.glares,
             ],
             np.float32,
         )  # fmt: skip
-        inputs = (
-            address(read.color), address(read.front), address(read.own), read.stride,
-            address(past.pixels), address(past.surfaces), past.surfaces.shape[1],
-            *(address(a) for a in (v.y.samples, v.y.weights, v.x.start, v.x.weights)),
-            *(address(a) for a in (v.x.first, v.x.near, v.y.first, v.y.near, numbers)),
-            big_w, big_h, s.width,
-        )  # fmt: skip
-        records, means = s.encoder.records, s.encoder.means
-        outputs = (
-            *(address(a) for a in (s.past, s.rest, past.classes)), records.shape[1], address(records),
-            means.shape[2], address(means),
-        )  # fmt: skip
+        previous = ClassifierHistoryInput(
+            history.pixels, history.classes, history.surfaces, history.surfaces.shape[1]
+        )
+        samples, next_depth = pack(read), address(next_history.surfaces)
+        inputs = samples, pack(previous), pack(view.tables()), address(numbers)
+        lines, scratch = [address(line) for line in view.lines], [pack(t.gather) for t in s.scratch]
+        outputs = pack(s.gathered), pack(s.encoder.inputs)
 
         def gather(box: Rect, worker: int) -> None:
-            lines = address(v.lines[worker])
-            self._gather(*inputs, *box, lines, *s.scratch[worker].gathering, *outputs)
+            self._gather(*inputs, lines[worker], scratch[worker], *outputs, *box)
 
-        depths, eroded, to = address(read.depths), address(read.eroded), address(left.surfaces)
-
-        def leave(box: Rect, _: int) -> None:
-            self._surfaces(depths, eroded, w, h, read.stride, box.y0, box.y1, to)
+        def write_depth(box: Rect, _: int) -> None:
+            self._keep_depth(samples, next_depth, box.y0, box.y1)
 
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
-        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], leave))
+        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], write_depth))
 
     def _compose(
         self,
         space: _Space,
-        view: View,
-        past: ClassifierHistory,
-        left: ClassifierHistory,
+        view: ResampledFrame,
+        history: ClassifierHistory,
+        next_history: ClassifierHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        """The last layers, and the picture that they make of what was gathered."""
-        s, v, n, c, e, read = space, view, self.network, self._config, space.encoder, view.samples
-        (_, h), (big_w, big_h) = left.render, s.display
-        decoder, hidden, mixing = n.decoder, n.hidden, n.mixing
-        pitches = address(e.pitches)
-        layers = (
-            address(e.records), e.records.shape[1] * e.records.shape[2],
-            hidden.weights, hidden.blocks, hidden.scale, hidden.bias,
+        """Run the last layers; compose the image and the next history from what was gathered."""
+        s, n, c, e, big_w = space, self.network, self._config, space.encoder, space.display[0]
+        streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0)
+        constants = FinishConstants(
+            n.logits, n.logits_scale, abs(next_history.exposure), c["samples"], c["contraction"],
+            next_history.glares or history.glares, streams,
         )  # fmt: skip
-        last = (n.logits, n.logits_scale, mixing.words, mixing.weights, mixing.scale, mixing.bias)
-        gathered = (
-            address(left.classes), address(s.past), address(s.rest), s.width, address(read.color),
-            read.wide, h, *(address(a) for a in (v.x.near, v.y.near, v.x.windows, v.y.windows)),
-        )  # fmt: skip
-        outputs = (
-            big_w, big_h, abs(left.exposure), c["samples"], c["contraction"], left.glares or past.glares,
-            address(left.pixels), address(image), *weight.arguments,
-            (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0),  # what streams
-        )  # fmt: skip
+        inputs = [
+            pack(struct)
+            for struct in (e.levels, n.layers, e.inputs, s.gathered, view.samples, view.tables(), constants)
+        ]
+        outputs = pack(weight.output(next_history.pixels, image)), address(next_history.classes)
+        scratch = [pack(thread.finish) for thread in s.scratch]
 
         def finish(box: Rect, worker: int) -> None:
-            seen, decoded, said, mixed, columns, out = s.scratch[worker].finishing
-            self._finish(
-                *e.kept, pitches, seen, seen, decoder.weights, decoder.scale, decoder.bias,
-                decoded, decoded, *layers, said, said, *last, mixed, *gathered, columns, out, *outputs, *box,
-            )  # fmt: skip
+            self._finish(*inputs, scratch[worker], *outputs, *box)
 
         self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)

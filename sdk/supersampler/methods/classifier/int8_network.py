@@ -1,4 +1,4 @@
-"""The network of `classifier` in bytes, level by level; the layers after them are in its finish."""
+"""The int8 network of `classifier`: weights, and the encoder, level by level."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
@@ -8,12 +8,22 @@ from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RECORD, TILE
-from supersampler.backends.cpu.memory import address, aligned
+from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import Tiles
 from supersampler.frame import Size
 from supersampler.methods.classifier.network_file import KEPT, read_network
+from supersampler.methods.classifier.structs import (
+    EncodedLevels,
+    FinishLayers,
+    LayerWeights,
+    LevelAbove,
+    LevelBuffers,
+    LevelScratch,
+    NetworkInputs,
+)
 from supersampler.methods.model_file import ModelInfo
 
 Bytes = NDArray[np.uint8]
@@ -26,14 +36,9 @@ SIX = 6  # so many; they write nothing beyond a row that is at least as long
 LEVEL = "methods.classifier.kernels.encode.level"
 
 
-class Layer:
-    """Weights of a layer, and how its sums become bytes or values: addresses."""
-
-    def __init__(self, arrays: Mapping[str, NDArray[Any]], name: str) -> None:
-        self._arrays = [arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias")]
-        self.weights, self.scale, self.bias = (address(array) for array in self._arrays)
-        self.blocks, self.words = self._arrays[0].shape[:2]  # of the last: outputs, words
-        self.outputs = len(self._arrays[1])
+def _layer(arrays: Mapping[str, NDArray[Any]], name: str) -> LayerWeights:
+    weights, scale, bias = (arrays[f"{name}.{part}"] for part in ("weights", "scale", "bias"))
+    return LayerWeights(weights, scale, bias, *weights.shape[:2])
 
 
 class ByteNetwork:
@@ -51,10 +56,10 @@ class ByteNetwork:
     def __init__(self, info: ModelInfo, outputs: int, level: Call) -> None:
         arrays = read_network(info, outputs)
         self.levels = [
-            tuple(Layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
+            tuple(_layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
             for level in range(len(KEPT))
         ]
-        self.decoder, self.hidden, self.mixing = (Layer(arrays, n) for n in ("decoder", "hidden", "mixing"))
+        self.layers = FinishLayers(*(_layer(arrays, name) for name in ("decoder", "hidden", "mixing")))
         self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
         self.level = level
 
@@ -62,53 +67,54 @@ class ByteNetwork:
 class _Level:
     """Buffers of a level: x within a border of one pixel, and what it gives; rows at which it may be cut."""
 
-    def __init__(self, layers: tuple[Layer, ...], width: int, height: int, multiple: int) -> None:
+    def __init__(self, layers: tuple[LayerWeights, ...], width: int, height: int, multiple: int) -> None:
         self.first, self.spatial, self.last = layers
         self.width, self.height, self.multiple = width, height, multiple
         self.given = -(-4 * self.first.words // ROOM) * ROOM  # channels of the level above, pooled
         self.x: Bytes = aligned((height + 2, width + ROOM, self.first.outputs), np.uint8)
         self.out: Bytes = aligned((height, width + ROOM, self.last.outputs), np.uint8)
+        self.buffers = LevelBuffers(
+            self.x, self.first.outputs, _row_of(self.x), self.spatial.outputs, self.out, self.last.outputs,
+            _row_of(self.out), width,
+        )  # fmt: skip
 
-    def row_of(self, image: Bytes) -> int:
-        """Bytes from row to row."""
-        return int(image.shape[1] * image.shape[2])
+
+def _row_of(image: Bytes) -> int:
+    """Bytes from row to row."""
+    return int(image.shape[1] * image.shape[2])
 
 
 class Encoder:
     """The encoder at one size.
 
     Attributes:
-        records: (half height, row, RECORD) words, what is known of packed pixels.
-        means: (half height, 2, stride) from which what is around them gets there, with PAD on either side.
-        kept: addresses of what each level gives.
-        pitches: bytes a pixel of each, then bytes a row.
+        inputs: what it reads.
+        levels: what it gives.
     """
 
     def __init__(self, network: ByteNetwork, half: Size, bands: ThreadPool) -> None:
         self._bands = bands
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
-        self.records = aligned((half[1], width + ROOM, RECORD), np.int32)
-        self.means = aligned((half[1], 2, up_to(half[0], LANES) + 2 * PAD))
+        row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
+        records, means = aligned((half[1], row, RECORD), np.int32), aligned((half[1], 2, stride))
+        self.inputs = NetworkInputs(records, means, *half, row, stride)
         self._levels = [
             _Level(layers, width >> level, height >> level, ALIGNED >> level)
             for level, layers in enumerate(network.levels)
         ]
-        self._scratch = aligned((bands.threads, 4, self.means.shape[2]))
+        self._scratch = aligned((bands.threads, 4, stride))
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
         self._lines = aligned((bands.threads, most), np.uint8)
-        own = [
-            (*(address(row) for row in rows), address(line), address(line))
-            for rows, line in zip(self._scratch, self._lines, strict=True)
+        scratch = [
+            pack(LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32)))
+            for (signed, absolute, tent, codes), line in zip(self._scratch, self._lines, strict=True)
         ]
-        seen = (
-            address(self.means), *half, self.means.shape[2], address(self.records),
-            self.records.shape[1] * RECORD,
-        )  # fmt: skip
-        self._work = [_work_of(network, self._levels, depth, seen, own) for depth in range(len(KEPT))]
-        self.kept = [address(level.out) for level in self._levels]
-        pitches = [level.last.outputs for level in self._levels]
-        rows = [level.row_of(level.out) for level in self._levels]
-        self.pitches = np.array([*pitches, *rows], np.int32)
+        inputs = pack(self.inputs)
+        self._work = [_work_of(network, self._levels, depth, inputs, scratch) for depth in range(len(KEPT))]
+        pitches = [level.buffers.out_pitch for level in self._levels]
+        rows = [level.buffers.out_row for level in self._levels]
+        first, second, third, fourth = (level.out for level in self._levels)
+        self.levels = EncodedLevels(first, second, third, fourth, np.array([*pitches, *rows], np.int32))
 
     def run(self, tiles: Tiles) -> None:
         """All of it, of tiles."""
@@ -146,18 +152,17 @@ def _work_of(
     network: ByteNetwork,
     levels: Sequence[_Level],
     depth: int,
-    seen: Sequence[int],
-    own: Sequence[Sequence[int]],
+    inputs: bytes,
+    scratch: Sequence[bytes],
 ) -> LevelWork:
     """Does a level: its first layer in rows from the first number to before the second, others in a box."""
     above, level = levels[max(depth - 1, 0)], levels[depth]
     skipped = KEPT[depth - 1] * 4 ** (depth - 1) if depth else 0
-    arguments = (
-        *seen, address(above.out) + skipped, above.last.outputs, above.row_of(above.out),
-        level.given if depth else 0, level.first.words, level.first.weights, level.first.blocks,
-        level.first.scale, level.first.bias, address(level.x), level.first.outputs, level.row_of(level.x),
-        level.width, level.spatial.outputs, level.spatial.weights, level.spatial.scale, level.spatial.bias,
-        level.last.weights, level.last.blocks, level.last.scale, level.last.bias, address(level.out),
-        level.last.outputs, level.row_of(level.out),
-    )  # fmt: skip
-    return lambda y0, y1, box, worker: network.level(*arguments, *own[worker], y0, y1, *box)
+    pooled = LevelAbove(
+        above.out.reshape(-1)[skipped:],
+        above.buffers.out_pitch,
+        above.buffers.out_row,
+        level.given if depth else 0,
+    )
+    arguments = inputs, *(pack(s) for s in (pooled, level.first, level.spatial, level.last, level.buffers))
+    return lambda y0, y1, box, worker: network.level(*arguments, scratch[worker], y0, y1, *box)

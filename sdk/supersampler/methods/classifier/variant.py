@@ -8,7 +8,7 @@ class Variant(NamedTuple):
     """Of ClassifierConfig, what kernels leave out where it is not set: its planes, reads and arithmetic.
 
     Properties say where things are among the planes of `classifier_gather` (`rest`) and among the numbers
-    that the network says of a pixel (`said`).
+    that the network says of a pixel (`blend_parameters`).
     """
 
     corrected: bool
@@ -46,25 +46,25 @@ class Variant(NamedTuple):
 
     @property
     def pasts(self) -> int:
-        """Colours of the past; of `said`, the weights of those of this frame follow theirs."""
+        """Colours of the past; of `blend_parameters`, the weights of those of this frame follow theirs."""
         return 1 + self.rectified + self.own_motion
 
     @property
     def sharpness(self) -> int:
-        """Of `said`, after the weights; the cross and the kernel follow."""
+        """Of `blend_parameters`, after the weights; the cross and the kernel follow."""
         return self.pasts + 3
 
     @property
     def kernel_weights(self) -> int:
-        """Of `said`: nine."""
+        """Of `blend_parameters`: nine."""
         return self.sharpness + 1 + 4 * self.corrected
 
     @property
-    def said(self) -> int:
+    def blend_parameters(self) -> int:
         """Numbers that the network says of a pixel."""
         return self.kernel_weights + 9
 
     @property
     def outputs(self) -> int:
-        """Of the last layer: `said` of four pixels, in eights."""
-        return -(-4 * self.said // 8) * 8
+        """Of the last layer: `blend_parameters` of four pixels, in eights."""
+        return -(-4 * self.blend_parameters // 8) * 8

@@ -1,4 +1,4 @@
-"""`guided-warp` on a processor: the samples of the last shaded frame, then each pixel of this one."""
+"""CPU backend of `guided-warp`: reads the last shaded frame, then computes each pixel of this one."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,12 +10,14 @@ from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import GUIDED, LANES
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.onnx.session import image_of
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.cpu_checks import are_rings
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
+from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
 from supersampler.methods.model_file import ModelInfo
 from supersampler.methods.spec import constants_array
 
@@ -43,17 +45,14 @@ class GuidedWarpCpu:
     name = "cpu"
 
     def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
-        kernels = load_kernels(f"{KERNELS}.draw", f"{KERNELS}.enter")
-        self._enter, self._draw, self._bands = (
-            kernels[f"{KERNELS}.enter"],
-            kernels[f"{KERNELS}.draw"],
-            bands,
-        )
+        names = f"{KERNELS}.extrapolate_rows", f"{KERNELS}.read_shaded"
+        self._extrapolate_rows, self._read_shaded = load_kernels(*names).values()
+        self._bands = bands
         config = info.config
         self._constants = constants_array(GUIDED_WARP, config)
-        self._strides = np.array(config["strides"], np.int32)
         places = [(0, 0), *((s * x, s * y) for s in config["strides"] for x, y in _AROUND)]
-        self._across, self._down = np.array(places, np.float32).T.copy()
+        x, y = np.array(places, np.float32).T.copy()
+        self._rings = Rings(x, y, np.array(config["strides"], np.int32), len(config["strides"]))
         self._spaces = Workspaces(lambda shaded: _Space(shaded, bands.threads))
 
     @staticmethod
@@ -80,24 +79,26 @@ class GuidedWarpCpu:
         sizes = (then_w, then_h, *before.shape[:1:-1])
         offsets = [offset for jitter in jitters for offset in jitter]
         numbers = np.array([*self._constants, *sizes, *offsets, before.any()], np.float32)
-        names = ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
-        given = [np.ascontiguousarray(image_of(frame, name), np.float32) for name in names]
+        base_color, normal, depth, motion = (
+            np.ascontiguousarray(image_of(frame, name), np.float32)
+            for name in ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
+        )
         with self._spaces.borrow((then_w, then_h)) as space:
             stride, samples = space.stride, address(space.samples)
             shaded = [address(past[f"history.{name}"]) for name in ("color", "base_color", "normal", "depth")]
 
-            def enter(y0: int, y1: int, _: int) -> None:
-                self._enter(*shaded, address(numbers), then_w, then_h, stride, y0, y1, samples)
+            unshaded = pack(UnshadedFrame(base_color, normal, depth, motion, w, h, stride))
+            inputs = unshaded, address(before), samples, address(numbers), pack(self._rings)
+            output = pack(ExtrapolationOutput(total, image))
+            scratch = [(address(room), address(line)) for room, line in space.scratch]
 
-            def draw(y0: int, y1: int, worker: int) -> None:
-                tables = (numbers, self._across, self._down, self._strides)
-                self._draw(
-                    *map(address, given), address(before), samples, *map(address, tables),
-                    len(self._strides), w, h, stride, *map(address, space.scratch[worker]), y0, y1,
-                    address(total), address(image),
-                )  # fmt: skip
+            def read(y0: int, y1: int, _: int) -> None:
+                self._read_shaded(*shaded, address(numbers), then_w, then_h, stride, y0, y1, samples)
 
-            self._bands.run("read", then_h, enter)
-            self._bands.run("draw", h, draw)
+            def extrapolate(y0: int, y1: int, worker: int) -> None:
+                self._extrapolate_rows(*inputs, *scratch[worker], output, y0, y1)
+
+            self._bands.run("read", then_h, read)
+            self._bands.run("draw", h, extrapolate)
         left = {"history.motion": total, "history.motion_jitter": np.array([frame.jitter], np.float32)}
         return image, {**past, **left}

@@ -16,9 +16,8 @@ from supersampler.backends.cpu.kernels.colors import (
     usable,
 )
 from supersampler.backends.cpu.kernels.frame import FAR, LONGEST, motion_at, places_of
-from supersampler.backends.cpu.kernels.types import Floats, Words
 from supersampler.backends.cpu.layout import GUIDE
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
@@ -34,7 +33,9 @@ from supersampler.backends.cpu.simd.vector import (
     to_float,
     to_int,
 )
+from supersampler.backends.cpu.structs import Floats, Words
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
+from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
 from supersampler.methods.spec import constant_indices
 
 C = constant_indices(GUIDED_WARP)
@@ -48,12 +49,12 @@ STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
 
 
-@inner
+@device_function
 def known(value):
     return absolute(value) <= MAX_HALF
 
 
-@inner
+@device_function
 def three_at(image, at, pixel, plane):
     """Three channels, of which values are `pixel` apart from sample to sample, `plane` from each other."""
     first = at * np.int32(pixel)
@@ -64,7 +65,7 @@ def three_at(image, at, pixel, plane):
     )
 
 
-@inner
+@device_function
 def reflected(base, normal, least):
     """What a channel's colour is divided by; one at the sky."""
     sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
@@ -75,7 +76,7 @@ def reflected(base, normal, least):
     )
 
 
-@inner
+@device_function
 def told_at(base, normal, depth, at, pixel, plane, good, numbers):
     """What sixteen `good` surfaces are told from, in standard deviations; and what all of them reflect."""
     b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
@@ -90,21 +91,24 @@ def told_at(base, normal, depth, at, pixel, plane, good, numbers):
     return told, reflected(b, n, numbers[C.least])
 
 
-@inner
+@device_function
 def color_of(value):
     return select(known(value), clamped(value, 0.0, 1.0), 0.0)
 
 
-@inner
+@device_function
 def side_of(value):
     return select(known(value), clamped(value, -1.0, 1.0), 0.0)
 
 
-def enter(
+def read_shaded(
     color: Floats, base: Floats, normal: Floats, depth: Floats, numbers: Floats, w: int, h: int, stride: int,
     y0: int, y1: int, samples: Floats,
 ):  # fmt: skip
-    """Rows y0 to y1 of a shaded frame, whose images are planes: (GUIDED, h, stride) told from, and light."""
+    """Write rows y0 to y1 of the samples of a shaded frame, (GUIDED, h, stride): guides, then light.
+
+    color to depth: planes (channels, h, w).
+    """
     size = h * stride
     for y in range(y0, y1):
         for x in range(0, w, 16):
@@ -118,19 +122,19 @@ def enter(
             store(samples, (GUIDE + 2) * size + to, quarantined(b) / share[2])
 
 
-@inner
+@device_function
 def led_to(place, jitter, other, size, other_size):
     """Where a pixel's motion leads, in another frame: 0 is the place of its first sample."""
     return (place + (jitter + np.float32(0.5))) * other_size / size - (other + np.float32(0.5))
 
 
-@inner
+@device_function
 def usable_at(plane, at):
     value = gather(plane, at)
     return select(absolute(value) <= LONGEST, clamped(value, -FAR, FAR), 0.0)
 
 
-@inner
+@device_function
 def between(plane, first, x, y, w, h):
     """Usable motion, of a plane (h, w) that begins at `first`, at a place: linear; the border beyond it."""
     x, y = clamped(x, 0.0, np.float32(w - 1)), clamped(y, 0.0, np.float32(h - 1))
@@ -144,7 +148,7 @@ def between(plane, first, x, y, w, h):
     return upper * (1.0 - t) + lower * t
 
 
-@inner
+@device_function
 def back_to_shaded(motion, before, at, column, row, w, h, n):
     """Motion of sixteen pixels and, from where it leads, back to the shaded frame."""
     wide, high = np.float32(w), np.float32(h)
@@ -159,18 +163,18 @@ def back_to_shaded(motion, before, at, column, row, w, h, n):
     return clamped(mx + across, -FAR, FAR), clamped(my + down, -FAR, FAR)
 
 
-@inner
+@device_function
 def taken(samples, c, size, at, first, together):
     """A plane's values at sixteen samples, the first of which is `first`."""
     return load16(samples, c * size + first) if together else gather(samples, at + np.int32(c * size))
 
 
-@inner
+@device_function
 def squared(value):
     return value * value
 
 
-@inner
+@device_function
 def apart(own, samples, size, at, first, together):
     """How far sixteen surfaces are from sixteen samples."""
     total = squared(own[0] - taken(samples, 0, size, at, first, together))
@@ -179,13 +183,13 @@ def apart(own, samples, size, at, first, together):
     return total
 
 
-@inner
+@device_function
 def inside(place, count):
     """The column or row of a place, that of the border beyond it."""
     return to_int(clamped(place, 0.0, np.float32(count - 1)))
 
 
-@inner
+@device_function
 def swapped(kept, other):
     """The one with the lesser key, and the other; samples are key, -log of the weight, and place."""
     first = other[0] < kept[0]
@@ -203,7 +207,7 @@ def swapped(kept, other):
     )
 
 
-@inner
+@device_function
 def pushed(least, sample):
     """The four least of four, in order, and another."""
     a, sample = swapped(least[0], sample)
@@ -213,12 +217,12 @@ def pushed(least, sample):
     return a, b, c, d
 
 
-@inner
+@device_function
 def key_of(off, number):
     return minimum(floor(off * STEPS), MOST) * NUMBERS + number
 
 
-@inner
+@device_function
 def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, room):
     """The samples around sixteen places that weigh most.
 
@@ -253,7 +257,7 @@ def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, ri
     return least
 
 
-@inner
+@device_function
 def light_at(least, samples, size):
     """Mean light of the chosen samples."""
     p, q, r, s = least[0][1], least[1][1], least[2][1], least[3][1]
@@ -267,31 +271,33 @@ def light_at(least, samples, size):
     )
 
 
-@inner
+@device_function
 def mean_of(samples, plane, at, share):
     start = np.int32(plane)
     total = gather(samples, at[0] + start) * share[0] + gather(samples, at[1] + start) * share[1]
     return total + gather(samples, at[2] + start) * share[2] + gather(samples, at[3] + start) * share[3]
 
 
-@inner
+@device_function
 def shown(light, share):
     """A channel of a colour: `bounded`."""
     value = minimum(light * share, MAX_HALF)
     return select(value >= DARKNESS, value, 0.0)
 
 
-def draw(
-    base: Floats, normal: Floats, depth: Floats, motion: Floats, before: Floats, samples: Floats,
-    numbers: Floats, across: Floats, down: Floats, strides: Words, rings: int, w: int, h: int, stride: int,
-    room: Words, line: Floats, y0: int, y1: int, total: Floats, image: Floats,
+def extrapolate_rows(
+    frame: UnshadedFrame, motion_before: Floats, samples: Floats, numbers: Floats, rings: Rings, room: Words,
+    line: Floats, output: ExtrapolationOutput, y0: int, y1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 of a frame (h, w) whose images are interleaved, and its motion back to the shaded one.
+    """Compute rows y0 to y1 of the image of an unshaded frame, and its motion back to the shaded one.
 
-    before: planes (2, h'', w'') of the frame before; samples: as `enter` makes them, of rows of `stride`;
-    across, down, strides: of the samples around; total: planes (2, h, w); room, line: scratch of a thread.
+    motion_before: planes (2, h'', w'') of the previous frame; samples: as `read_shaded` writes them; room,
+    line: scratch of a thread.
     """
-    n = numbers
+    base, normal, depth, motion = frame.base_color, frame.normal, frame.depth, frame.motion
+    before, w, h, stride = motion_before, frame.width, frame.height, frame.samples_stride
+    across, down, strides = rings.x, rings.y, rings.strides
+    total, image, n = output.motion, output.image, numbers
     then_w, then_h = int(n[THEN_W]), int(n[THEN_H])
     size, pixels = then_h * stride, w * h
     for y in range(y0, y1):
@@ -305,7 +311,7 @@ def draw(
             every = at >= np.int32(0)
             own, share = told_at(base, normal, depth, at, 3, 1, every, n)
             least = four_least(
-                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings,
+                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings.rings,
                 n[C.distance_sigma], room,
             )  # fmt: skip
             light = light_at(least, samples, size)

@@ -1,4 +1,4 @@
-"""`taa` on a processor, in one pass over the display: Salvi's, with his defaults."""
+"""CPU backend of `taa` (Salvi 2016, his defaults)."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
@@ -8,11 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, Weight
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Weight, frame_inputs
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address
-from supersampler.backends.cpu.resample_tables import Columns, Filter, Looks, linear, up_to
+from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleTableCache, linear, up_to
+from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -21,6 +22,7 @@ from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 KERNELS = "methods.taa.kernels"
 SHARPNESS = 0.5  # Catmull-Rom
@@ -28,12 +30,12 @@ SHARPNESS = 0.5  # Catmull-Rom
 
 @dataclass(eq=False)
 class TaaHistory:
-    """What one frame leaves for the next.
+    """The history that one frame hands to the next.
 
     Attributes:
         display: (width, height).
         pixels: linear RGB as values, and one of room.
-        trail: see there.
+        tile_state: for static-tile reuse.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
     """
 
@@ -51,14 +53,15 @@ class TaaHistory:
 class _Space:
     """Buffers for frames of one size; `scratch`: rows that one thread works on."""
 
-    def __init__(self, render: Size, display: Size, threads: int) -> None:
+    def __init__(self, render: Size, display: Size, gamma: float, threads: int) -> None:
         w, h = render
-        self.width, self.stride = up_to(display[0], LANES), up_to(w, LANES)
-        self.looks = Looks(render, display, [Filter(linear, False)], rows=Columns)
-        self.planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
-        self.box = np.zeros((h, TAA_BOX, self.stride), np.float32)
+        self.stride = up_to(w, LANES)
+        self.table_cache = ResampleTableCache(render, display, [Filter(linear, False)], rows=Columns)
+        planes = np.zeros((h, TAA_PLANES, self.stride + 2 * PAD), np.float32)
+        boxes = np.zeros((h, TAA_BOX, self.stride), np.float32)
+        self.samples = TaaSamples(planes, boxes, gamma, w, h, self.stride)
         self.scratch = [
-            (
+            TaaScratch(
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
                 np.zeros((LANES, 4), np.float32),
@@ -81,16 +84,17 @@ class TaaCpu(CpuExecutor):
     def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
         kernels = load_kernels(
             f"{KERNELS}.step_rows",
-            f"{KERNELS}.boxes",
-            f"{KERNELS}.enter",
+            f"{KERNELS}.fill_boxes",
+            f"{KERNELS}.read_samples",
             *TILE_REUSE_KERNELS,
             *PREPROCESS_KERNELS,
         )
         super().__init__(kernels, bands)
         self._alpha, self._gamma = info.config["alpha"], info.config["gamma"]
-        self._enter, self._boxes = kernels[f"{KERNELS}.enter"], kernels[f"{KERNELS}.boxes"]
-        self._step = kernels[f"{KERNELS}.step_rows"]
-        self._spaces = Workspaces(lambda render, display: _Space(render, display, bands.threads))
+        self._read_samples, self._fill_boxes, self._step = (
+            kernels[f"{KERNELS}.{name}"] for name in ("read_samples", "fill_boxes", "step_rows")
+        )
+        self._spaces = Workspaces(self._space)
 
     def zeros(self, display: Size, render: Size) -> TaaHistory:  # noqa: ARG002  # as all executors
         """See `Executor`."""
@@ -105,34 +109,42 @@ class TaaCpu(CpuExecutor):
         self,
         frame: Frame,
         display: Size,
-        past: TaaHistory,
-        left: TaaHistory,
+        history: TaaHistory,
+        next_history: TaaHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
-        tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
+        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
+        tiles = self._tile_reuse.begin(
+            planes,
+            frame.jitter,
+            display,
+            history.tile_state,
+            next_history.tile_state,
+            skips=tolerance is not None,
         )
-        left.exposure = past.exposure
+        next_history.exposure = history.exposure
         if tiles.any:
-            left.exposure = self._reader.exposure(frame, planes.color, past.exposure)
+            next_history.exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
             with self._spaces.borrow(frame.size, display) as space:
-                self._read(space, planes, abs(left.exposure))
-                self._draw(space, frame, past, left, image, weight, tiles)
-        self._skipping.end(
-            tiles, past.tile_state, left.tile_state, [(TILE, past.image, left.image)], image,
-            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+                self._read(space, planes._replace(exposure=abs(next_history.exposure)))
+                self._compute(space, frame, history, next_history, image, weight, tiles)
+        self._tile_reuse.end(
+            tiles, history.tile_state, next_history.tile_state,
+            [(TILE, history.image, next_history.image)], image,
+            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
-        space = _Space(render, display, self.bands.threads)
-        working = held_bytes(space) + space.looks.most_bytes() + self._skipping.most_bytes(display, render)
+        space = self._space(render, display)
+        working = (
+            held_bytes(space) + space.table_cache.most_bytes() + self._tile_reuse.most_bytes(display, render)
+        )
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaaHistory, name: str) -> Float32:
@@ -147,43 +159,42 @@ class TaaCpu(CpuExecutor):
         buffers.image[:] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.exposure = float(tensors["history.exposure"][0])
 
-    def _read(self, space: _Space, planes: Planes, exposure: float) -> None:
-        """Tone the samples, box their neighbourhoods."""
-        h, w = planes.depth.shape
-        s, color, motion = space, address(planes.color), address(planes.motion)
-        to, box = address(s.planes), address(s.box)
+    def _space(self, render: Size, display: Size) -> _Space:
+        return _Space(render, display, self._gamma, self.bands.threads)
+
+    def _read(self, space: _Space, frame: FrameInputs) -> None:
+        """Tone the samples, and fill the box around each."""
+        inputs, samples, h = pack(frame), pack(space.samples), space.samples.height
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same
-            self._enter(color, motion, exposure, w, s.stride, max(y0 - 1, 0), min(y1 + 1, h), to)
-            self._boxes(to, self._gamma, w, h, s.stride, y0, y1, box)
+            self._read_samples(inputs, samples, max(y0 - 1, 0), min(y1 + 1, h))
+            self._fill_boxes(samples, y0, y1)
 
         self.bands.run("read", h, read)
 
-    def _draw(
+    def _compute(
         self,
         space: _Space,
         frame: Frame,
-        past: TaaHistory,
-        left: TaaHistory,
+        history: TaaHistory,
+        next_history: TaaHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        s, display = space, left.display
-        alpha = self._alpha if abs(past.exposure) > 0.0 else 1.0
-        numbers = [abs(left.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
+        display = next_history.display
+        alpha = self._alpha if abs(history.exposure) > 0.0 else 1.0
+        numbers = [abs(next_history.exposure), *frame.size, *display, alpha, self._gamma, SHARPNESS]
         given = np.array(numbers, np.float32)
-        places = [
-            (*axis.samples[1:3], *axis.weights[1:3], axis.near) for axis in s.looks.at(frame.jitter)
-        ]  # of the tent, the inner two weigh
-        inputs = (
-            address(s.planes), address(s.box), s.stride, address(past.pixels),
-            *(address(a) for a in (*places[0], *places[1], given)), *display, s.width,
-        )  # fmt: skip
-        outputs = address(left.pixels), address(image), *weight.arguments
+        columns, rows = (  # of the four samples around a pixel, a tent weighs the inner two
+            pack(LinearAxis(axis.samples[1], axis.samples[2], axis.weights[1], axis.weights[2], axis.near))
+            for axis in space.table_cache.at(frame.jitter)
+        )
+        inputs = pack(space.samples), address(history.pixels), columns, rows, address(given)
+        output, scratch = pack(weight.output(next_history.pixels, image)), [pack(s) for s in space.scratch]
 
-        def draw(box: Rect, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
+        def compute(box: Rect, worker: int) -> None:
+            self._step(*inputs, scratch[worker], output, *box)
 
-        self.bands.cover("draw", tiles.boxes(TILE, display), draw)
+        self.bands.cover("draw", tiles.boxes(TILE, display), compute)

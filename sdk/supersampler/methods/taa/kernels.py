@@ -1,13 +1,15 @@
-"""`taa` on a processor, in one pass over the display; twin of `methods.taa` with Salvi's defaults."""
+"""Kernels of `taa` (Salvi 2016, his defaults); supersampler_model.methods.taa defines them.
+
+A step reads the samples, fills a box of allowed colors for each, then computes the display in one pass.
+"""
 
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
 from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
-from supersampler.backends.cpu.kernels.types import Floats, Words
 from supersampler.backends.cpu.kernels.warp import aim, cubic4, followed, on_screen
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -21,16 +23,23 @@ from supersampler.backends.cpu.simd.vector import (
     store,
     to_float,
 )
+from supersampler.backends.cpu.structs import Floats, FrameInputs, Output
+from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 (EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
-"""Of `numbers`; ALPHA is 1 where there is no past."""
+"""Places in `numbers`; ALPHA is 1 where there is no history."""
 
 
-def enter(
-    color: Floats, motion: Floats, exposure: float, w: int, stride: int, y0: int, y1: int, planes: Floats,
-):  # fmt: skip
-    """Rows y0 to y1 as planes (h, 5, PAD + stride + PAD): toned YCoCg, motion; ends repeat the border."""
-    wide = stride + 2 * PAD
+def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
+    """Fill rows y0 to y1 of `samples.planes` with toned YCoCg and motion; the padding repeats the border."""
+    color, motion, exposure, planes, w = (
+        frame.color,
+        frame.motion,
+        frame.exposure,
+        samples.planes,
+        samples.width,
+    )
+    wide = samples.stride + 2 * PAD
     for y in range(y0, y1):
         for x in range(0, w, 16):
             at = places_of(x, y, w)
@@ -44,9 +53,10 @@ def enter(
             repeat_ends(planes, (5 * y + c) * wide + PAD, w)
 
 
-def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1: int, box: Floats):
-    """Rows y0 to y1 of (h, TAA_BOX, stride): what 3x3 samples allow, and the longest of their motions."""
-    wide = stride + 2 * PAD
+def fill_boxes(samples: TaaSamples, y0: int, y1: int):
+    """Fill rows y0 to y1 of `samples.boxes` from the 3x3 samples around each."""
+    planes, box, gamma, stride = samples.planes, samples.boxes, samples.gamma, samples.stride
+    w, h, wide = samples.width, samples.height, stride + 2 * PAD
     for y in range(y0, y1):
         above, here, below = (
             5 * max(y - 1, 0) * wide + PAD,
@@ -82,7 +92,7 @@ def boxes(planes: Floats, gamma: float, w: int, h: int, stride: int, y0: int, y1
             store(box, (TAA_BOX * y + 7) * stride + x, my)
 
 
-@inner
+@device_function
 def upsampled(planes, c, wide, column, row, across, down):
     """Linear interpolation of a plane between two columns and two rows."""
     a, b = row[0] + np.int32(c * wide), row[1] + np.int32(c * wide)
@@ -91,7 +101,7 @@ def upsampled(planes, c, wide, column, row, across, down):
     return upper * down[0] + lower * down[1]
 
 
-@inner
+@device_function
 def enters(color, sample, low, high):
     """Where the segment from `color` to `sample` enters and leaves a slab."""
     step = sample - color
@@ -100,50 +110,50 @@ def enters(color, sample, low, high):
     return minimum(near, far), maximum(near, far)
 
 
-@inner
-def clip_to_sample(past, sample, low, high):
-    """Cut the segment from the past to the sample where it enters the box; see `rectification`."""
-    a, b = enters(past[0], sample[0], low[0], high[0])
-    c, d = enters(past[1], sample[1], low[1], high[1])
-    e, f = enters(past[2], sample[2], low[2], high[2])
+@device_function
+def clip_to_sample(history, sample, low, high):
+    """Cut the segment from the history to the sample where it enters the box; see `ops.rectification`."""
+    a, b = enters(history[0], sample[0], low[0], high[0])
+    c, d = enters(history[1], sample[1], low[1], high[1])
+    e, f = enters(history[2], sample[2], low[2], high[2])
     first, last = maximum(maximum(a, c), e), minimum(minimum(b, d), f)
     meets = (first <= last) & (first <= 1.0) & (last >= 0.0)
     along = minimum(maximum(first, 0.0), 1.0)
     y, o, g = (low[0] + high[0]) * 0.5, (low[1] + high[1]) * 0.5, (low[2] + high[2]) * 0.5
     over = maximum(
-        maximum(beyond(past[0], y, low[0], high[0]), beyond(past[1], o, low[1], high[1])),
-        beyond(past[2], g, low[2], high[2]),
+        maximum(beyond(history[0], y, low[0], high[0]), beyond(history[1], o, low[1], high[1])),
+        beyond(history[2], g, low[2], high[2]),
     )
     cut = 1.0 / maximum(over, 1.0)
     return (
-        select(meets, past[0] + along * (sample[0] - past[0]), y + (past[0] - y) * cut),
-        select(meets, past[1] + along * (sample[1] - past[1]), o + (past[1] - o) * cut),
-        select(meets, past[2] + along * (sample[2] - past[2]), g + (past[2] - g) * cut),
+        select(meets, history[0] + along * (sample[0] - history[0]), y + (history[0] - y) * cut),
+        select(meets, history[1] + along * (sample[1] - history[1]), o + (history[1] - o) * cut),
+        select(meets, history[2] + along * (sample[2] - history[2]), g + (history[2] - g) * cut),
     )
 
 
-@inner
+@device_function
 def beyond(value, center, low, high):
     return absolute(value - center) / maximum((high - low) * 0.5, 1e-5)
 
 
 def step_rows(
-    planes: Floats, box: Floats, stride: int, history: Floats, lefts: Words, rights: Words,
-    left_weights: Floats, right_weights: Floats, columns_near: Words, tops: Words, bottoms: Words,
-    top_weights: Floats, bottom_weights: Floats, rows_near: Words, numbers: Floats, big_w: int, big_h: int,
-    width: int, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
-    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+    samples: TaaSamples, history: Floats, columns: LinearAxis, rows: LinearAxis, numbers: Floats,
+    scratch: TaaScratch, output: Output, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 and columns x0 to x1 of the picture; history and left (H, W, TAA_PIXEL)."""
+    """Compute rows y0 to y1, columns x0 to x1 of the image; history: (height, width, TAA_PIXEL)."""
+    planes, box, stride = samples.planes, samples.boxes, samples.stride
+    slots, weights, warped, out = scratch.slots, scratch.weights, scratch.warped, scratch.out
+    next_history, image, big_w, big_h = output.next_history, output.image, output.width, output.height
     w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
     wide = stride + 2 * PAD
     for y in range(y0, y1):
-        rows = np.int32(tops[y] * 5 * wide + PAD), np.int32(bottoms[y] * 5 * wide + PAD)
-        down = top_weights[y], bottom_weights[y]
+        row = np.int32(rows.first[y] * 5 * wide + PAD), np.int32(rows.second[y] * 5 * wide + PAD)
+        down = rows.first_weight[y], rows.second_weight[y]
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
-            at = load16(columns_near, x) + np.int32(rows_near[y] * TAA_BOX * stride)
+            at = load16(columns.nearest, x) + np.int32(rows.nearest[y] * TAA_BOX * stride)
             mx = gather(box, at + np.int32(6 * stride)) * scale_x
             my = gather(box, at + np.int32(7 * stride)) * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
@@ -154,12 +164,12 @@ def step_rows(
             q = load_columns4(warped, 0)
             r, g, b = toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e)
             past = ycocg(r, g, b)
-            column = load16(lefts, x), load16(rights, x)
-            across = load16(left_weights, x), load16(right_weights, x)
+            column = load16(columns.first, x), load16(columns.second, x)
+            across = load16(columns.first_weight, x), load16(columns.second_weight, x)
             sample = (
-                upsampled(planes, 0, wide, column, rows, across, down),
-                upsampled(planes, 1, wide, column, rows, across, down),
-                upsampled(planes, 2, wide, column, rows, across, down),
+                upsampled(planes, 0, wide, column, row, across, down),
+                upsampled(planes, 1, wide, column, row, across, down),
+                upsampled(planes, 2, wide, column, row, across, down),
             )
             s = np.int32(stride)
             low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
@@ -173,8 +183,8 @@ def step_rows(
                 past[2] + share * (sample[2] - past[2]),
             )
             r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), e)
-            if tells:
-                store(weight, y * width + x, 1.0 - share)
+            if output.has_weight:
+                store(output.weight, y * output.pitch + x, 1.0 - share)
             zero = lane * 0.0
             found = transposed((
                 r, g, b, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
@@ -184,4 +194,4 @@ def step_rows(
             for i in range(min(16, x1 - x)):
                 pixel = 3 * (y * big_w + x + i)
                 for c in range(3):
-                    left[pixel + c] = image[pixel + c] = out[16 * i + c]
+                    next_history[pixel + c] = image[pixel + c] = out[16 * i + c]

@@ -1,4 +1,4 @@
-"""`taau` on a processor, in one pass over the display."""
+"""CPU backend of `taau`."""
 
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,11 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Planes, View, Weight, bordered
+from supersampler.backends.cpu.frame_preprocess import (
+    PREPROCESS_KERNELS,
+    ResampledFrame,
+    Weight,
+    bordered,
+    frame_inputs,
+)
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
+from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -23,19 +30,20 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
 from supersampler.methods.spec import constants_array
 from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
 
 
 @dataclass(eq=False)
 class TaauHistory:
-    """What one frame leaves for the next.
+    """The history that one frame hands to the next.
 
     Attributes:
         render: size of that frame.
         pixels: (H, W, TAAU_PIXEL).
-        surface: (h, PAD + stride + PAD, 4) depth without thin things, mean and deviation of luma.
-        trail: what tells which tiles may stay as they are.
+        surface: (h, PAD + stride + PAD, 4) opened depth, mean and deviation of luma, glare.
+        tile_state: for static-tile reuse.
         jitter: of that frame.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
         glares: whether pixels may hold counts of frames with light over GLARING.
@@ -50,15 +58,14 @@ class TaauHistory:
     glares: bool = False
 
 
-class _Space(View):
+class _Space(ResampledFrame):
     """Buffers for frames of one size; `scratch`: what one thread works on."""
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
-        self.width = up_to(display[0], LANES)
-        self.shades = np.zeros((threads, 3, self.samples.wide), np.float32)
+        self.shades = np.zeros((threads, 3, self.wide), np.float32)
         self.scratch = [
-            (
+            TaauScratch(
                 self.lines[worker],
                 np.zeros((10, LANES), np.int32),
                 np.zeros((10, LANES), np.float32),
@@ -112,41 +119,50 @@ class TaauCpu(CpuExecutor):
         self,
         frame: Frame,
         display: Size,
-        past: TaauHistory,
-        left: TaauHistory,
+        history: TaauHistory,
+        next_history: TaauHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
         tolerance: float | None,
     ) -> Mapping[str, Float32]:
         """See `Executor`."""
-        planes, weight = Planes.of(frame), Weight(aux_outputs, display)
-        tiles = self._skipping.begin(
-            planes, frame.jitter, display, past.tile_state, left.tile_state, skips=tolerance is not None
+        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
+        tiles = self._tile_reuse.begin(
+            planes,
+            frame.jitter,
+            display,
+            history.tile_state,
+            next_history.tile_state,
+            skips=tolerance is not None,
         )
         if tiles.any:
-            exposure = self._reader.exposure(frame, planes.color, past.exposure)
-            left.jitter, left.exposure = frame.jitter, exposure
+            exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
+            next_history.jitter, next_history.exposure = frame.jitter, exposure
             with self._spaces.borrow(frame.size, display) as space:
-                space.look(frame.jitter)
-                self._reader.read(planes, abs(exposure), space.samples)
-                left.glares = space.samples.any_glares or (past.glares and not tiles.all)
-                self._leave(space, left)
-                self._draw(space, past, left, image, weight, tiles)
+                space.set_jitter(frame.jitter)
+                self._preprocess.read(planes, abs(exposure), space.samples)
+                next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
+                self._write_surface(space, next_history)
+                self._compute(space, history, next_history, image, weight, tiles)
         else:
-            left.jitter, left.exposure, left.glares = past.jitter, past.exposure, past.glares
-            left.surface[:] = past.surface
-        kept = [(TILE, past.pixels, left.pixels)]
-        self._skipping.end(
-            tiles, past.tile_state, left.tile_state, kept, image,
-            exposure=abs(left.exposure), tolerance=tolerance or 0.0,
+            next_history.jitter, next_history.exposure, next_history.glares = (
+                history.jitter,
+                history.exposure,
+                history.glares,
+            )
+            next_history.surface[:] = history.surface
+        kept = [(TILE, history.pixels, next_history.pixels)]
+        self._tile_reuse.end(
+            tiles, history.tile_state, next_history.tile_state, kept, image,
+            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         space = self._space(render, display)
-        working = space.most_bytes() + self._skipping.most_bytes(display, render)
+        working = space.most_bytes() + self._tile_reuse.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working
 
     def tensor(self, buffers: TaauHistory, name: str) -> Float32:
@@ -174,51 +190,43 @@ class TaauCpu(CpuExecutor):
     def _space(self, render: Size, display: Size) -> _Space:
         return _Space(render, display, self._filters, self.bands.threads)
 
-    def _leave(self, space: _Space, left: TaauHistory) -> None:
-        """What the next frame wants to know of this one's surfaces."""
-        read, (w, h) = space.samples, left.render
-        inputs, to = (
-            [address(a) for a in (read.color, read.own, read.glares, read.eroded)],
-            address(left.surface),
-        )
-        self.bands.run(
-            "read",
-            h,
-            lambda y0, y1, worker: self._shade(
-                *inputs, w, h, read.stride, y0, y1, address(space.shades[worker]), to
-            ),
-        )
+    def _write_surface(self, space: _Space, next_history: TaauHistory) -> None:
+        """Write the surface that the next frame compares with."""
+        samples, surface = pack(space.samples), address(next_history.surface)
+        lines = [address(line) for line in space.shades]
 
-    def _draw(
+        def shade(y0: int, y1: int, worker: int) -> None:
+            self._shade(samples, lines[worker], surface, y0, y1)
+
+        self.bands.run("read", space.samples.height, shade)
+
+    def _compute(
         self,
         space: _Space,
-        past: TaauHistory,
-        left: TaauHistory,
+        history: TaauHistory,
+        next_history: TaauHistory,
         image: Float32,
         weight: Weight,
         tiles: Tiles,
     ) -> None:
-        s, read = space, space.samples
-        (old_w, old_h), (w, h), (big_h, big_w) = past.render, left.render, image.shape[:2]
-        exposure, before = abs(left.exposure), abs(past.exposure)
+        (old_w, old_h), (w, h), (big_h, big_w) = history.render, next_history.render, image.shape[:2]
+        exposure, before = abs(next_history.exposure), abs(history.exposure)
         change = exposure / before if before > 0.0 else 1.0
         numbers = np.array(
             [
-                *self._constants, exposure, w, h, big_w, big_h, old_w, old_h, *past.jitter,
-                change, left.glares or past.glares,
+                *self._constants, exposure, w, h, big_w, big_h, old_w, old_h, *history.jitter,
+                change, next_history.glares or history.glares,
             ],
             np.float32,
         )  # fmt: skip
         inputs = (
-            *(address(a) for a in (read.color, read.front, left.surface)), read.stride,
-            address(past.pixels), address(past.surface), past.surface.shape[1],
-            *(address(a) for a in (s.y.samples, s.y.weights, s.x.start, s.x.weights)),
-            *(address(a) for a in (s.x.first, s.x.near, s.y.first, s.y.near, numbers)),
-            big_w, big_h, s.width,
+            pack(space.samples), address(next_history.surface),
+            pack(TaauHistoryInput(history.pixels, history.surface, history.surface.shape[1])),
+            pack(space.tables()), address(numbers),
         )  # fmt: skip
-        outputs = address(left.pixels), address(image), *weight.arguments
+        output, scratch = pack(weight.output(next_history.pixels, image)), [pack(s) for s in space.scratch]
 
-        def draw(box: Rect, worker: int) -> None:
-            self._step(*inputs, *(address(a) for a in s.scratch[worker]), *outputs, *box)
+        def compute(box: Rect, worker: int) -> None:
+            self._step(*inputs, scratch[worker], output, *box)
 
-        self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), draw)
+        self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), compute)

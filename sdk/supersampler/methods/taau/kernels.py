@@ -1,4 +1,4 @@
-"""`taau` on a processor, in one pass over the display; twin of `methods.taau`."""
+"""Kernels of `taau`, one pass over the display; supersampler_model.methods.taau defines them."""
 
 import numpy as np
 
@@ -23,18 +23,17 @@ from supersampler.backends.cpu.kernels.filters import (
     span,
 )
 from supersampler.backends.cpu.kernels.frame import fours, opened_at, repeat_ends
-from supersampler.backends.cpu.kernels.types import Floats, Words
 from supersampler.backends.cpu.kernels.warp import (
     aim,
     around,
+    disoccluded,
     followed,
-    hidden,
     mean_of,
     on_screen,
     warp5,
 )
 from supersampler.backends.cpu.layout import FILTERED, PAD, SAMPLED, TAAU_PIXEL
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     first_third,
     gather4,
@@ -57,8 +56,10 @@ from supersampler.backends.cpu.simd.vector import (
     store,
     to_float,
 )
+from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
 from supersampler.methods.spec import constant_indices
 from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 C = constant_indices(TAAU)
@@ -68,21 +69,20 @@ frame, and its jitter; by how much the exposure has changed; whether this frame 
 over GLARING."""
 
 
-@inner
+@device_function
 def sum3(line, at):
     """Sums of three neighbours."""
     return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
 
 
-def shade(
-    samples: Floats, own: Floats, glares: Floats, eroded: Floats, w: int, h: int, stride: int, y0: int,
-    y1: int, line: Floats, surface: Floats,
-):  # fmt: skip
-    """What rows y0 to y1 leave for the next frame: depth without thin things, and `shade_of`; and glare.
+def shade(read: FrameSamples, line: Floats, surface: Floats, y0: int, y1: int):
+    """Write what the next frame compares with: opened depth, mean and deviation of luma, glare.
 
-    samples to eroded: of `frame`; line (3, stride + 2 PAD) is scratch; surface (h, stride + 2 PAD, 4):
-    ends repeat the border.
+    line: (3, PAD + stride + PAD) scratch; surface: (height, PAD + stride + PAD, 4), the padding repeats the
+    border.
     """
+    samples, own, glares, eroded = read.color, read.own, read.glares, read.eroded_depth
+    w, h, stride = read.width, read.height, read.stride
     wide = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
@@ -114,7 +114,7 @@ def shade(
         repeat_ends(surface, here, w, 4)
 
 
-@inner
+@device_function
 def present_of(p, q, sharpness):
     """This frame at sixteen pixels, YCoCg: smooth, nearest, its confidence, mean and spread around."""
     a, b = 1.0 / maximum(p[3], 1e-6), 1.0 / maximum(p[7], 1e-6)
@@ -137,12 +137,12 @@ def present_of(p, q, sharpness):
     return frame, sample, minimum(q[3], 1.0), mean, spread
 
 
-@inner
+@device_function
 def deviation(square, mean):
     return square_root(maximum(square - mean * mean, 0.0))
 
 
-@inner
+@device_function
 def light_changed(numbers, mean, spread, mean_before, spread_before):
     """`change_of_light`: 1 where the mean of a neighbourhood moved by more than jitter explains."""
     noise = maximum(spread, spread_before) * numbers[C.change_deviation]
@@ -151,7 +151,7 @@ def light_changed(numbers, mean, spread, mean_before, spread_before):
     return clamped((moved / noise - 1.0) / numbers[C.change_ramp], 0.0, 1.0)
 
 
-@inner
+@device_function
 def clipped(color, mean, spread, gamma, floor_):
     """`clip_to_center`, and how far outside of its box a colour was, in half extents."""
     y, o, g = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
@@ -164,7 +164,7 @@ def clipped(color, mean, spread, gamma, floor_):
     return (mean[0] + y * cut, mean[1] + o * cut, mean[2] + g * cut), over
 
 
-@inner
+@device_function
 def blend(numbers, present, past, light, count, power, surface, unchanged, glare, speed, blur):
     """`Taau.network` and `finish` of sixteen pixels.
 
@@ -210,24 +210,26 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
 
-@inner
+@device_function
 def mixed(a, b, share):
     return a + share * (b - a)
 
 
 def step_rows(
-    samples: Floats, front: Floats, surface: Floats, stride: int, history: Floats, before: Floats,
-    old_wide: int, rows: Words, down: Floats, starts: Words, across: Floats, lefts: Words,
-    columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int, big_h: int, width: int,
-    line: Floats, slots: Words, weights: Floats, warped: Floats, out: Floats, left: Floats, image: Floats,
-    weight: Floats, tells: int, y0: int, y1: int, x0: int, x1: int,
+    read: FrameSamples, surface: Floats, history: TaauHistoryInput, tables: ResampleTables, numbers: Floats,
+    scratch: TaauScratch, output: Output, y0: int, y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """Rows y0 to y1 and columns x0 to x1 of the picture, and what the next frame looks back on.
+    """Compute rows y0 to y1 and columns x0 to x1 of the image and the next history.
 
-    samples, front: of `frame`; surface, before: of `shade`, this frame's and the past's; history
-    (H, W, TAAU_PIXEL); rows to rows_near: where display pixels look; line to out: scratch; left, image,
-    weight (where `tells`): what comes out.
+    surface: as `shade` wrote it for this frame.
     """
+    samples, stride, before = read.color, read.stride, history.surface
+    rows, down = tables.row_samples, tables.row_weights
+    starts, across = tables.column_start, tables.column_weights
+    line, slots, weights = scratch.line, scratch.slots, scratch.weights
+    warped, out = scratch.warped, scratch.out
+    next_history, image = output.next_history, output.image
+    big_w, big_h, width = output.width, output.height, output.pitch
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     w_big, h_big, change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
@@ -238,12 +240,14 @@ def step_rows(
         filter_down(samples, 0, 4, rows, down, y, near, wide, first, last, line, FILTERED * wide)
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
-            depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+            depth, mx, my, _ = gather4(
+                read.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
+            )
             mx, my = mx * scale_x, my * scale_y
             px, py = followed(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
             aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
-            warp5(history, slots, weights, warped)
+            warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
             e = numbers[EXPOSURE]
             light = quarantined(q[0]), quarantined(q[1]), quarantined(q[2])
@@ -251,16 +255,18 @@ def step_rows(
             # the surface that the past shows, and its light
             sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
-            shares = around(sx, sy, old_w, old_h, old_wide, slots)
+            shares = around(sx, sy, old_w, old_h, history.pitch, slots)
             a, b = gather4(before, slots, 0, 4, 0), gather4(before, slots, 0, 4, 4)
             c, d = gather4(before, slots, 16, 4, 0), gather4(before, slots, 16, 4, 4)
             depths = a[0], b[0], c[0], d[0]
-            cover = hidden(depth, shares, depths, numbers[C.depth_margin], numbers[C.depth_ramp])
+            cover = disoccluded(depth, shares, depths, numbers[C.depth_margin], numbers[C.depth_ramp])
             same = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
             mean = mean_of((a[1], b[1], c[1], d[1]), shares)
             spread = mean_of((a[2], b[2], c[2], d[2]), shares)
             dim = 1.0 / (mean * (change - np.float32(1.0)) + 1.0)
-            _, now, spread_now, glare = gather4(surface, columns_near, x, 4, 4 * (rows_near[y] * wide + PAD))
+            _, now, spread_now, glare = gather4(
+                surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * wide + PAD)
+            )
             changed = light_changed(
                 numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
             )
@@ -272,16 +278,16 @@ def step_rows(
                 same, 1.0 - changed, glare, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
-            if tells:
-                store(weight, y * width + x, kept)
+            if output.has_weight:
+                store(output.weight, y * width + x, kept)
             r, g, b = color
             pairs = rows8((*lit, count, power, r, g, b))
             for i in range(8):
                 store(out, 16 * i, pairs[i])
             pixel = y * big_w + x
             for i in range(min(16, x1 - x)):
-                store(left, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
-                left[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]
+                store(next_history, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
+                next_history[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]
             if x1 - x >= 16:
                 store(image, 3 * pixel, first_third(r, g, b))
                 store(image, 3 * pixel + 16, second_third(r, g, b))

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     bits_of,
     float_of,
@@ -24,65 +24,65 @@ GLARING = 1024.0 / 1025.0
 GLARE, CONFIRMED = 4.0, 3.0
 
 
-@inner
+@device_function
 def usable(r: Any, g: Any, b: Any) -> Any:
     """Where every channel is a number in [0, 65504]."""
     low = (r >= 0.0) & (g >= 0.0) & (b >= 0.0)
     return low & (r <= MAX_HALF) & (g <= MAX_HALF) & (b <= MAX_HALF)
 
 
-@inner
+@device_function
 def without_glare(values: Any) -> Any:
     """Values in [0, 1], and frames that have had glare near, of what a history holds."""
     glared = floor(values * (1.0 / GLARE) + 0.5)
     return maximum(values - glared * GLARE, 0.0), glared
 
 
-@inner
+@device_function
 def quarantined(c: Any) -> Any:
     """What is not a number in [0, 65504] becomes 0."""
     return select((c >= 0.0) & (c <= MAX_HALF), c, 0.0)
 
 
-@inner
+@device_function
 def largest(r: Any, g: Any, b: Any) -> Any:
     return maximum(maximum(r, g), b)
 
 
-@inner
+@device_function
 def toned(r: Any, g: Any, b: Any) -> Any:
     """Exposed linear RGB [0, inf) to [0, 1)."""
     scale = 1.0 / (largest(r, g, b) + 1.0)
     return r * scale, g * scale, b * scale
 
 
-@inner
+@device_function
 def ycocg(r: Any, g: Any, b: Any) -> Any:
     both = (r + b) * 0.25
     return both + g * 0.5, (r - b) * 0.5, g * 0.5 - both
 
 
-@inner
+@device_function
 def rgb(y: Any, co: Any, cg: Any) -> Any:
     return y + co - cg, y + cg, y - co - cg
 
 
-@inner
+@device_function
 def luminance(r: Any, g: Any, b: Any) -> Any:
     return r * 0.2126 + g * 0.7152 + b * 0.0722
 
 
-@inner
+@device_function
 def root(c: Any) -> Any:
     return square_root(maximum(c, 1e-6))
 
 
-@inner
+@device_function
 def clamped(c: Any, low: float, high: float) -> Any:
     return minimum(maximum(c, low), high)
 
 
-@inner
+@device_function
 def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     """Toned colours back to linear RGB without exposure, bounded: `bounded(inverse_tone(...) / exposure)`."""
     back = 1.0 / (maximum(1.0 - largest(r, g, b), 1.0 / MAX_HALF) * exposure)
@@ -91,7 +91,7 @@ def linear_of(r: Any, g: Any, b: Any, exposure: float) -> Any:
     return select(r >= dark, r, 0.0), select(g >= dark, g, 0.0), select(b >= dark, b, 0.0)
 
 
-@inner
+@device_function
 def exponential(x: Any) -> Any:
     """e^x of what is not above 0, to 3e-7 of it; 0 below e^-87."""
     y = maximum(x, -87.0) * 1.4426950408889634
@@ -102,7 +102,7 @@ def exponential(x: Any) -> Any:
     return select(x < -87.0, 0.0, p * float_of((to_int(whole) + np.int32(127)) << np.int32(23)))
 
 
-@inner
+@device_function
 def logarithm(x: Any) -> Any:
     """Natural logarithm of normal numbers above 0, to 2e-7 of it or of one."""
     bits = bits_of(x) - np.int32(0x3F3504F3)  # the mantissa from the square root of a half to that of two

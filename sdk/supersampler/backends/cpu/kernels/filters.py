@@ -7,17 +7,17 @@ PAD samples before and after them that repeat their ends; `wide` is from one pla
 import numpy as np
 
 from supersampler.backends.cpu.layout import PAD, SAMPLED
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import load16, picked, ramp16, select, spread16, store
 
 
-@inner
+@device_function
 def span(starts, x0, x1):
     """Columns that pixels x0 to before x1 look at, the first of them at a whole vector; starts (W,)."""
     return (PAD + np.int64(starts[x0]) - 1) // 16 * 16, PAD + np.int64(starts[x1 - 1]) + 3
 
 
-@inner
+@device_function
 def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, line, to):
     """Sum the four rows of samples that display row y looks at, from `plane` on, into lines from `to` on.
 
@@ -34,7 +34,7 @@ def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, l
             store(line, to + x - plane * wide, upper + lower)
 
 
-@inner
+@device_function
 def places_in(starts, x):
     """Where sixteen pixels from x on look, as `picked` reads it; starts (W,).
 
@@ -45,13 +45,13 @@ def places_in(starts, x):
     return first, ninth - first, load16(starts, x) - base
 
 
-@inner
+@device_function
 def looked(line, at, step, index, weight, total):
     """Add a sample for each pixel."""
     return total + picked(line, at, step, index) * weight
 
 
-@inner
+@device_function
 def tap(line, at, wide, step, index, weight, sums):
     """Add a sample of four planes."""
     a, b, c, d = sums
@@ -60,7 +60,7 @@ def tap(line, at, wide, step, index, weight, sums):
     return a, b, c, looked(line, at + 3 * wide, step, index, weight, d)
 
 
-@inner
+@device_function
 def filter_across(line, to, wide, starts, across, row, width, x):
     """Sum the four samples around each of sixteen pixels from x on, of four planes of a line from `to` on.
 
@@ -76,7 +76,7 @@ def filter_across(line, to, wide, starts, across, row, width, x):
     return sums
 
 
-@inner
+@device_function
 def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
     """What pixels x0 to x1 of row y look at: line (FILTERED, wide), by three filters of down (., H, 4)."""
     first, last = span(starts, x0, x1)
@@ -90,7 +90,7 @@ def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
     filter_down(samples, usable, alone, rows, down, y, three, wide, first, last, line, 14 * wide)
 
 
-@inner
+@device_function
 def filter_all_across(line, wide, starts, across, width, x):
     """Sums of all lines for sixteen pixels."""
     a = filter_across(line, 0, wide, starts, across, 0, width, x)

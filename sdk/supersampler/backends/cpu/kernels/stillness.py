@@ -1,11 +1,10 @@
-"""What tells whether anything changed: sums over the bits of tiles of a frame's inputs."""
+"""Kernels of static-tile reuse: fingerprints of a frame's tiles, and how much tiles of the image changed."""
 
 import numpy as np
 
 from supersampler.backends.cpu.kernels.frame import LONGEST
-from supersampler.backends.cpu.kernels.types import Floats, Words
 from supersampler.backends.cpu.layout import SAMPLES, TILE
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
     all_lanes,
@@ -17,12 +16,13 @@ from supersampler.backends.cpu.simd.vector import (
     spread16,
     store,
 )
+from supersampler.backends.cpu.structs import Floats, TileComparison, Words
 
 STILL = 1e-3  # of a sample: what a matrix leaves of no motion
 FACTOR = np.int32(0x2C1B3C6D)  # odd: a change of one word is never lost
 
 
-@inner
+@device_function
 def moves(motion, at, row, count, height):
     """Whether anything in a tile moves; motion that is none counts as none, as in `frame.motion_at`."""
     most = spread16(np.float32(0.0))
@@ -35,7 +35,7 @@ def moves(motion, at, row, count, height):
     return not all_lanes(most <= STILL)
 
 
-@inner
+@device_function
 def added(total, words, at, count):
     """Add `count` words of a row, sixteen at a time; the last is repeated up to whole sixteens."""
     for k in range(0, count, 16):
@@ -70,8 +70,8 @@ def fingerprints(
             store(out, 16 * (ty * tiles + tx), total)
 
 
-def show(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x1: int, image: Floats):
-    """Colours of rows y0 to y1 and columns x0 to x1, as they are."""
+def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x1: int, image: Floats):
+    """Copy the first three channels of rows y0 to y1 and columns x0 to x1."""
     for y in range(y0, y1):
         for x in range(x0, x1):
             at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
@@ -80,15 +80,13 @@ def show(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0: int, x
             image[to + 2] = pixels[at + 2]
 
 
-def look(
-    pixels: Floats, channels: int, big_w: int, big_h: int, columns: int, exposure: float, y0: int, y1: int,
-    x0: int, x1: int, looks: Floats, changes: Floats,
-):  # fmt: skip
-    """Mean square of how far tiles are from what they were when last looked at, as a screen shows it.
+def compare_tiles(tiles: TileComparison, y0: int, y1: int, x0: int, x1: int):
+    """Write the mean square change of tiles, rows y0 to y1 and columns x0 to x1, of toned colors.
 
-    Rows y0 to y1 and columns x0 to x1 of tiles, `columns` in a row; looks (big_h, big_w, 3) is what they
-    were. A pixel is as far as its farthest channel.
+    The change of a pixel is that of the channel that changed most.
     """
+    pixels, reference, channels, exposure = tiles.pixels, tiles.reference, tiles.channels, tiles.exposure
+    big_w, big_h = tiles.width, tiles.height
     for ty in range(y0, y1):
         for tx in range(x0, x1):
             total = np.float32(0.0)
@@ -98,9 +96,10 @@ def look(
                     at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
                     off = bright = np.float32(0.0)
                     for c in range(3):
-                        now, then = pixels[at + c], looks[to + c]
+                        now, then = pixels[at + c], reference[to + c]
                         off = max(off, abs(now - then))
                         bright = max(bright, max(now, then))
                     off = off * exposure / (np.float32(1.0) + bright * exposure)
                     total += off * off
-            changes[ty * columns + tx] = total / np.float32((bottom - ty * TILE) * (right - tx * TILE))
+            count = np.float32((bottom - ty * TILE) * (right - tx * TILE))
+            tiles.changes[ty * tiles.columns + tx] = total / count

@@ -1,10 +1,10 @@
-"""Reading the past where motion leads."""
+"""Reprojection: device functions that resample the history where motion leads."""
 
 import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import clamped
 from supersampler.backends.cpu.layout import PAD
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import joined, low_half
 from supersampler.backends.cpu.simd.vector import (
     floor,
@@ -19,7 +19,7 @@ from supersampler.backends.cpu.simd.vector import (
 )
 
 
-@inner
+@device_function
 def cubic(t, sharpness):
     """Weights of the four samples around a place between the middle two."""
     s = 1.0 - t
@@ -28,7 +28,7 @@ def cubic(t, sharpness):
     return before, 1.0 - before - after - second, second, after
 
 
-@inner
+@device_function
 def place(position, first, last, count, pitch, at, slot):
     """Put the offsets of the samples `first` to `last` beside floor(position) into slots; return the rest."""
     whole = floor(position)
@@ -39,7 +39,7 @@ def place(position, first, last, count, pitch, at, slot):
     return position - whole
 
 
-@inner
+@device_function
 def aim(px, py, width, height, pitch, sharpness, at, weights):
     """Offsets and weights of sixteen warps: ten slots of sixteen, read back pixel by pixel.
 
@@ -56,14 +56,14 @@ def aim(px, py, width, height, pitch, sharpness, at, weights):
         store(weights, 16 * slot, weight)
 
 
-@inner
+@device_function
 def aim_own(px, py, width, height, pitch, at, weights):
     """The same of linear warps alone, in the slots after those of `aim`."""
     store(weights, 160, place(px, 0, 1, width, pitch, at, 8))
     store(weights, 176, place(py, 0, 1, height, pitch * width, at, 10))
 
 
-@inner
+@device_function
 def cubic4(h, at, weights, i):
     """Four values of the pixel `i` by a cubic."""
     a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
@@ -77,7 +77,7 @@ def cubic4(h, at, weights, i):
     return sharp + bottom * weights[112 + i]
 
 
-@inner
+@device_function
 def linear4(h, a, b, c, d, t, u):
     """Four values between four places: upper left and right, lower left and right."""
     one = np.float32(1.0)
@@ -86,11 +86,11 @@ def linear4(h, a, b, c, d, t, u):
     return upper * (one - u) + lower * u
 
 
-@inner
+@device_function
 def warp(history, at, weights, alone, out):
-    """Sixteen pixels of the past, (16, 16): colour and state, linear; colour by a cubic; own motion's.
+    """Resample sixteen pixels of the history, (16, 16): linear; color by a cubic; color by own motion.
 
-    history (H, W, 8). `alone`: own motion leads to the same places, and is left out.
+    history (H, W, 8). `alone`: the pixels' own motion leads to the same places, so it is left out.
     """
     h = history
     one = np.float32(1.0)
@@ -119,9 +119,9 @@ def warp(history, at, weights, alone, out):
         store(out, 16 * i, joined(soft, joined(sharp, own)))
 
 
-@inner
+@device_function
 def warp5(history, at, weights, out):
-    """Sixteen pixels of a past of five values, (16, 8): the first four by a cubic; the last four, linear."""
+    """Resample sixteen pixels of five values, (16, 8): the first four by a cubic; the last four, linear."""
     h = history
     for i in range(16):
         store(out, 8 * i, cubic4(h, at, weights, i))
@@ -130,21 +130,21 @@ def warp5(history, at, weights, out):
         store(out, 8 * i + 4, soft)
 
 
-@inner
+@device_function
 def on_screen(px, py, width, height):
-    """Where the past was on screen."""
+    """Whether the place in the previous frame is on screen."""
     return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
 
 
-@inner
+@device_function
 def followed(lane, y, mx, my, width, height):
-    """Where sixteen pixels were, kept within two pixels of the screen."""
+    """Places of sixteen pixels in the previous frame, kept within two pixels of the screen."""
     return clamped(lane + mx, -2.0, width + 1.0), clamped(my + np.float32(y), -2.0, height + 1.0)
 
 
-@inner
+@device_function
 def around(x, y, w, h, wide, places):
-    """Where the four samples around places in the past are, and with what weights they count.
+    """Return the four samples around places in the previous frame, and their weights.
 
     places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD
     samples, `wide` from row to row, whose ends repeat the border.
@@ -161,9 +161,9 @@ def around(x, y, w, h, wide, places):
     return sx * sy, tx * sy, sx * ty, tx * ty
 
 
-@inner
-def hidden(depth, weights, befores, margin, ramp):
-    """Share of the four samples around a place in the past that were closer than `depth`; see `covered`."""
+@device_function
+def disoccluded(depth, weights, befores, margin, ramp):
+    """Weight of the four samples of the previous frame that were closer than `depth`: the disocclusion."""
     share = depth * 0.0
     for before, weight in zip(befores, weights):  # noqa: B905  # numba has no strict
         closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
@@ -171,7 +171,7 @@ def hidden(depth, weights, befores, margin, ramp):
     return select(depth >= 0.0, share, 0.0)
 
 
-@inner
+@device_function
 def mean_of(values, weights):
     """Linear interpolation."""
     upper = values[0] * weights[0] + values[1] * weights[1]

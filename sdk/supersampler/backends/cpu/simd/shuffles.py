@@ -10,7 +10,7 @@ from typing import Any
 from llvmlite import ir
 from numba.extending import intrinsic
 
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import Vector, load4, load16
 
 _I32 = ir.IntType(32)
@@ -79,7 +79,7 @@ first_third, second_third, last_third = _thirds(0), _thirds(1), _thirds(2)
 """Parts of three vectors in turns: a lane of each, then the next."""
 
 
-@inner
+@device_function
 def transposed(rows: Any) -> Any:
     """Sixteen vectors of sixteen lanes, rows to columns; four rounds of a perfect shuffle."""
     for _ in range(4):
@@ -93,7 +93,7 @@ def transposed(rows: Any) -> Any:
     return rows
 
 
-@inner
+@device_function
 def load_columns(pointer: Any, index: int) -> Any:
     """Sixteen pixels of sixteen channels each, as sixteen vectors of a channel each."""
     p = pointer
@@ -105,7 +105,7 @@ def load_columns(pointer: Any, index: int) -> Any:
     ))  # fmt: skip
 
 
-@inner
+@device_function
 def shuffled8(rows: Any, rounds: int) -> Any:
     """Eight vectors, some rounds on."""
     for _ in range(rounds):
@@ -117,7 +117,7 @@ def shuffled8(rows: Any, rounds: int) -> Any:
     return rows
 
 
-@inner
+@device_function
 def shuffled4(rows: Any, rounds: int) -> Any:
     """Four vectors, some rounds on."""
     for _ in range(rounds):
@@ -126,7 +126,7 @@ def shuffled4(rows: Any, rounds: int) -> Any:
     return rows
 
 
-@inner
+@device_function
 def load_columns8(pointer: Any, index: int) -> Any:
     """Sixteen pixels of eight channels each, as eight vectors of a channel each."""
     p = pointer
@@ -137,20 +137,20 @@ def load_columns8(pointer: Any, index: int) -> Any:
     return shuffled8(rows, 4)
 
 
-@inner
+@device_function
 def columns4(rows: Any) -> Any:
     """Four vectors of four pixels of four channels each, as four vectors of a channel each."""
     return shuffled4(rows, 4)
 
 
-@inner
+@device_function
 def load_columns4(pointer: Any, index: int) -> Any:
     """Sixteen pixels of four channels each, as four vectors of a channel each."""
     p = pointer
     return columns4((load16(p, index), load16(p, index + 16), load16(p, index + 32), load16(p, index + 48)))
 
 
-@inner
+@device_function
 def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
     """Four values each of four places."""
     p, i, o = pointer, first, offset
@@ -158,7 +158,7 @@ def four_places(pointer: Any, places: Any, first: int, pitch: int, offset: int) 
     return joined(upper, joined(load4(p, pitch * places[i + 2] + o), load4(p, pitch * places[i + 3] + o)))
 
 
-@inner
+@device_function
 def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> Any:
     """Four values each of sixteen places, from pitch * place + offset on, as four vectors."""
     a = four_places(pointer, places, first, pitch, offset)
@@ -167,13 +167,13 @@ def gather4(pointer: Any, places: Any, first: int, pitch: int, offset: int) -> A
     return columns4((a, b, c, four_places(pointer, places, first + 12, pitch, offset)))
 
 
-@inner
+@device_function
 def rows4(columns: Any) -> Any:
     """Four vectors of a channel each as four vectors of four pixels each."""
     return shuffled4(columns, 2)
 
 
-@inner
+@device_function
 def rows8(columns: Any) -> Any:
     """Eight vectors of a channel each as sixteen pixels of eight channels each."""
     return shuffled8(columns, 3)

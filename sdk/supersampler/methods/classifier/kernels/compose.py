@@ -1,4 +1,4 @@
-"""Composing of `classifier` on a processor: what `Classifier.finish` does with what the network says."""
+"""Compositor of `classifier`: the twin of `Classifier.finish`, by the network's blend parameters."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ from supersampler.backends.cpu.kernels.colors import (
 )
 from supersampler.backends.cpu.kernels.filters import places_in, tap
 from supersampler.backends.cpu.layout import PAD, PAST, SAMPLED
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     first_third,
     last_third,
@@ -59,7 +59,7 @@ HALVES = 32  # of a line of the caches
 STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
 
 
-@inner
+@device_function
 def factor(value):
     """e^x, to 1e-5 of it: steps of bytes are larger."""
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
@@ -69,20 +69,20 @@ def factor(value):
     return float_of(bits_of(p) + (bits_of(rounded) << np.int32(23)))
 
 
-@inner
-def said(mixing, pitch, number, numbers, half):
+@device_function
+def blend_parameters(blend, pitch, number, numbers, half):
     """One of so many numbers, of sixteen pixels in a row: left and right of packed ones from `half` on."""
-    left, right = load8(mixing, number * pitch + half), load8(mixing, (number + numbers) * pitch + half)
+    left, right = load8(blend, number * pitch + half), load8(blend, (number + numbers) * pitch + half)
     return zipped(left, right)
 
 
-@inner
+@device_function
 def sharpened(color, sharp, detail):
     """A channel of the past with more of what the cubic has sharpened: `Classifier.pasts`, the first."""
     return clamped(color + sharp * detail, 0.0, TONED)
 
 
-@inner
+@device_function
 def crossed(past_planes, above, at, below, first, last, sides, scale, sharp, detail):
     """The same, filtered by the learned cross before; first, last: where there is no left, no right."""
     up, left, right, low = sides
@@ -93,7 +93,7 @@ def crossed(past_planes, above, at, below, first, last, sides, scale, sharp, det
     return clamped(moved * scale + sharp * detail, 0.0, TONED)
 
 
-@inner
+@device_function
 def cut_to_box(color, mean, reach):
     """`clip_to_center`, back in RGB."""
     y, o, g = ycocg(color[0], color[1], color[2])
@@ -108,12 +108,12 @@ def cut_to_box(color, mean, reach):
     return clamped(r, 0.0, TONED), clamped(g, 0.0, TONED), clamped(b, 0.0, TONED)
 
 
-@inner
+@device_function
 def three(planes, at):
     return load16(planes, at), load16(planes, at + 16), load16(planes, at + 32)
 
 
-@inner
+@device_function
 def added(sums, weight, color):
     """Sums of weighted colours and of the weights."""
     r, g, b, total = sums
@@ -125,15 +125,17 @@ def make_compose_row(variant: Variant):
     corrected, rectified, own_motion = variant
     planes, mean, own = variant.rest, variant.mean, variant.own
     sample_weight, sharpness, kernel = variant.pasts, variant.sharpness, variant.kernel_weights
-    numbers = variant.said
+    numbers = variant.blend_parameters
 
-    @inner
-    def compose_row(
-        y, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near, row_near,
-        across, down, out, big_w, big_h, exposure, most_samples, contraction, glares, history, image,
-        weight, tells, streams, x0, x1,
-    ):  # fmt: skip
+    @device_function
+    def compose_row(y, blend, blend_pitch, gathered, read, tables, constants, output, out, x0, x1):
         """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
+        past_planes, rest, width = gathered.history, gathered.rest, gathered.pitch
+        samples, wide, h = read.color, read.stride + 2 * PAD, read.height
+        columns_near, row_near = tables.nearest_column, tables.nearest_row[y]
+        across, down = tables.column_windows, tables.row_windows
+        exposure, glares, streams = constants.exposure, constants.glares, constants.streams
+        big_w, big_h, history, image = output.width, output.height, output.next_history, output.image
         zero = spread16(np.float32(0.0))
         above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
         m = 2 * numbers * (y % 2)
@@ -143,15 +145,17 @@ def make_compose_row(variant: Variant):
             for line in range(0, 16 * planes, HALVES):
                 prefetch(rest, half + 16 * planes + line)
             # the past
-            sharp = clamped(said(mixing, mixing_pitch, m + sharpness, numbers, pixels), 0.0, SHARPEST)
+            sharp = clamped(
+                blend_parameters(blend, blend_pitch, m + sharpness, numbers, pixels), 0.0, SHARPEST
+            )
             detail = three(rest, half + 16 * DETAIL)
             if corrected:
                 lane, cross = ramp16() + np.int32(x), m + sharpness + 1
                 first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-                up = factor(said(mixing, mixing_pitch, cross, numbers, pixels)) * SIDE
-                left = factor(said(mixing, mixing_pitch, cross + 1, numbers, pixels)) * SIDE
-                right = factor(said(mixing, mixing_pitch, cross + 2, numbers, pixels)) * SIDE
-                low = factor(said(mixing, mixing_pitch, cross + 3, numbers, pixels)) * SIDE
+                up = factor(blend_parameters(blend, blend_pitch, cross, numbers, pixels)) * SIDE
+                left = factor(blend_parameters(blend, blend_pitch, cross + 1, numbers, pixels)) * SIDE
+                right = factor(blend_parameters(blend, blend_pitch, cross + 2, numbers, pixels)) * SIDE
+                low = factor(blend_parameters(blend, blend_pitch, cross + 3, numbers, pixels)) * SIDE
                 sides, scale = (up, left, right, low), 1.0 / (up + left + right + low + 1.0)
                 a, c = (above + x) * PAST, (below + x) * PAST
                 color = (
@@ -175,14 +179,20 @@ def make_compose_row(variant: Variant):
             other = select(known, count * 0.1 + 1e-3, 0.0)
             begun = select(known, count * load16(rest, half + 16 * SURFACE) + 1e-3, 0.0)
             none = zero, zero, zero, zero
-            past = added(none, begun * factor(said(mixing, mixing_pitch, m, numbers, pixels)), color)
+            past = added(
+                none, begun * factor(blend_parameters(blend, blend_pitch, m, numbers, pixels)), color
+            )
             if rectified:
                 cut = cut_to_box(color, three(rest, half + 16 * mean), three(rest, half + 16 * (mean + 3)))
-                past = added(past, other * factor(said(mixing, mixing_pitch, m + 1, numbers, pixels)), cut)
+                past = added(
+                    past, other * factor(blend_parameters(blend, blend_pitch, m + 1, numbers, pixels)), cut
+                )
             if own_motion:
                 moved = three(rest, half + 16 * own)
                 number = m + sample_weight - 1
-                past = added(past, other * factor(said(mixing, mixing_pitch, number, numbers, pixels)), moved)
+                past = added(
+                    past, other * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), moved
+                )
             kept = past[3]
             # this frame
             first, step, index = places_in(columns_near, x)
@@ -190,7 +200,7 @@ def make_compose_row(variant: Variant):
             for k in range(9):
                 begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
                 number = m + kernel + k
-                weigh = begun * factor(said(mixing, mixing_pitch, number, numbers, pixels))
+                weigh = begun * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels))
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
                 at_row = SAMPLED * row * wide + PAD + first
                 q = tap(samples, at_row + k % 3 - 1, wide, step, index, weigh, q)
@@ -206,23 +216,29 @@ def make_compose_row(variant: Variant):
             sampled, beside = there * (confidence + 1e-3), there * 0.05
             sample = three(rest, half + 16 * SAMPLE)
             number = m + sample_weight
-            now = added(none, sampled * factor(said(mixing, mixing_pitch, number, numbers, pixels)), sample)
-            now = added(now, beside * factor(said(mixing, mixing_pitch, number + 1, numbers, pixels)), frame)
             now = added(
-                now, beside * factor(said(mixing, mixing_pitch, number + 2, numbers, pixels)), filtered
+                none, sampled * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), sample
+            )
+            now = added(
+                now, beside * factor(blend_parameters(blend, blend_pitch, number + 1, numbers, pixels)), frame
+            )
+            now = added(
+                now,
+                beside * factor(blend_parameters(blend, blend_pitch, number + 2, numbers, pixels)),
+                filtered,
             )
             new = now[3]
             scale = 1.0 / maximum(kept + new, 1e-12)
             r, g, b = (past[0] + now[0]) * scale, (past[1] + now[1]) * scale, (past[2] + now[2]) * scale
             r, g, b = linear_of(r, g, b, exposure)
-            if tells:
-                store(weight, y * width + x, kept * scale)
+            if output.has_weight:
+                store(output.weight, y * width + x, kept * scale)
             # what the next frame looks back on
             odds = kept / maximum(new, 1e-12) * (sampled + beside + beside)
-            worth = minimum(minimum(odds, count), most_samples) + confidence
+            worth = minimum(minimum(odds, count), constants.most_samples) + confidence
             luma = luminance(sample[0], sample[1], sample[2])
             held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
-            rate = confidence * contraction
+            rate = confidence * constants.contraction
             least, most = load16(rest, half + 16 * LEAST), load16(rest, half + 16 * MOST)
             glared = most * 0.0
             if glares:
@@ -237,7 +253,7 @@ def make_compose_row(variant: Variant):
     return compose_row
 
 
-@inner
+@device_function
 def remember(r, g, b, count, least, most, pixel, room, streams, history, image, out):
     """Write up to sixteen pixels of the picture, and what goes from frame to frame."""
     zero = count * 0.0
@@ -257,7 +273,7 @@ def remember(r, g, b, count, least, most, pixel, room, streams, history, image, 
     put(image, 3 * pixel + 32, last_third(r, g, b), streams & STREAMS_IMAGE)
 
 
-@inner
+@device_function
 def put(pointer, index, vector, past_caches):
     if past_caches:
         stream(pointer, index, vector)

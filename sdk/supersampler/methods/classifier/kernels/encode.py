@@ -2,14 +2,20 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.types import Bytes, Floats, Words
 from supersampler.backends.cpu.layout import RECORD
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.methods.classifier.kernels.network import SIX, clear, depthwise_row, pointwise_row, pool_row
 from supersampler.methods.classifier.kernels.network_inputs import around_row
+from supersampler.methods.classifier.structs import (
+    LayerWeights,
+    LevelAbove,
+    LevelBuffers,
+    LevelScratch,
+    NetworkInputs,
+)
 
 
-@inner
+@device_function
 def repeat_last(records, at, half_width, width):
     """Beyond the picture its last column is repeated, and beyond the row, as far as it is read."""
     for p in range(half_width, width + SIX):
@@ -18,27 +24,29 @@ def repeat_last(records, at, half_width, width):
 
 
 def level(
-    means: Floats, half_width: int, half_height: int, half_stride: int, records: Words, record_row: int,
-    above: Bytes, above_pitch: int, above_row: int, channels: int, words: int, weights: Words, blocks: int,
-    scales: Floats, biases: Floats, x: Bytes, pitch: int, row: int, width: int, between: int,
-    spatial_weights: Words, spatial_scales: Floats, spatial_biases: Floats, last_weights: Words,
-    last_blocks: int, last_scales: Floats, last_biases: Floats, out: Bytes, out_pitch: int, out_row: int,
-    drift: Floats, grain: Floats, tent: Floats, codes: Words, line: Bytes, line_words: Words, first0: int,
-    first1: int, y0: int, y1: int, x0: int, x1: int,
+    network: NetworkInputs, above: LevelAbove, first: LayerWeights, spatial: LayerWeights,
+    last: LayerWeights, buffers: LevelBuffers, scratch: LevelScratch, first0: int, first1: int, y0: int,
+    y1: int, x0: int, x1: int,
 ):  # fmt: skip
-    """The first layer of rows first0 to first1, the other two of y0 to y1, which see one row around them.
+    """Run the first layer on rows first0 to first1, the other two on y0 to y1, which see one row around them.
 
-    Of records, which `means` complete first (see `around_row`), where `channels` is 0; beyond the picture its
-    last row and column are repeated. Else of so many channels of the level above, pooled. drift to codes, and
-    line, which line_words is too: scratch. between: channels that the last two layers have.
+    The first level reads `network`, whose records it completes (see `around_row`); beyond the image its last
+    row and column are repeated. The others read `above`, pooled.
     """
+    means, half_width, half_height = network.means, network.half_width, network.half_height
+    half_stride, records, record_row = network.means_stride, network.records, network.row * RECORD
+    words, weights, blocks, scales, biases = first.words, first.weights, first.blocks, first.scale, first.bias
+    x, pitch, row, width = buffers.x, buffers.pitch, buffers.row, buffers.width
+    drift, grain, tent, codes = scratch.signed, scratch.absolute, scratch.tent, scratch.codes
+    channels, between = above.channels, buffers.channels
+    line, line_words = scratch.line, scratch.line_words
     count = x1 - x0
     start = np.int64(0)  # of a literal numba would make functions of its own
     for y in range(min(first0, y0), max(first1, y1 + 1)):
         if first0 <= y < first1:
             if channels:
-                at = 2 * y * above_row + 2 * x0 * above_pitch
-                pool_row(above, at, above_pitch, above_row, channels, line, count)
+                at = 2 * y * above.row + 2 * x0 * above.pitch
+                pool_row(above.pixels, at, above.pitch, above.row, channels, line, count)
                 source, at, step = line_words, start, channels // 4
             else:
                 here = min(y, half_height - 1)
@@ -58,10 +66,10 @@ def level(
         if y0 <= done < y1:
             at = done * row + x0 * pitch
             depthwise_row(
-                x, at, pitch, row, spatial_weights, between, spatial_scales, spatial_biases, line, count
+                x, at, pitch, row, spatial.weights, between, spatial.scale, spatial.bias, line, count
             )  # fmt: skip
-            to = done * out_row + x0 * out_pitch
+            to = done * buffers.out_row + x0 * buffers.out_pitch
             pointwise_row(
-                line_words, start, between // 4, between // 4, last_weights, last_blocks, last_scales,
-                last_biases, out, to, out_pitch, count,
+                line_words, start, between // 4, between // 4, last.weights, last.blocks, last.scale,
+                last.bias, buffers.out, to, buffers.out_pitch, count,
             )  # fmt: skip

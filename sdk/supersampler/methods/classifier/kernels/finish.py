@@ -1,31 +1,38 @@
-"""Finish of `classifier` on a processor: the network's last layers, and what they say, composed."""
+"""Finish of `classifier`: the last layers of the network, then the image by their blend parameters."""
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.backends.cpu.layout import RECORD, SEEN
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns
 from supersampler.backends.cpu.simd.vector import dot4, load16, spread16, store, to_float, to_int
+from supersampler.backends.cpu.structs import FrameSamples, Output, ResampleTables, Words
 from supersampler.methods.classifier.kernels.compose import factor, make_compose_row
 from supersampler.methods.classifier.kernels.network import (
     concatenate_row,
     pointwise_row,
     pointwise_row_of_two,
 )
+from supersampler.methods.classifier.structs import (
+    EncodedLevels,
+    FinishConstants,
+    FinishLayers,
+    FinishScratch,
+    Gathered,
+    NetworkInputs,
+)
 from supersampler.methods.classifier.variant import Variant
 
 WIDE = 16  # words of what the hidden layer gives
 
 
-@inner
-def mix_row(
-    hidden, words, weights, scales, biases, outputs, p0, p1, pitch, columns, out, logits, scale, classes, to
-):
-    """The last layer of packed pixels p0 to p1 of a row, (outputs, pitch), and the shares of their classes.
+@device_function
+def blend_row(hidden, layer, outputs, p0, p1, pitch, columns, out, constants, classes, to):
+    """Compute blend parameters, (outputs, pitch), and class probabilities of packed pixels p0 to p1.
 
     Sixteen pixels side by side: columns (WIDE, 16) is scratch, their bytes word by word.
     """
+    words, weights, scales, biases = layer.words, layer.weights, layer.scale, layer.bias
     for p in range(p0, p1, 16):
         rows = load_columns(hidden, WIDE * p)
         for k in range(WIDE):
@@ -34,10 +41,10 @@ def mix_row(
             sums = eight_sums(columns, words, weights, c * words)
             for i in range(8):
                 store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
-        hold(columns, logits, scale, p1 - p, classes, to + 8 * p)
+        hold(columns, constants.logits, constants.logits_scale, p1 - p, classes, to + 8 * p)
 
 
-@inner
+@device_function
 def eight_sums(columns, words, weights, first):
     """Eight outputs of sixteen pixels."""
     a = b = c = d = e = f = g = h = spread16(np.int32(0))
@@ -54,7 +61,7 @@ def eight_sums(columns, words, weights, first):
     return a, b, c, d, e, f, g, h
 
 
-@inner
+@device_function
 def hold(columns, logits, scale, count, classes, to):
     """Shares of the classes of up to sixteen packed pixels, eight bytes each."""
     a, b, c = (
@@ -82,13 +89,13 @@ def hold(columns, logits, scale, count, classes, to):
         classes[to // 4 + 2 * i + 1] = columns[16 + i]
 
 
-@inner
+@device_function
 def odds_of(columns, byte, scale):
     value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
     return factor((to_float(value) - 128.0) * scale)
 
 
-@inner
+@device_function
 def share(value):
     return to_int(value + 0.5)
 
@@ -100,43 +107,38 @@ def make_finish_rows(*parts: str):
     outputs = variant.outputs
 
     def finish_rows(
-        kept0: Bytes, kept1: Bytes, kept2: Bytes, kept3: Bytes, pitches: Words, read: Bytes,
-        read_words: Words, decoder: Words, decoder_scale: Floats, decoder_bias: Floats, decoded: Bytes,
-        decoded_words: Words, records: Words, record_row: int, hidden_weights: Words, blocks: int,
-        hidden_scale: Floats, hidden_bias: Floats, hidden: Bytes, hidden_words: Words, logits: int,
-        logits_scale: float, mixing_words: int, mixing_weights: Words, mixing_scale: Floats,
-        mixing_bias: Floats, mixing: Floats, classes: Words, past_planes: Floats, rest: Halves, width: int,
-        samples: Floats, wide: int, h: int, columns_near: Words, rows_near: Words, across: Floats,
-        down: Floats, columns: Words, out: Floats, big_w: int, big_h: int, exposure: float,
-        most_samples: float, contraction: float, glares: int, history: Floats, image: Floats,
-        weight: Floats, tells: int, streams: int, y0: int, y1: int, p0: int, p1: int,
+        levels: EncodedLevels, layers: FinishLayers, network: NetworkInputs, gathered: Gathered,
+        read: FrameSamples, tables: ResampleTables, constants: FinishConstants, scratch: FinishScratch,
+        output: Output, next_classes: Words, y0: int, y1: int, p0: int, p1: int,
     ):  # fmt: skip
-        """Decode, compose and remember packed rows y0 to y1, packed pixels p0 to p1.
+        """Decode and compose packed rows y0 to y1, packed pixels p0 to p1: the image and the next history.
 
-        kept0 to kept3: what the levels gave; read, decoded, hidden (each also as words), mixing,
-        columns, out: scratch rows. classes, history, image, weight (where `tells`): what comes out.
+        next_classes: (half height, half width, 8) bytes, class probabilities.
         """
-        half_w = (big_w + 1) // 2
-        mixing_pitch = (half_w + 15) // 16 * 16
+        decoder, big_h = layers.decoder, output.height
+        half_w = (output.width + 1) // 2
+        blend_pitch = (half_w + 15) // 16 * 16
         for y in range(y0, y1):
-            concatenate_row(kept0, kept1, kept2, kept3, pitches, y, p0, p1, read)
+            concatenate_row(
+                levels.level0, levels.level1, levels.level2, levels.level3, levels.pitches, y, p0, p1,
+                scratch.read,
+            )  # fmt: skip
             pointwise_row(
-                read_words, 8 * p0, 8, 8, decoder, 1, decoder_scale, decoder_bias, decoded, 32 * p0, 32,
-                p1 - p0,
+                scratch.read_words, 8 * p0, 8, 8, decoder.weights, 1, decoder.scale, decoder.bias,
+                scratch.decoded, 32 * p0, 32, p1 - p0,
             )  # fmt: skip
             pointwise_row_of_two(
-                records, y * record_row + RECORD * p0, RECORD, SEEN, decoded_words, 8 * p0, 8, 8,
-                hidden_weights, blocks, hidden_scale, hidden_bias, hidden, 4 * WIDE * p0, 4 * WIDE, p1 - p0,
+                network.records, (y * network.row + p0) * RECORD, RECORD, SEEN, scratch.decoded_words,
+                8 * p0, 8, 8, layers.hidden, scratch.hidden, 4 * WIDE * p0, 4 * WIDE, p1 - p0,
             )  # fmt: skip
-            mix_row(
-                hidden_words, mixing_words, mixing_weights, mixing_scale, mixing_bias, outputs, p0, p1,
-                mixing_pitch, columns, mixing, logits, logits_scale, classes, 8 * y * half_w,
+            blend_row(
+                scratch.hidden_words, layers.blend, outputs, p0, p1, blend_pitch, scratch.columns,
+                scratch.blend, constants, next_classes, 8 * y * half_w,
             )  # fmt: skip
             for row in range(2 * y, min(2 * y + 2, big_h)):
                 compose_row(
-                    row, mixing, mixing_pitch, past_planes, rest, width, samples, wide, h, columns_near,
-                    rows_near[row], across, down, out, big_w, big_h, exposure, most_samples,
-                    contraction, glares, history, image, weight, tells, streams, 2 * p0, min(2 * p1, width),
+                    row, scratch.blend, blend_pitch, gathered, read, tables, constants, output, scratch.out,
+                    2 * p0, min(2 * p1, output.pitch),
                 )  # fmt: skip
 
     return finish_rows

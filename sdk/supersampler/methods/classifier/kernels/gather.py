@@ -1,4 +1,4 @@
-"""Gather of `classifier` on a processor: what `Classifier.gather` and `Classifier.seen` do, in one pass.
+"""Gather of `classifier`: the twin of `Classifier.gather` and of its network inputs, in one pass.
 
 Rows of vectors of sixteen pixels; where a pixel's channels are read at places of their own (filters, warps),
 a vector holds one pixel's channels instead. Rows end in padding up to a multiple of sixteen.
@@ -20,18 +20,17 @@ from supersampler.backends.cpu.kernels.colors import (
 )
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
 from supersampler.backends.cpu.kernels.frame import repeat_ends
-from supersampler.backends.cpu.kernels.types import Bytes, Floats, Halves, Words
 from supersampler.backends.cpu.kernels.warp import (
     aim,
     aim_own,
     around,
+    disoccluded,
     followed,
-    hidden,
     on_screen,
     warp,
 )
 from supersampler.backends.cpu.layout import PAD, PAST, RECORD, SEEN
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import gather4, load_columns
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -46,9 +45,16 @@ from supersampler.backends.cpu.simd.vector import (
     stream,
     to_float,
 )
+from supersampler.backends.cpu.structs import Floats, FrameSamples, ResampleTables
 from supersampler.methods.classifier.kernels import network_inputs as see
 from supersampler.methods.classifier.kernels.network_inputs import complete, put, recall
 from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.structs import (
+    ClassifierHistoryInput,
+    Gathered,
+    GatherScratch,
+    NetworkInputs,
+)
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.spec import constant_indices
 
@@ -61,27 +67,27 @@ EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, GLARES = range(l
 previous frame, and its jitter; whether this frame or the history may have light over GLARING."""
 
 
-@inner
+@device_function
 def toned_at(numbers, r, g, b):
     """Linear colours of the past, exposed and toned."""
     e = numbers[EXPOSURE]
     return toned(quarantined(r) * e, quarantined(g) * e, quarantined(b) * e)
 
 
-@inner
+@device_function
 def only(where, values):
     """Three vectors; 0 elsewhere."""
     return select(where, values[0], 0.0), select(where, values[1], 0.0), select(where, values[2], 0.0)
 
 
-@inner
+@device_function
 def put_all(planes, at, values):
     """Store vectors one after the other."""
     for c, value in enumerate(values):
         stream(planes, at + 16 * c, value)
 
 
-@inner
+@device_function
 def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     """Whether the past shows what is there now, and how depth differs (equation 10)."""
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
@@ -90,7 +96,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     weights = around(x, y, old_w, old_h, wide, places)
     a, b, c, d = gather4(surfaces, places, 0, 2, 0)
     e, f, g, h = gather4(surfaces, places, 16, 2, 0)
-    cover = hidden(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
+    cover = disoccluded(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
     surface = select(on, maximum(1.0 - cover * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     there = select(low, select(right, g, e), select(right, c, a))
@@ -99,7 +105,7 @@ def look_back(depth, px, py, on, surfaces, wide, places, numbers):
     return surface, select(depth >= 0.0, clamped(apart, -1.0, 1.0), 0.0)
 
 
-@inner
+@device_function
 def present_of(p, gamma):
     """This frame at sixteen pixels, from sums of samples: see `Present`."""
     scale = 1.0 / maximum(p[3], 1e-6)
@@ -130,24 +136,24 @@ def present_of(p, gamma):
     return frame, sample, minimum(p[3], 1.0), mean, reach, largest(varies[0], varies[1], varies[2])
 
 
-@inner
+@device_function
 def glared_now(glare, glared, count):
     """Frames in a row that have had glare near, with this one; a pixel without a past has nothing to lose."""
     counts = select((count > 0.0) | (glared > 0.0), glared, CONFIRMED)
     return glare * minimum(counts + 1.0, CONFIRMED)
 
 
-@inner
+@device_function
 def roots(color):
     return root(color[0]), root(color[1]), root(color[2])
 
 
-@inner
+@device_function
 def luma_of(color):
     return luminance(color[0], color[1], color[2])
 
 
-@inner
+@device_function
 def apart_of(a, b):
     """The channel that differs most."""
     return largest(absolute(a[0] - b[0]), absolute(a[1] - b[1]), absolute(a[2] - b[2]))
@@ -159,21 +165,21 @@ def make_gather_rows(*parts: str):
     planes, mean_plane, own_plane = variant.rest, variant.mean, variant.own
 
     def gather_rows(
-        samples: Floats, front: Floats, own: Floats, stride: int, history: Floats, surfaces: Floats,
-        old_wide: int, rows: Words, down: Floats, starts: Words, across: Floats,
-        lefts: Words, columns_near: Words, tops: Words, rows_near: Words, numbers: Floats, big_w: int,
-        big_h: int, width: int, y0: int, y1: int, x0: int, x1: int, line: Floats,
-        ring: Floats, slots: Words, weights: Floats, warped: Floats, places: Floats, seen: Bytes,
-        apart: Floats, past_planes: Floats, rest: Halves, classes: Bytes, half_row: int, records: Words,
-        half_stride: int, means: Floats,
+        read: FrameSamples, history: ClassifierHistoryInput, tables: ResampleTables, numbers: Floats,
+        line: Floats, scratch: GatherScratch, gathered: Gathered, network: NetworkInputs, y0: int, y1: int,
+        x0: int, x1: int,
     ):  # fmt: skip
-        """All that is known of rows y0 to y1, columns x0 to x1, before the network speaks.
+        """Compute `gathered` and the network inputs of rows y0 to y1, columns x0 to x1.
 
-        samples, front, own, surfaces: of `frame`, the last of the frame before; history (H, W, 8); rows to
-        rows_near: where display pixels look; line to apart: scratch; past_planes (H, width / 16, PAST, 16),
-        rest (H, width / 16, variant.rest, 16), records, means (H / 2, 2, half_stride): what is found.
-        y0 is even; x0 and x1 are where tiles begin, or x1 is `width`.
+        y0 is even; x0 and x1 are where tiles begin, or x1 is `gathered.pitch`. line: scratch for filters.
         """
+        samples, stride = read.color, read.stride
+        rows, down = tables.row_samples, tables.row_weights
+        starts, across = tables.column_start, tables.column_weights
+        ring, slots, weights, warped = scratch.ring, scratch.slots, scratch.weights, scratch.warped
+        places, seen, apart = scratch.places, scratch.inputs, scratch.differences
+        past_planes, rest = gathered.history, gathered.rest
+        big_w, big_h, width = gathered.width, gathered.height, gathered.pitch
         w_big, h_big = numbers[BIG_W], numbers[BIG_H]
         scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
         wide, x_end = width + 2 * PAD, min(x1, big_w)
@@ -184,11 +190,15 @@ def make_gather_rows(*parts: str):
                 filter_all_down(samples, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line)
             for x in range(x0, x1, 16):
                 lane = to_float(ramp16() + np.int32(x))
-                depth, mx, my, _ = gather4(front, lefts, x, 4, 4 * tops[y] * stride)
+                depth, mx, my, _ = gather4(
+                    read.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
+                )
                 mx, my = mx * scale_x, my * scale_y
                 px, py = followed(lane, y, mx, my, w_big, h_big)
                 on = on_screen(px, py, w_big, h_big)
-                own_x, own_y, edge, glare = gather4(own, columns_near, x, 4, 4 * rows_near[y] * stride)
+                own_x, own_y, edge, glare = gather4(
+                    read.own, tables.nearest_column, x, 4, 4 * tables.nearest_row[y] * stride
+                )
                 store(places, x, px)
                 store(places, width + x, py)
                 aim(px, py, big_w, big_h, 8, numbers[C.history_sharpness], slots, weights)
@@ -198,7 +208,7 @@ def make_gather_rows(*parts: str):
                     alone = all_lanes((ox == px) & (oy == py))
                     if not alone:
                         aim_own(ox, oy, big_w, big_h, 8, slots, weights)
-                warp(history, slots, weights, alone, warped)
+                warp(history.pixels, slots, weights, alone, warped)
                 q = load_columns(warped, 0)
                 past = only(on, toned_at(numbers, q[8], q[9], q[10]))
                 past_root = roots(past)
@@ -215,7 +225,9 @@ def make_gather_rows(*parts: str):
                 else:
                     glared = most * 0.0
                 put_all(past_planes, (y * width + x) * PAST, past)
-                surface, difference = look_back(depth, px, py, on, surfaces, old_wide, slots, numbers)
+                surface, difference = look_back(
+                    depth, px, py, on, history.depth, history.pitch, slots, numbers
+                )
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
                 frame, sample, confidence, mean, reach, varies = present_of(sums, numbers[C.gamma])
                 to = (y * width + x) * planes
@@ -248,22 +260,16 @@ def make_gather_rows(*parts: str):
                 put(seen, see.SURFACE * width + to, surface)
                 put(seen, see.EDGE * width + to, edge)
             if inside and y % 2 == 0:
-                to = y // 2 * half_row * RECORD
+                to = y // 2 * network.row * RECORD
                 recall(
-                    classes, places, slots, weights, width, big_w, big_h, x0 // 2, (x_end + 1) // 2, records,
-                    to,
+                    history.classes, places, slots, weights, width, big_w, big_h, x0 // 2, (x_end + 1) // 2,
+                    network.records, to,
                 )  # fmt: skip
             repeat_ends(ring, (y % 3) * wide + PAD + x0, x_end - x0)
             if y - 1 >= y0:
-                complete(
-                    ring, seen, apart, records, means, y - 1, y, wide, width, big_w, big_h, half_row,
-                    half_stride, x0, x1,
-                )  # fmt: skip
+                complete(scratch, gathered, network, y - 1, y, x0, x1)
         if y1 == big_h:
             last = big_h - 1
-            complete(
-                ring, seen, apart, records, means, last, last, wide, width, big_w, big_h, half_row,
-                half_stride, x0, x1,
-            )  # fmt: skip
+            complete(scratch, gathered, network, last, last, x0, x1)
 
     return gather_rows

@@ -1,4 +1,4 @@
-"""The network of `classifier` in bytes; see `supersampler_export.quantize` for what the bytes mean.
+"""Layers of the int8 network of `classifier`; see `supersampler_export.quantize` for the quantization.
 
 Images are rows of pixels of channels, bytes, within a border of one pixel where 3x3 convolutions reach. A
 layer's sums of products become bytes again by a scale and a bias for each channel. Four bytes are multiplied
@@ -7,7 +7,7 @@ and added at once: a word is what a processor takes in, 32 sums of six pixels wh
 
 import numpy as np
 
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     dot4,
     load4,
@@ -26,14 +26,14 @@ SOON = 16  # pixels from what is read to what is called for: rows of the deepest
 SIX = 6  # pixels at once; rows have room for as many more
 
 
-@inner
+@device_function
 def to_bytes(total, scales, biases, channel):
     """Sums as bytes, rounded."""
     value = to_float(total) * load16(scales, channel) + load16(biases, channel)
     return to_int(minimum(maximum(value, 0.0), 255.0) + 0.5)
 
 
-@inner
+@device_function
 def two_by_six(x, pitch, words, weights, w, a, sums):
     """Add to the sums of six pixels and 32 channels."""
     a0, a1, b0, b1, c0, c1, d0, d1, e0, e1, f0, f1 = sums
@@ -54,14 +54,14 @@ def two_by_six(x, pitch, words, weights, w, a, sums):
     return a0, a1, b0, b1, c0, c1, d0, d1, e0, e1, f0, f1
 
 
-@inner
+@device_function
 def nothing():
     """Sums to begin with."""
     z = spread16(np.int32(0))
     return z, z, z, z, z, z, z, z, z, z, z, z
 
 
-@inner
+@device_function
 def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to, out_pitch, width):
     """A 1x1 convolution of a row: words of four bytes in, `blocks` of 32 bytes out.
 
@@ -75,11 +75,10 @@ def pointwise_row(x, at, pitch, words, weights, blocks, scales, biases, out, to,
             put_six(sums, scales, biases, 32 * block, out, to + p * out_pitch, out_pitch)
 
 
-@inner
-def pointwise_row_of_two(
-    x, at, pitch, words, y, y_at, y_pitch, y_words, weights, blocks, scales, biases, out, to, out_pitch, width
-):
+@device_function
+def pointwise_row_of_two(x, at, pitch, words, y, y_at, y_pitch, y_words, layer, out, to, out_pitch, width):
     """The same of pixels whose channels lie in two places."""
+    weights, blocks, scales, biases = layer.weights, layer.blocks, layer.scale, layer.bias
     for p in range(0, width, SIX):
         for block in range(blocks):
             w = 32 * (words + y_words) * block
@@ -88,7 +87,7 @@ def pointwise_row_of_two(
             put_six(sums, scales, biases, 32 * block, out, to + p * out_pitch, out_pitch)
 
 
-@inner
+@device_function
 def put_six(sums, scales, biases, channel, out, to, out_pitch):
     """Six pixels and 32 channels as bytes."""
     for i in range(SIX):
@@ -97,21 +96,21 @@ def put_six(sums, scales, biases, channel, out, to, out_pitch):
         store(out, here + 16, to_bytes(sums[2 * i + 1], scales, biases, channel + 16))
 
 
-@inner
+@device_function
 def clear(out, at, count):
     """The border after a row."""
     for c in range(0, count, 16):
         store(out, at + c, spread16(np.int32(0)))
 
 
-@inner
+@device_function
 def column(x, at, row):
     """Three bytes above one another of sixteen channels, in a word each."""
     upper, lower = load16(x, at + row) << np.int32(8), load16(x, at + 2 * row) << np.int32(16)
     return load16(x, at) | upper | lower
 
 
-@inner
+@device_function
 def depthwise_row(x, at, pitch, row, weights, channels, scales, biases, out, width):
     """A 3x3 convolution of each channel by itself; x with its border, from the upper left neighbour on.
 
@@ -129,7 +128,7 @@ def depthwise_row(x, at, pitch, row, weights, channels, scales, biases, out, wid
             a, b = b, d
 
 
-@inner
+@device_function
 def pool_row(x, at, pitch, row, channels, out, width):
     """The largest of each 2x2 pixels; whole sixteens of channels."""
     for p in range(width):
@@ -140,7 +139,7 @@ def pool_row(x, at, pitch, row, channels, out, width):
             store(out, p * channels + c, maximum(upper, lower))
 
 
-@inner
+@device_function
 def concatenate_row(kept0, kept1, kept2, kept3, pitches, y, p0, p1, out):
     """What the levels hand to the decoder, 16 + 8 + 4 + 4 bytes, pixels shuffled into place.
 

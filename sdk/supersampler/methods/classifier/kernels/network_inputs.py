@@ -10,7 +10,7 @@ from supersampler.backends.cpu.kernels.colors import clamped, root
 from supersampler.backends.cpu.kernels.frame import repeat_ends
 from supersampler.backends.cpu.kernels.warp import place
 from supersampler.backends.cpu.layout import PAD, RECORD, SEEN
-from supersampler.backends.cpu.simd.device_function import inner
+from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import evens, odds, transposed
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -33,13 +33,13 @@ from supersampler.backends.cpu.simd.vector import (
 CLASSES = 16  # word of a record
 
 
-@inner
+@device_function
 def put(seen, at, value):
     """What the network sees, as a byte."""
     store(seen, at, to_int(clamped(value, 0.0, 1.0) * 255.0 + 0.5))
 
 
-@inner
+@device_function
 def contrast_row(ring, above, here, below, wide, seen, seen_row, width, x0, x1):
     """How much the past differs around each pixel, and how far this frame's sample is outside of that."""
     for x in range(x0, x1, 16):
@@ -53,7 +53,7 @@ def contrast_row(ring, above, here, below, wide, seen, seen_row, width, x0, x1):
         put(seen, BEYOND * width + seen_row + x, maximum(maximum(low - luma, luma - high), 0.0))
 
 
-@inner
+@device_function
 def words_of(seen, upper, lower):
     """Sixteen packed pixels: two of each row in the bytes of a word."""
     a, b = load16(seen, upper), load16(seen, upper + 16)
@@ -61,7 +61,7 @@ def words_of(seen, upper, lower):
     return evens(a, b) | odds(a, b) << np.int32(8) | evens(c, d) << np.int32(16) | odds(c, d) << np.int32(24)
 
 
-@inner
+@device_function
 def pack_rows(seen, upper, lower, width, p0, p1, records, to):
     """Put two rows of bytes into records p0 to p1."""
     for x in range(p0, p1, 16):
@@ -80,7 +80,7 @@ def pack_rows(seen, upper, lower, width, p0, p1, records, to):
             store(records, to + RECORD * (x + i), rows[i])
 
 
-@inner
+@device_function
 def recall(classes, places, at, weights, width, big_w, big_h, p0, p1, records, to):
     """What packed pixels p0 to p1 of a row were held for, (H / 2, W / 2, 8) bytes: two of its words.
 
@@ -107,7 +107,7 @@ def recall(classes, places, at, weights, width, big_w, big_h, p0, p1, records, t
             records[first + 1] = packed(value, 4) & at[64 + i]
 
 
-@inner
+@device_function
 def halve(apart, upper, lower, p0, p1, means, row, half_stride):
     """Means of four pixels of how far past and frame are apart: signed, and not."""
     for x in range(p0, p1, 16):
@@ -122,7 +122,7 @@ def halve(apart, upper, lower, p0, p1, means, row, half_stride):
     repeat_ends(means, (row * 2 + 1) * half_stride + PAD + p0, p1 - p0)
 
 
-@inner
+@device_function
 def looks_at(row, y, height):
     """How many of the nine looks of two means of three rows, one of the other, around row y are at `row`."""
     count = 0
@@ -133,7 +133,7 @@ def looks_at(row, y, height):
     return np.float32(count)
 
 
-@inner
+@device_function
 def tent_row(means, height, half_stride, plane, y, p0, p1, tall, line):
     """A plane of means around row y by a tent of 5 x 5: `tall`, from PAD on, values to be cut to bytes."""
     a, b = looks_at(y - 2, y, height), looks_at(y - 1, y, height)
@@ -158,7 +158,7 @@ def tent_row(means, height, half_stride, plane, y, p0, p1, tall, line):
         store(tall, at, minimum(root(absolute(mean)) * 255.0 + 0.5, 255.0))
 
 
-@inner
+@device_function
 def around_row(means, half_h, half_stride, y, p0, p1, drift, grain, line, codes, records, row):
     """Drift and grain of packed pixels p0 to p1 of row y: bytes 6 and 7 of the half-size words of records.
 
@@ -179,11 +179,12 @@ def around_row(means, half_h, half_stride, y, p0, p1, drift, grain, line, codes,
         records[at] = np.int32(records[at] & 0xFFFF) | codes[x]
 
 
-@inner
-def complete(
-    ring, seen, apart, records, means, y, below, wide, width, big_w, big_h, half_row, half_stride, x0, x1
-):
+@device_function
+def complete(scratch, gathered, network, y, below, x0, x1):
     """Finish columns x0 to x1 of row y, whose rows around are known now; pack a second row with its first."""
+    ring, seen, apart = scratch.ring, scratch.inputs, scratch.differences
+    big_w, big_h, width = gathered.width, gathered.height, gathered.pitch
+    wide = width + 2 * PAD
     row = (y % 4) * SEEN * width
     contrast_row(ring, max(y - 1, 0) % 3, y % 3, below % 3, wide, seen, row, width, x0, x1)
     if big_w % 2:
@@ -192,6 +193,7 @@ def complete(
         apart[(y % 4) * width + big_w] = apart[(y % 4) * width + big_w - 1]
     if y % 2 or y == big_h - 1:
         first, p0, p1 = y - y % 2, x0 // 2, (min(x1, big_w) + 1) // 2
-        upper, to = (first % 4) * SEEN * width, (y // 2) * half_row * RECORD
-        pack_rows(seen, upper, row, width, p0, p1, records, to)
-        halve(apart, (first % 4) * width, (y % 4) * width, p0, p1, means, y // 2, half_stride)
+        upper, to = (first % 4) * SEEN * width, (y // 2) * network.row * RECORD
+        pack_rows(seen, upper, row, width, p0, p1, network.records, to)
+        upper, lower = (first % 4) * width, (y % 4) * width
+        halve(apart, upper, lower, p0, p1, network.means, y // 2, network.means_stride)

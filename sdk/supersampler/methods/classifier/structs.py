@@ -1,0 +1,201 @@
+"""Structs that the kernels of `classifier` take. Packed pixels are 2x2 display pixels."""
+
+from typing import NamedTuple
+
+from supersampler.backends.cpu.structs import Bytes, Floats, Halves, Words
+
+
+class ClassifierHistoryInput(NamedTuple):
+    """What the previous frame left.
+
+    Attributes:
+        pixels: (display height, display width, CLASSIFIER_PIXEL).
+        classes: (half height, half width, 8) class probabilities, 255 is one.
+        depth: (height, pitch, 2) as the kernel `keep_depth` writes it.
+        pitch: PAD + stride + PAD of the previous frame.
+    """
+
+    pixels: Floats
+    classes: Bytes
+    depth: Floats
+    pitch: int
+
+
+class Gathered(NamedTuple):
+    """What gather hands to finish, in vectors of sixteen pixels.
+
+    Attributes:
+        history: (height, pitch / 16, PAST, 16) toned RGB of the reprojected history.
+        rest: (height, pitch / 16, Variant.rest, 16) all else.
+        width, height: of the display.
+        pitch: width up to whole vectors.
+    """
+
+    history: Floats
+    rest: Halves
+    width: int
+    height: int
+    pitch: int
+
+
+class NetworkInputs(NamedTuple):
+    """What the network sees of packed pixels.
+
+    Attributes:
+        records: (half height, row, RECORD) words.
+        means: (half height, 2, means_stride) mean differences between history and frame, signed and
+            absolute; PAD columns on either side.
+        half_width, half_height: packed pixels.
+        row: records from row to row.
+        means_stride: means from plane to plane.
+    """
+
+    records: Words
+    means: Floats
+    half_width: int
+    half_height: int
+    row: int
+    means_stride: int
+
+
+class GatherScratch(NamedTuple):
+    """What one thread of gather works in.
+
+    Attributes:
+        ring: luma of the reprojected history, three rows.
+        slots, weights, warped: of `warp.aim` and `warp.warp`.
+        places: where the pixels of a row were.
+        inputs: four rows of network inputs, SEEN planes each.
+        differences: luma of the history minus that of the frame, four rows.
+    """
+
+    ring: Floats
+    slots: Words
+    weights: Floats
+    warped: Floats
+    places: Floats
+    inputs: Bytes
+    differences: Floats
+
+
+class LayerWeights(NamedTuple):
+    """A layer of the int8 network.
+
+    Attributes:
+        weights: words of four bytes; see `network`.
+        scale, bias: (outputs,) of its sums.
+        blocks: of 32 outputs; of the last layer, outputs.
+        words: inputs, four bytes each.
+    """
+
+    weights: Words
+    scale: Floats
+    bias: Floats
+    blocks: int
+    words: int
+
+    @property
+    def outputs(self) -> int:
+        """Channels."""
+        return len(self.scale)
+
+
+class LevelAbove(NamedTuple):
+    """What a level of the encoder pools; ignored at the first level, where `channels` is 0.
+
+    Attributes:
+        pixels: bytes, from the first channel that counts on.
+        pitch, row: bytes from pixel to pixel and from row to row.
+        channels: that count.
+    """
+
+    pixels: Bytes
+    pitch: int
+    row: int
+    channels: int
+
+
+class LevelBuffers(NamedTuple):
+    """The images of a level of the encoder.
+
+    Attributes:
+        x: (height + 2, row, pitch) what the first layer gives, within a border of one pixel.
+        pitch, row: bytes of `x` from pixel to pixel and from row to row.
+        channels: of `x` that the other layers read.
+        out: (height, row, out_pitch) what the level gives.
+        out_pitch, out_row: bytes of `out`.
+        width: of the level.
+    """
+
+    x: Bytes
+    pitch: int
+    row: int
+    channels: int
+    out: Bytes
+    out_pitch: int
+    out_row: int
+    width: int
+
+
+class LevelScratch(NamedTuple):
+    """What one thread works in: rows of means and their codes, a row of bytes, the same bytes as words."""
+
+    signed: Floats
+    absolute: Floats
+    tent: Floats
+    codes: Words
+    line: Bytes
+    line_words: Words
+
+
+class EncodedLevels(NamedTuple):
+    """What the levels of the encoder give; pitches: bytes a pixel of each, then bytes a row."""
+
+    level0: Bytes
+    level1: Bytes
+    level2: Bytes
+    level3: Bytes
+    pitches: Words
+
+
+class FinishLayers(NamedTuple):
+    """The layers after the encoder; the last gives blend parameters."""
+
+    decoder: LayerWeights
+    hidden: LayerWeights
+    blend: LayerWeights
+
+
+class FinishConstants(NamedTuple):
+    """What finish goes by.
+
+    Attributes:
+        logits: first byte of the hidden layer that is a class logit.
+        logits_scale: of these bytes.
+        exposure: of the frame.
+        most_samples, contraction: see ClassifierConfig.
+        glares: 1 where the frame or the history may have light over GLARING, else 0.
+        streams: what is written past the caches; see `compose`.
+    """
+
+    logits: int
+    logits_scale: float
+    exposure: float
+    most_samples: float
+    contraction: float
+    glares: int
+    streams: int
+
+
+class FinishScratch(NamedTuple):
+    """Rows that one thread of finish works in; those of bytes are there as words, too."""
+
+    read: Bytes
+    read_words: Words
+    decoded: Bytes
+    decoded_words: Words
+    hidden: Bytes
+    hidden_words: Words
+    blend: Floats
+    columns: Words
+    out: Floats

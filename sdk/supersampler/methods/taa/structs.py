@@ -1,0 +1,49 @@
+"""Structs that the kernels of `taa` take."""
+
+from typing import NamedTuple
+
+from supersampler.backends.cpu.structs import Floats, Words
+
+
+class TaaSamples(NamedTuple):
+    """The samples of a frame, and what the 3x3 samples around each allow.
+
+    Attributes:
+        planes: (height, TAA_PLANES, PAD + stride + PAD) toned YCoCg, motion in render pixels.
+        boxes: (height, TAA_BOX, stride) least and greatest YCoCg, the longest motion.
+        gamma: half extent of the box, in standard deviations.
+        width, height: of the frame.
+        stride: width up to whole vectors.
+    """
+
+    planes: Floats
+    boxes: Floats
+    gamma: float
+    width: int
+    height: int
+    stride: int
+
+
+class LinearAxis(NamedTuple):
+    """How the display pixels of one axis interpolate the samples linearly; each (pixels,).
+
+    Attributes:
+        first, second: the samples before and after each pixel.
+        first_weight, second_weight: their weights.
+        nearest: the nearest sample.
+    """
+
+    first: Words
+    second: Words
+    first_weight: Floats
+    second_weight: Floats
+    nearest: Words
+
+
+class TaaScratch(NamedTuple):
+    """What one thread works in: slots and weights of `warp.aim`, the warped history, the image's pixels."""
+
+    slots: Words
+    weights: Floats
+    warped: Floats
+    out: Floats
