@@ -35,7 +35,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     files.append(File.generated(config, "reference/api.md", content=api_page()))
     files.append(File.generated(config, "reference/cli.md", content=cli_page()))
     contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
-    files.append(File.generated(config, "contributing.md", content=contributing.replace("](docs/", "](")))
+    contributing = re.sub(r"\]\((?!https?:|#)", "](../", contributing).replace("](../docs/", "](")
+    files.append(File.generated(config, "contributing.md", content=contributing))
     for path in sorted({path for page in files.documentation_pages() for path in outside_links(page)}):
         files.append(File.generated(config, f"repository/{path}", abs_src_path=str(ROOT / path)))
     return files
