@@ -138,7 +138,7 @@ def find_all(root: Path) -> Iterator[Block]:
     if (pareto_path := root / "bench" / "supersampler_bench" / SHIPPED_PARETO.name).is_file():
         records["pareto"] = read_record(pareto_path)
     makers = {block: maker for name in records for block, maker in blocks_of(name, records[name]).items()}
-    for page in (root / "README.md", *sorted((root / "docs").rglob("*.md"))):
+    for page in (root / "README.md", *sorted((root / "docs").glob("*.md"))):
         for name in re.findall(r"<!-- bench:(.+?) -->", page.read_text(encoding="utf-8")):
             yield _block(page, name, makers.get(name))
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler import Upscaler
+import supersampler
+from supersampler import Shot, Upscaler
 from supersampler.io.atomic import replacing
 from supersampler.io.display import auto_exposure, display_transform, to_uint8
 from supersampler.io.images import encode_jpeg
-from supersampler.io.shot import shipped_shot
 
 FRAME, RATIO, ZOOM = 27, 2, 2
 CROP = (240, 135)  # width and height in display pixels
@@ -23,7 +23,7 @@ GAP = 8
 def main() -> None:
     """Upscale the shot up to `FRAME` and write its crops: a row for each corner."""
     upscaler = Upscaler("classifier", scale=RATIO)
-    for item in shipped_shot():
+    for item in Shot.open(Path(supersampler.__file__).parent / "shots/plaza"):
         image = upscaler.step(item.frame)
         if item.index == FRAME:
             break
