@@ -1,11 +1,13 @@
-"""The page on adding a method runs; public names have docstrings; links of the pages lead to files."""
+"""Pages of the documentation run; public names have docstrings; links of the pages lead to files."""
 
 import ast
 import re
 import sys
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 from typer.testing import CliRunner
 
@@ -43,7 +45,7 @@ def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytes
     monkeypatch.setattr(model, "__path__", [*model.__path__, "model/supersampler_model/methods"])
     try:
         average = import_module("supersampler_model.methods.average.model").Average
-        monkeypatch.setitem(model.METHODS, "average", average)  # type: ignore[arg-type]  # a dict
+        monkeypatch.setitem(model.METHODS, "average", average)
         exported = CliRunner().invoke(app, ["export", "average", "-o", "average"])
         assert exported.exit_code == 0, exported.output
         promised: dict[str, object] = {}
@@ -52,6 +54,23 @@ def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytes
     finally:
         for name in [name for name in sys.modules if ".methods.average" in name]:
             del sys.modules[name]
+
+
+def test_the_tutorial_of_an_engine_loop_runs() -> None:
+    page = (DOCS / "tutorials/engine-loop.md").read_text(encoding="utf-8")
+    size = (1080 * 2 // 3, 1920 * 2 // 3)  # what the tutorial's ratio of 1.5 gives
+    found: dict[str, Any] = {
+        "index": 0,
+        "projection": np.eye(4),
+        "color": np.full((*size, 3), 0.5, np.float32),
+        "depth": np.full(size, 0.1, np.float32),
+        "motion": np.zeros((*size, 2), np.float32),
+        "camera_was_cut": True,
+        "exposure": 1.0,
+    }
+    for snippet in re.findall("```python\n(.*?)```", page, re.DOTALL):
+        exec(snippet, found)  # noqa: S102
+    assert found["image"].shape == (1080, 1920, 3)
 
 
 def packages_with_public_names() -> list[str]:
