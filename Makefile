@@ -1,6 +1,7 @@
 # make demo   upscale the shipped shot, with runtime dependencies only; see out/compare.html
 # make test   all tests
 # make check  style and types
+# make docs   the documentation as a site, out/site; a broken link or an undocumented public name fails
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
@@ -8,9 +9,10 @@ PYTHON ?= python3
 
 RUNTIME := .venv/installed
 DEVELOPMENT := .venv-dev/installed
+DOCS := .venv-docs/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test fuzz mutation check clean
+.PHONY: demo test fuzz mutation check docs clean
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -31,8 +33,11 @@ check: $(DEVELOPMENT)
 	.venv-dev/bin/ruff format --check .
 	.venv-dev/bin/mypy
 
+docs: $(DOCS)
+	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
+
 clean:
-	rm -rf .venv .venv-dev out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)
@@ -44,4 +49,9 @@ $(RUNTIME): pyproject.toml $(SOURCES)
 $(DEVELOPMENT): pyproject.toml
 	test -d .venv-dev || $(PYTHON) -m venv .venv-dev
 	.venv-dev/bin/pip install -q --disable-pip-version-check -e '.[dev]'
+	touch $@
+
+$(DOCS): pyproject.toml
+	test -d .venv-docs || $(PYTHON) -m venv .venv-docs
+	.venv-docs/bin/pip install -q --disable-pip-version-check -e '.[docs]'
 	touch $@

@@ -31,7 +31,7 @@ def parity(
     """Compare the ONNX and CPU backends with torch, over a long sequence that is rendered here, with OpenGL.
 
     Example:
-      supersampler bench parity --methods classifier --frames 300 --update docs/executors.md
+      supersampler bench parity --methods classifier --frames 300 --update docs/results/backends.md
     """
     from supersampler_bench.agreement.parity import (
         markdown_table,
@@ -65,7 +65,7 @@ def precision(
     """Measure what coarser precisions cost at the end of long sequences, rendered here, with OpenGL.
 
     Example:
-      supersampler bench precision --scenes court --methods classifier --update docs/executors.md
+      supersampler bench precision --scenes court --methods classifier --update docs/results/backends.md
     """
     from supersampler_bench.quality.precision import markdown_table, measure_precision, precision_record
 

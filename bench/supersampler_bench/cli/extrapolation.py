@@ -33,7 +33,7 @@ def extrapolation(
 
     \b
     Examples:
-      supersampler bench extrapolation test-shots --update docs/methods.md
+      supersampler bench extrapolation test-shots --update docs/results/methods.md
       supersampler bench extrapolation my_shot --methods taau --alternation 2:1 --json mine.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler_bench.quality.extrapolation import (

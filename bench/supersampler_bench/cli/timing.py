@@ -33,7 +33,7 @@ def cost(
     """Count the multiply-adds and parameters of networks, in their graphs.
 
     Example:
-      supersampler bench cost --methods classifier,my_classifier --update docs/methods.md
+      supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
     """
     from supersampler_bench.timing.network_cost import cost_record, markdown_table, measure_cost
 
@@ -57,7 +57,7 @@ def startup(
     """Time the first frame of a program: with an empty kernel cache, and with a full one.
 
     Example:
-      supersampler bench startup --methods classifier --update docs/executors.md
+      supersampler bench startup --methods classifier --update docs/results/backends.md
     """
     from supersampler_bench.timing.startup import markdown_table, measure_startup, startup_record
 
@@ -219,7 +219,7 @@ def skip(
     Quiet machines measure well: nothing else should run.
 
     Example:
-      supersampler bench skip --scenes court --methods classifier --update docs/executors.md
+      supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
     """
     from supersampler_bench.timing.skip import frame_count, markdown_table, measure_skipping, skip_record
 

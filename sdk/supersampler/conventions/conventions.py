@@ -173,8 +173,8 @@ class Conventions:
         JITTERED_MV motion_jittered=True, INVERTED_DEPTH depth="reversed_infinite"; `motion_scale` is
         xessSetVelocityScale. XeSS wants no planes, we do: give depth="forward", near=, far= for a finite one.
 
-        Source: intel/xess doc/xess_sr_developer_guide_english.md, "Jitter" (P[2][0] += 2 x / W and
-        P[2][1] -= 2 y / H on row vectors; "the effective jitter is negated"), "Motion Vectors", "Depth".
+        Source: intel/xess doc/xess_sr_developer_guide_english.md, "Jitter" (`P[2][0] += 2 x / W` and
+        `P[2][1] -= 2 y / H` on row vectors; "the effective jitter is negated"), "Motion Vectors", "Depth".
         """
         return cls._preset({"jitter_sign": -1, "depth": "forward_infinite"}, overrides)
 

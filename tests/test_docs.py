@@ -1,0 +1,122 @@
+"""Pages of the documentation run; public names have docstrings; links of the pages lead to files."""
+
+import ast
+import re
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner
+
+import supersampler.methods
+import supersampler_model.methods
+from supersampler.cli import app
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+PAGES = sorted([*ROOT.glob("*.md"), *DOCS.rglob("*.md")])
+PACKAGES = (
+    "sdk/supersampler",
+    "model/supersampler_model",
+    "export/supersampler_export",
+    "bench/supersampler_bench",
+)
+GENERATED = {DOCS / "reference/api.md", DOCS / "reference/cli.md", DOCS / "contributing.md"}
+
+
+def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    pytest.importorskip("supersampler.methods.spec", reason="branch wt-spec brings it")
+    page = (DOCS / "how-to/add-a-method.md").read_text(encoding="utf-8")
+    files = re.findall(r"```python\n# (\S+)\n(.*?)```", page, re.DOTALL)
+    assert [path for path, _ in files] == [
+        "sdk/supersampler/methods/average/spec.py",
+        "model/supersampler_model/methods/average/model.py",
+        "tests/model/test_average.py",
+    ]
+    for path, text in files:
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text, encoding="utf-8")
+    monkeypatch.chdir(tmp_path)
+    sdk, model = supersampler.methods, supersampler_model.methods
+    monkeypatch.setattr(sdk, "__path__", [*sdk.__path__, "sdk/supersampler/methods"])
+    monkeypatch.setattr(model, "__path__", [*model.__path__, "model/supersampler_model/methods"])
+    try:
+        average = import_module("supersampler_model.methods.average.model").Average
+        monkeypatch.setitem(model.METHODS, "average", average)
+        exported = CliRunner().invoke(app, ["export", "average", "-o", "average"])
+        assert exported.exit_code == 0, exported.output
+        promised: dict[str, object] = {}
+        exec(files[2][1], promised)  # noqa: S102
+        promised["test_each_frame_of_a_scene_at_rest_adds_one_sample"]()  # type: ignore[operator]
+    finally:
+        for name in [name for name in sys.modules if ".methods.average" in name]:
+            del sys.modules[name]
+
+
+def test_the_tutorial_of_an_engine_loop_runs() -> None:
+    page = (DOCS / "tutorials/engine-loop.md").read_text(encoding="utf-8")
+    size = (1080 * 2 // 3, 1920 * 2 // 3)  # what the tutorial's ratio of 1.5 gives
+    found: dict[str, Any] = {
+        "index": 0,
+        "projection": np.eye(4),
+        "color": np.full((*size, 3), 0.5, np.float32),
+        "depth": np.full(size, 0.1, np.float32),
+        "motion": np.zeros((*size, 2), np.float32),
+        "camera_was_cut": True,
+        "exposure": 1.0,
+    }
+    for snippet in re.findall("```python\n(.*?)```", page, re.DOTALL):
+        exec(snippet, found)  # noqa: S102
+    assert found["image"].shape == (1080, 1920, 3)
+
+
+def packages_with_public_names() -> list[str]:
+    found = []
+    for root in PACKAGES:
+        for path in sorted((ROOT / root).rglob("__init__.py")):
+            if re.search("^__all__ = ", path.read_text(encoding="utf-8"), re.MULTILINE):
+                found.append(".".join(path.parent.relative_to((ROOT / root).parent).parts))
+    return found
+
+
+@pytest.mark.parametrize("package", packages_with_public_names())
+def test_every_public_class_and_function_has_a_docstring(package: str) -> None:
+    module = import_module(package)
+    for name in module.__all__:
+        value = getattr(module, name)
+        if callable(value) and hasattr(value, "__module__") and isinstance(value, type | type(lambda: None)):
+            assert value.__doc__, f"{package}.{name}"
+            assert not value.__doc__.startswith(f"{name}("), (
+                f"{package}.{name}: what a dataclass writes itself"
+            )
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_links_lead_to_files_and_headings_that_are_there(page: Path) -> None:
+    text = re.sub("```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL)
+    for target, anchor in re.findall(r"\]\((?!https?://)([^)#\s]*)#?([^)\s]*)\)", text):
+        file = (page.parent / target).resolve() if target else page
+        assert file.exists() or file in GENERATED, f"{page.name}: {target}"
+        if anchor and file.suffix == ".md" and file.exists():
+            assert anchor in headings(file), f"{page.name}: {target}#{anchor}"
+
+
+def headings(page: Path) -> set[str]:
+    lines = re.sub("```.*?```", "", page.read_text(encoding="utf-8"), flags=re.DOTALL).splitlines()
+    titles = [line.lstrip("#").strip().lower() for line in lines if line.startswith("#")]
+    return {re.sub(r"[-\s]+", "-", re.sub(r"[^\w\s-]", "", title)) for title in titles}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.relative_to(ROOT)))
+def test_python_in_pages_is_python(page: Path) -> None:
+    for snippet in re.findall("```python\n(.*?)```", page.read_text(encoding="utf-8"), re.DOTALL):
+        ast.parse(snippet)
+
+
+def test_every_page_is_in_the_navigation() -> None:
+    navigation = (ROOT / "mkdocs.yml").read_text(encoding="utf-8").partition("\nnav:")[2]
+    listed = {DOCS / path for path in re.findall(r": (\S+\.md)", navigation)}
+    assert listed == {page for page in PAGES if page.is_relative_to(DOCS)} | GENERATED
