@@ -5,7 +5,7 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import NamedTuple, overload
+from typing import TYPE_CHECKING, NamedTuple, overload
 
 from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
@@ -18,11 +18,12 @@ from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
-from supersampler.recording.recorder import Recorder
-from supersampler.recording.setup import setup_here
 from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.validation import FrameChecker, Validate
+
+if TYPE_CHECKING:
+    from supersampler.recording.recorder import Recorder
 
 
 class _Memory(NamedTuple):
@@ -126,8 +127,11 @@ class Upscaler:
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
-        self._recorder = None
-        if record is not None:
+        self._recorder: "Recorder | None" = None
+        if record is not None:  # imports image files, which a session without a recording does not need
+            from supersampler.recording.recorder import Recorder
+            from supersampler.recording.setup import setup_here
+
             setup = setup_here(
                 self.model,
                 self._extrapolation.infos,
