@@ -127,9 +127,9 @@ class Upscaler:
         inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
-        self._recorder: "Recorder | None" = None
+        self._recorder: Recorder | None = None
         if record is not None:  # imports image files, which a session without a recording does not need
-            from supersampler.recording.recorder import Recorder
+            from supersampler.recording import recorder
             from supersampler.recording.setup import setup_here
 
             setup = setup_here(
@@ -140,7 +140,7 @@ class Upscaler:
                 skip=self.skip,
                 validate=validate,
             )
-            self._recorder = Recorder(record, setup, inputs)
+            self._recorder = recorder.Recorder(record, setup, inputs)
 
     plan = staticmethod(plan)
 
