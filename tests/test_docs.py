@@ -28,7 +28,6 @@ GENERATED = {DOCS / "reference/api.md", DOCS / "reference/cli.md", DOCS / "contr
 
 
 def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    pytest.importorskip("supersampler.methods.spec", reason="branch wt-spec brings it")
     page = (DOCS / "how-to/add-a-method.md").read_text(encoding="utf-8")
     files = re.findall(r"```python\n# (\S+)\n(.*?)```", page, re.DOTALL)
     assert [path for path, _ in files] == [

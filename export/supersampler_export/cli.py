@@ -62,16 +62,16 @@ def made_method(name: str, weights: Path | None = None) -> "Method":
     Raises:
         ArgumentError: there is no such method, or it has no weights.
     """
-    from supersampler_model import methods
+    from supersampler_model.methods import LEARNED, METHODS
     from supersampler_model.methods.weights_file import load_trained, shipped_weights
 
-    known = (*FIXED, *LEARNED)
+    known = (*METHODS, *LEARNED)
     if name not in known:
         want, hint = f"one of {', '.join(known)}, or all", did_you_mean(name, known)
         raise ArgumentError("METHOD", got=name, want=want, hint=hint)
     if name in LEARNED and (weights is not None or shipped_weights(name).exists()):
-        return methods.LEARNED[name].of(load_trained(weights or shipped_weights(name)))
-    if name in FIXED and weights is None:
-        return methods.METHODS[name]()
-    want = "none, as nothing in it is learned" if name in FIXED else "a file, as none ship"
+        return LEARNED[name].of(load_trained(weights or shipped_weights(name)))
+    if name in METHODS and weights is None:
+        return METHODS[name]()
+    want = "none, as nothing in it is learned" if name in METHODS else "a file, as none ship"
     raise ArgumentError("--weights", got=weights, want=want)

@@ -18,7 +18,7 @@ from typer.testing import CliRunner
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
-from supersampler.methods.model_file import EXTRAPOLATED, find_model, read_model_info
+from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED, find_model, read_model_info
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods
@@ -95,7 +95,7 @@ def test_a_shipped_graph_is_portable_and_says_what_it_is(name: str) -> None:
     model = onnx.load(find_model(name) / "step.onnx")
     check_portable(model)
     metadata = {entry.key: entry.value for entry in model.metadata_props}
-    assert metadata == {"supersampler.contract": "1", "supersampler.method": name}
+    assert metadata == {"supersampler.contract": str(CONTRACT), "supersampler.method": name}
 
 
 @pytest.mark.parametrize("name", shipped_methods())

@@ -62,20 +62,25 @@ def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
 
 
 @pytest.mark.parametrize("failing", [0, 1])
-def test_what_a_thread_raises_is_raised_after_all_are_done_and_the_next_work_is_done(failing: int) -> None:
-    bands, done = ThreadPool(2), []
+def test_what_a_thread_raises_is_raised_once_none_is_at_work_and_the_next_work_is_done(failing: int) -> None:
+    bands, begun, done = ThreadPool(2), [], []
 
     def work(y0: int, y1: int, worker: int) -> None:
+        begun.append((y0, y1))
+        time.sleep(0.01)
         if worker == failing:
             raise MemoryError("no room")
-        time.sleep(0.01)
+        time.sleep(0.02)
         done.append((y0, y1))
 
     with pytest.raises(MemoryError, match="no room"):
         bands.run("read", 10, work)
-    assert len(done) == 1
+    assert len(done) == len(begun) - 1
+    time.sleep(0.05)
+    assert len(done) == len(begun) - 1
+    done.clear()
     bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1)))
-    assert sorted(done[1:]) == [(0, 5), (5, 10)]
+    assert sorted(done) == [(0, 5), (5, 10)]
     bands.close()
 
 

@@ -96,7 +96,7 @@ def test_info_and_check_say_which_buffers_there_are(folder: Path, gbuffer_model:
         "base_color, normal, roughness, metallic, specular, depth at display size"
     )
     assert f"G-buffers {every}" in said(run("info", folder))
-    assert f"gbuffer {every}" in said(run("check", folder))
+    assert f"G-buffers: {every}" in said(run("check", folder))
     assert "gbuffer none" in said(run("check", "plaza"))
 
 

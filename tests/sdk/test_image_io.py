@@ -110,7 +110,7 @@ def test_a_cropped_render_is_refused(tmp_path: Path) -> None:
     spec = ImageSpec(4, 3, 3, "half")
     spec.x, spec.full_width, spec.full_height = 2, 8, 3
     write_parts(path, [(spec, np.zeros((3, 4, 3), np.float32))])
-    with pytest.raises(ShotError, match=r"holds a part of its picture.*without a crop"):
+    with pytest.raises(ShotError, match=r"holds a part of its image.*without a crop"):
         read_exr(path)
 
 

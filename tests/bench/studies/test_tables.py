@@ -16,24 +16,28 @@ ROOT = Path(__file__).parents[3]
 @pytest.mark.parametrize(
     ("page", "block", "record", "table"),
     [
-        ("methods", "ablation classifier", "ablation-classifier", ablation.markdown_table),
-        ("methods", "ablation gbuffer-small-4x", "ablation-gbuffer-small-4x", ablation.markdown_table),
+        ("results/methods", "ablation classifier", "ablation-classifier", ablation.markdown_table),
         (
-            "methods",
+            "results/methods",
+            "ablation gbuffer-small-4x",
+            "ablation-gbuffer-small-4x",
+            ablation.markdown_table,
+        ),
+        (
+            "results/methods",
             "extrapolated colors test-shots",
             "extrapolated-colors",
             colors.markdown_table,
         ),
-        ("methods", "stage breakdown", "stage-breakdown", stage_breakdown.markdown_table),
-        ("executors", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
-        ("executors", "speed avx2", "speed-avx2", older_processors.markdown_table),
+        ("results/methods", "stage breakdown", "stage-breakdown", stage_breakdown.markdown_table),
+        ("results/backends", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
+        ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
     ],
 )
 def test_the_table_of_a_study_is_what_its_record_says(
     page: str, block: str, record: str, table: Callable[[Record], str]
 ) -> None:
-    [path] = (ROOT / "docs").rglob(f"{page}.md")
-    content, start, stop = find_block(path, f"study {block}")
+    content, start, stop = find_block(ROOT / "docs" / f"{page}.md", f"study {block}")
     found = read_record(ROOT / "bench" / "results" / "studies" / f"{record}.json")
     assert content[start:stop].strip("\n") == table(found)
