@@ -97,7 +97,7 @@ def test_info_and_check_say_which_buffers_there_are(folder: Path, gbuffer_model:
     )
     assert f"G-buffers {every}" in said(run("info", folder))
     assert f"G-buffers: {every}" in said(run("check", folder))
-    assert "gbuffer none" in said(run("check", "plaza"))
+    assert "G-buffers: none" in said(run("check", "plaza"))
 
 
 @pytest.mark.parametrize("names", [(), WANTED, WANTED[:1], ("gbuffer_display_depth", "gbuffer_normal")])
