@@ -24,19 +24,19 @@ class CpuExecutor:
 
     Args:
         kernels: PREPROCESS_KERNELS and TILE_REUSE_KERNELS, at least.
-        bands: threads.
+        pool: threads that compute.
     """
 
     name = "cpu"
 
-    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
-        self.bands = bands
-        self._preprocess, self._tile_reuse = FramePreprocess(kernels, bands), TileReuse(kernels, bands)
+    def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
+        self.pool = pool
+        self._preprocess, self._tile_reuse = FramePreprocess(kernels, pool), TileReuse(kernels, pool)
 
     def note_stages(self) -> Mapping[str, float]:
         """See `Executor`."""
-        self.bands.seconds = {}
-        return self.bands.seconds
+        self.pool.seconds = {}
+        return self.pool.seconds
 
     def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""

@@ -123,11 +123,11 @@ class FramePreprocess:
 
     Args:
         kernels: PREPROCESS_KERNELS, among others.
-        bands: threads.
+        pool: threads that compute.
     """
 
-    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
-        self._bands = bands
+    def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
+        self._pool = pool
         self._measure, self._prepare, self._dilate = (kernels[name] for name in PREPROCESS_KERNELS)
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
@@ -140,7 +140,9 @@ class FramePreprocess:
         """None where no pixel is usable."""
         h, w = color.shape[:2]
         rows = np.zeros((h, 2), np.float32)
-        self._bands.run("read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows)))
+        self._pool.run_rows(
+            "read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows))
+        )
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
         return EXPOSURE_KEY * math.exp(-logs / count) if count else None
 
@@ -153,4 +155,4 @@ class FramePreprocess:
             self._prepare(inputs, to, max(y0 - 1, 0), min(y1 + 1, samples.height))
             self._dilate(to, y0, y1)
 
-        self._bands.run("read", samples.height, read)
+        self._pool.run_rows("read", samples.height, read)

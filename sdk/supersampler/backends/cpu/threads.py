@@ -1,4 +1,4 @@
-"""Parts of an image shared out among threads."""
+"""A thread pool that splits the rows of an image, or rectangles of it, among threads."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 from supersampler.backends.cpu.workers import WorkerThreads
 
-Work = Callable[[int, int, int], None]
-"""Does rows from the first to before the second, as the worker of the third number."""
+RowFunction = Callable[[int, int, int], None]
+"""Called with the first row, the row after the last, and the index of the thread."""
 
 
 class Rect(NamedTuple):
@@ -20,35 +20,35 @@ class Rect(NamedTuple):
     x1: int
 
 
-RectWork = Callable[[Rect, int], None]
-"""Does a box, as the worker of this number."""
+RectFunction = Callable[[Rect, int], None]
+"""Called with a rectangle and the index of the thread."""
 
 
-class Job(NamedTuple):
-    """Boxes to do.
+class RectTask(NamedTuple):
+    """A function to call on rectangles.
 
     Attributes:
-        boxes: do not overlap.
-        work: on each.
-        multiple: of rows, after a box's first, at which it may be cut.
+        rects: do not overlap.
+        function: called on each rectangle, or on parts of it.
+        multiple: a rectangle is split only at multiples of this many rows after its first.
     """
 
-    boxes: Sequence[Rect]
-    work: RectWork
+    rects: Sequence[Rect]
+    function: RectFunction
     multiple: int = 1
 
 
 class ThreadPool:
-    """Threads that do bands of rows; the caller's own is one of them.
+    """Splits work by rows among threads, of which the calling thread is one.
 
-    Kernels let other threads run, so Python's lock is no limit. What a row becomes must not depend on the
-    band that it is in: then the number of threads changes no bit.
+    Kernels release Python's lock. The result of a row must not depend on how rows are split: then the number
+    of threads changes no bit of an image.
 
     Args:
-        threads: how many.
+        threads: number of threads, the caller's included.
 
     Attributes:
-        seconds: wall time by stage; None: not noted.
+        seconds: accumulated wall time by stage; None where it is not measured.
     """
 
     def __init__(self, threads: int) -> None:
@@ -56,54 +56,57 @@ class ThreadPool:
         self.seconds: dict[str, float] | None = None
         self._workers = WorkerThreads(threads - 1)
 
-    def run(self, stage: str, rows: int, work: Work) -> None:
-        """Do all rows."""
-        self.cover(stage, [Rect(0, rows, 0, 1)], lambda box, worker: work(box.y0, box.y1, worker))
+    def run_rows(self, stage: str, rows: int, function: RowFunction) -> None:
+        """Call a function on all rows, from 0 on."""
+        self.run_rects(stage, [Rect(0, rows, 0, 1)], lambda rect, thread: function(rect.y0, rect.y1, thread))
 
-    def cover(self, stage: str, boxes: Sequence[Rect], work: RectWork, *, multiple: int = 1) -> None:
-        """Do all boxes, cut where the threads' shares end; see `Job`."""
-        self.together(stage, Job(boxes, work, multiple))
+    def run_rects(
+        self, stage: str, rects: Sequence[Rect], function: RectFunction, *, multiple: int = 1
+    ) -> None:
+        """Call a function on all rectangles; see `RectTask`."""
+        self.run_tasks(stage, RectTask(rects, function, multiple))
 
-    def together(self, stage: str, *jobs: Job) -> None:
-        """Do jobs of which none needs what another does. When this returns or raises, nothing is under way.
+    def run_tasks(self, stage: str, *tasks: RectTask) -> None:
+        """Run tasks that do not depend on each other.
 
-        So no thread writes to what the caller then frees or reads; see `WorkerThreads.run`.
+        When this returns or raises, no thread is at work: nothing writes to buffers that the caller then
+        frees or reads; see `WorkerThreads.run`.
 
         Args:
-            stage: what the time counts as.
-            jobs: which.
+            stage: name under which the time is counted.
+            tasks: in the order in which each thread runs its share of them.
         """
         began = time.perf_counter()
-        shares = [shared(job.boxes, self.threads, job.multiple) for job in jobs]
+        parts = [split(task.rects, self.threads, task.multiple) for task in tasks]
 
-        def do(worker: int) -> None:
-            for job, parts in zip(jobs, shares, strict=True):
-                for box in parts[worker] if worker < len(parts) else ():
-                    job.work(box, worker)
+        def run_share(thread: int) -> None:
+            for task, shares in zip(tasks, parts, strict=True):
+                for rect in shares[thread] if thread < len(shares) else ():
+                    task.function(rect, thread)
 
-        self._workers.run([partial(do, worker) for worker in range(max(map(len, shares)))])
+        self._workers.run([partial(run_share, thread) for thread in range(max(map(len, parts)))])
         if self.seconds is not None:
             self.seconds[stage] = self.seconds.get(stage, 0.0) + time.perf_counter() - began
 
     def close(self) -> None:
-        """Stop the threads; what is still to be done is done by the thread that asks for it."""
+        """Stop the threads; later work runs on the calling thread."""
         self._workers.close()
 
 
-def shared(boxes: Sequence[Rect], count: int, multiple: int) -> list[list[Rect]]:
-    """Cut boxes into at most `count` shares of about the same area."""
-    left = sum((y1 - y0) * (x1 - x0) for y0, y1, x0, x1 in boxes)
+def split(rects: Sequence[Rect], count: int, multiple: int) -> list[list[Rect]]:
+    """Split rectangles into at most `count` lists of about the same area."""
+    remaining = sum((y1 - y0) * (x1 - x0) for y0, y1, x0, x1 in rects)
     shares: list[list[Rect]] = [[]]
-    room = -(-left // count)
-    for box in boxes:
-        y, width = box.y0, box.x1 - box.x0
-        while y < box.y1:
+    room = -(-remaining // count)
+    for rect in rects:
+        y, width = rect.y0, rect.x1 - rect.x0
+        while y < rect.y1:
             if room <= 0 and len(shares) < count:
                 shares.append([])
-                room = -(-left // (count - len(shares) + 1))
-            rows = box.y1 - y
+                room = -(-remaining // (count - len(shares) + 1))
+            rows = rect.y1 - y
             if len(shares) < count:
                 rows = min(rows, max(-(-room // (width * multiple)), 1) * multiple)
-            shares[-1].append(Rect(y, y + rows, box.x0, box.x1))
-            y, room, left = y + rows, room - rows * width, left - rows * width
+            shares[-1].append(Rect(y, y + rows, rect.x0, rect.x1))
+            y, room, remaining = y + rows, room - rows * width, remaining - rows * width
     return shares

@@ -39,11 +39,11 @@ class TileReuse:
 
     Args:
         kernels: TILE_REUSE_KERNELS, among others.
-        bands: threads.
+        pool: threads that compute.
     """
 
-    def __init__(self, kernels: Mapping[str, Call], bands: ThreadPool) -> None:
-        self._bands = bands
+    def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
+        self._pool = pool
         self._fingerprint, self._copy_colors, self._compare = (kernels[name] for name in TILE_REUSE_KERNELS)
 
     @staticmethod
@@ -121,12 +121,14 @@ class TileReuse:
             runs = runs_of(stale)
             for unit, before, after in kept:
                 boxes = scaled(runs, unit, (before.shape[1], before.shape[0]))
-                self._bands.cover("skip", boxes, partial(_copy, before, after))
+                self._pool.run_rects("skip", boxes, partial(_copy, before, after))
         current.generations[~tiles.drawn] = previous.generations[~tiles.drawn]
         pixels, (height, width) = kept[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
-        self._bands.cover("skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, address(image)))
+        self._pool.run_rects(
+            "skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, address(image))
+        )
 
     def _settle(
         self, tiles: Tiles, current: TileState, pixels: NDArray[Any], exposure: float, tolerance: float
@@ -156,7 +158,7 @@ class TileReuse:
                 exposure,
             )
         )
-        self._bands.cover("skip", runs_of(due), lambda box, _: self._compare(comparison, *box))
+        self._pool.run_rects("skip", runs_of(due), lambda box, _: self._compare(comparison, *box))
         known = (current.reference_generations == current.reference.generations) & (
             current.matched > interval
         )
@@ -177,7 +179,7 @@ class TileReuse:
         arguments, to = (address(image), image.shape[2], width), address(previous.reference.pixels)
         previous.reference.generations[tiles] = 0  # other histories must not rely on these tiles any more
         boxes = scaled(runs_of(tiles), TILE, (width, height))
-        self._bands.cover("skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, to))
+        self._pool.run_rects("skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, to))
         previous.reference.generations[tiles] = previous.reference_generations[tiles]
 
     def _fingerprints(self, planes: FrameInputs) -> Sums:
@@ -186,7 +188,9 @@ class TileReuse:
         words = np.empty((rows, columns, 8), np.uint64)
         color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
         inputs = color, depth, motion, motion, w, h
-        self._bands.run("skip", rows, lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words)))
+        self._pool.run_rows(
+            "skip", rows, lambda y0, y1, _: self._fingerprint(*inputs, y0, y1, address(words))
+        )
         return np.asarray(words @ _FACTORS)
 
 

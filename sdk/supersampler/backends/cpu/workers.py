@@ -1,7 +1,7 @@
-"""Threads that take work from a queue. Locks, not futures: a stage may be shorter than what a future costs.
+"""Worker threads that take work items from a queue. Locks, not futures: a future costs more than a stage.
 
-Who waits for an item does it himself where no thread has begun it. So a forked child, a process that gets no
-thread from the system, and a closed pool go on with the threads that they have, the caller's at least.
+The thread that waits for an item runs it where no worker has begun it. So a forked child, a process that
+cannot start threads, and a closed pool go on with the threads that they have, at least the caller's.
 """
 
 import os
@@ -16,40 +16,40 @@ _WORKER, _WAITER = "worker", "waiter"
 
 
 class WorkItem:
-    """Work that exactly one thread does: a worker, or the thread that waits for it.
+    """Work that exactly one thread runs: a worker, or the thread that waits for it.
 
     Args:
-        work: what to do.
+        work: the function to call.
 
     Attributes:
-        ended: whether a worker has done it.
-        error: what it raised there; None where nothing.
+        ended: whether a worker has run it.
+        error: exception that it raised there; None where there was none.
     """
 
     __slots__ = ("_end", "_owner", "_work", "ended", "error")
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._work = work
-        self._owner: dict[None, str] = {}  # `setdefault` is atomic, and tells the same when asked again
+        self._owner: dict[None, str] = {}  # `setdefault` is atomic and can be repeated
         self._end = allocate_lock()  # held until a worker has ended
         self._end.acquire()
         self.ended = False
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Do the work as a worker, unless the waiting thread has begun; what it raises is kept in `error`."""
+        """Run the work as a worker, unless the waiting thread has begun; exceptions are kept in `error`."""
         if self._owner.setdefault(None, _WORKER) is not _WORKER:
             return
         try:
             self._work()
-        except BaseException as error:  # raised again by who waits
+        except BaseException as error:  # raised again by the waiting thread
             self.error = error
-        del self._work  # what it holds may be freed before who waits goes on
+        del self._work  # frees what the work holds before the waiting thread continues
         self.ended = True
         self._end.release()
 
     def finish(self) -> None:
-        """Do the work where no worker has begun, else wait for the end; raises what it raised."""
+        """Run the work where no worker has begun it, else wait for its end; raises its exception."""
         if self._owner.setdefault(None, _WAITER) is _WAITER:
             self._work()
             return
@@ -58,21 +58,21 @@ class WorkItem:
             raise self.error
 
     def settle(self) -> None:
-        """Return once no worker does the work, nor ever will; raises nothing that a signal handler raises."""
+        """Return once no worker runs the work or ever will. Suppresses exceptions of signal handlers."""
         while not (self._owner.setdefault(None, _WAITER) is _WAITER or self.ended):
             with suppress(BaseException):
                 self._wait()
 
     def _wait(self) -> None:
-        if not self.ended:  # else a wait that was interrupted may have taken the lock already
+        if not self.ended:  # an interrupted wait may have taken the lock already
             self._end.acquire()
 
 
 class WorkerThreads:
-    """So many threads, started with the first work, until `close` or until this object is dropped.
+    """Worker threads, started with the first work, stopped by `close` or with this object.
 
     Args:
-        count: how many.
+        count: number of threads.
     """
 
     def __init__(self, count: int) -> None:
@@ -82,13 +82,13 @@ class WorkerThreads:
         _CREWS.add(self._crew)
 
     def run(self, works: Sequence[Callable[[], None]]) -> None:
-        """Do all works, the first in this thread; when this returns or raises, none is under way.
+        """Run all functions, the first in this thread; when this returns or raises, none is running.
 
-        Also where a signal handler raises, Ctrl-C say: Python runs those between any two operations of the
-        main thread. What the threads have not begun is then not done at all.
+        This holds where a signal handler raises (Ctrl-C), which Python runs between any two operations of the
+        main thread. Functions that no thread has begun are then left out.
 
         Raises:
-            BaseException: what one of the works or a signal handler raises.
+            BaseException: what a function or a signal handler raises.
         """
         items = [WorkItem(work) for work in works[1:]]
         try:
@@ -99,7 +99,7 @@ class WorkerThreads:
                     item.finish()
             finally:
                 _settle(items)
-        finally:  # of several signals in a row, one may have struck between the two
+        finally:  # a second signal may have interrupted the first call
             _settle(items)
 
     def _submit(self, items: Sequence[WorkItem]) -> None:
@@ -115,19 +115,19 @@ def _settle(items: Sequence[WorkItem]) -> None:
 
 
 class _Crew:
-    """Queue and threads of one `WorkerThreads`; others in a forked child, where none of the threads is."""
+    """Queue and threads of one `WorkerThreads`. A forked child starts its own: threads are not copied."""
 
     def __init__(self) -> None:
         self.begin()
 
     def begin(self) -> None:
-        """Have no threads yet."""
+        """Start with no threads."""
         self.queue: SimpleQueue[WorkItem | None] = SimpleQueue()
         self._started = 0
         self._lock = allocate_lock()
 
     def start(self, count: int) -> None:
-        """Start threads up to this many; fewer where the system gives no more."""
+        """Start threads up to this many; fewer where the system refuses."""
         if self._started < count:
             with self._lock, suppress(RuntimeError):
                 while self._started < count:
@@ -137,7 +137,7 @@ class _Crew:
                     self._started += 1
 
     def stop(self) -> None:
-        """End the threads, each after what it does."""
+        """Stop the threads, each after its current item."""
         self.queue.put(None)
 
 
@@ -156,5 +156,5 @@ if hasattr(os, "register_at_fork"):
 def _take(queue: "SimpleQueue[WorkItem | None]") -> None:
     while (item := queue.get()) is not None:
         item.run()
-        del item  # what it holds may be freed before the next
-    queue.put(None)  # for the next thread: a start that was interrupted may not have been counted
+        del item  # frees what the item holds before the next one
+    queue.put(None)  # for the next thread: an interrupted start may not have been counted

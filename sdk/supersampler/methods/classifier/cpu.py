@@ -20,7 +20,7 @@ from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST,
 from supersampler.backends.cpu.memory import LINE, address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.backends.cpu.structs import FrameInputs, pack
-from supersampler.backends.cpu.threads import Job, Rect, ThreadPool
+from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
 from supersampler.backends.cpu.tiles import Tiles
@@ -81,8 +81,8 @@ class _Space:
         history = aligned((big_h * width + LANES, PAST))
         rest = aligned((big_h * width, host.variant.rest), np.uint16)
         self.gathered = Gathered(history, rest, big_w, big_h, width)
-        self.encoder = Encoder(host.network, half, host.bands)
-        self.scratch = [_Scratch(self, host.variant) for _ in range(host.bands.threads)]
+        self.encoder = Encoder(host.network, half, host.pool)
+        self.scratch = [_Scratch(self, host.variant) for _ in range(host.pool.threads)]
 
 
 class _Scratch:
@@ -119,16 +119,16 @@ class ClassifierCpu(CpuExecutor):
 
     Args:
         info: the model.
-        bands: threads.
+        pool: threads that compute.
     """
 
     precision = "int8"
 
-    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         self.variant = Variant.of(info.config)
         gather, finish = self.variant.kernel(GATHER), self.variant.kernel(FINISH)
         kernels = load_kernels(gather, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, KEEP_DEPTH, LEVEL, finish)
-        super().__init__(kernels, bands)
+        super().__init__(kernels, pool)
         self.network = ByteNetwork(info, self.variant.outputs, kernels[LEVEL])
         self._config = c = info.config
         self._constants = constants_array(CLASSIFIER, c)
@@ -229,7 +229,7 @@ class ClassifierCpu(CpuExecutor):
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
     def _resampled_frame(self, render: Size, display: Size) -> ResampledFrame:
-        return ResampledFrame(render, display, self._filters, self.bands.threads, self._windows)
+        return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
 
     def _compute(
         self,
@@ -285,7 +285,7 @@ class ClassifierCpu(CpuExecutor):
             self._keep_depth(samples, next_depth, box.y0, box.y1)
 
         boxes = tiles.boxes(TILE, (s.width, big_h), halo=True)
-        self.bands.together("gather", Job(boxes, gather, 2), Job([Rect(0, h, 0, 1)], write_depth))
+        self.pool.run_tasks("gather", RectTask(boxes, gather, 2), RectTask([Rect(0, h, 0, 1)], write_depth))
 
     def _compose(
         self,
@@ -314,4 +314,4 @@ class ClassifierCpu(CpuExecutor):
         def finish(box: Rect, worker: int) -> None:
             self._finish(*inputs, scratch[worker], *outputs, *box)
 
-        self.bands.cover("finish", tiles.boxes(TILE // 2, s.half), finish)
+        self.pool.run_rects("finish", tiles.boxes(TILE // 2, s.half), finish)

@@ -92,8 +92,8 @@ class Encoder:
         levels: what it gives.
     """
 
-    def __init__(self, network: ByteNetwork, half: Size, bands: ThreadPool) -> None:
-        self._bands = bands
+    def __init__(self, network: ByteNetwork, half: Size, pool: ThreadPool) -> None:
+        self._pool = pool
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
         records, means = aligned((half[1], row, RECORD), np.int32), aligned((half[1], 2, stride))
@@ -102,9 +102,9 @@ class Encoder:
             _Level(layers, width >> level, height >> level, ALIGNED >> level)
             for level, layers in enumerate(network.levels)
         ]
-        self._scratch = aligned((bands.threads, 4, stride))
+        self._scratch = aligned((pool.threads, 4, stride))
         most = max((level.width + ROOM) * max(level.given, level.spatial.outputs) for level in self._levels)
-        self._lines = aligned((bands.threads, most), np.uint8)
+        self._lines = aligned((pool.threads, most), np.uint8)
         scratch = [
             pack(LevelScratch(signed, absolute, tent, codes.view(np.int32), line, line.view(np.int32)))
             for (signed, absolute, tent, codes), line in zip(self._scratch, self._lines, strict=True)
@@ -133,7 +133,7 @@ class Encoder:
             # a row more on either side, in place of a wait: what two threads both write is the same
             work(max(box.y0 - 1, whole.y0), min(box.y1 + 1, whole.y1), box, worker)
 
-        self._bands.cover("encode", boxes, do, multiple=level.multiple)
+        self._pool.run_rects("encode", boxes, do, multiple=level.multiple)
 
     def _run_apart(self, level: _Level, boxes: Sequence[Rect], work: LevelWork) -> None:
         """The first layer, then those that see one pixel around them, which another box may have done."""
@@ -145,7 +145,7 @@ class Encoder:
             work(box.y0, box.y0, box, worker)
 
         for do in (first, others):
-            self._bands.cover("encode", boxes, do, multiple=level.multiple)
+            self._pool.run_rects("encode", boxes, do, multiple=level.multiple)
 
 
 def _work_of(

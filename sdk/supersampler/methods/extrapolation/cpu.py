@@ -39,21 +39,21 @@ class GuidedWarpCpu:
 
     Args:
         info: the model.
-        bands: threads.
+        pool: threads that compute.
     """
 
     name = "cpu"
 
-    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         names = f"{KERNELS}.extrapolate_rows", f"{KERNELS}.read_shaded"
         self._extrapolate_rows, self._read_shaded = load_kernels(*names).values()
-        self._bands = bands
+        self._pool = pool
         config = info.config
         self._constants = constants_array(GUIDED_WARP, config)
         places = [(0, 0), *((s * x, s * y) for s in config["strides"] for x, y in _AROUND)]
         x, y = np.array(places, np.float32).T.copy()
         self._rings = Rings(x, y, np.array(config["strides"], np.int32), len(config["strides"]))
-        self._spaces = Workspaces(lambda shaded: _Space(shaded, bands.threads))
+        self._spaces = Workspaces(lambda shaded: _Space(shaded, pool.threads))
 
     @staticmethod
     def draws(config: Mapping[str, Any]) -> bool:
@@ -98,7 +98,7 @@ class GuidedWarpCpu:
             def extrapolate(y0: int, y1: int, worker: int) -> None:
                 self._extrapolate_rows(*inputs, *scratch[worker], output, y0, y1)
 
-            self._bands.run("read", then_h, read)
-            self._bands.run("draw", h, extrapolate)
+            self._pool.run_rows("read", then_h, read)
+            self._pool.run_rows("draw", h, extrapolate)
         left = {"history.motion": total, "history.motion_jitter": np.array([frame.jitter], np.float32)}
         return image, {**past, **left}

@@ -76,12 +76,12 @@ class TaaCpu(CpuExecutor):
 
     Args:
         info: the model.
-        bands: threads.
+        pool: threads that compute.
     """
 
     precision = "fp32"
 
-    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         kernels = load_kernels(
             f"{KERNELS}.step_rows",
             f"{KERNELS}.fill_boxes",
@@ -89,7 +89,7 @@ class TaaCpu(CpuExecutor):
             *TILE_REUSE_KERNELS,
             *PREPROCESS_KERNELS,
         )
-        super().__init__(kernels, bands)
+        super().__init__(kernels, pool)
         self._alpha, self._gamma = info.config["alpha"], info.config["gamma"]
         self._read_samples, self._fill_boxes, self._step = (
             kernels[f"{KERNELS}.{name}"] for name in ("read_samples", "fill_boxes", "step_rows")
@@ -160,7 +160,7 @@ class TaaCpu(CpuExecutor):
         buffers.exposure = float(tensors["history.exposure"][0])
 
     def _space(self, render: Size, display: Size) -> _Space:
-        return _Space(render, display, self._gamma, self.bands.threads)
+        return _Space(render, display, self._gamma, self.pool.threads)
 
     def _read(self, space: _Space, frame: FrameInputs) -> None:
         """Tone the samples, and fill the box around each."""
@@ -171,7 +171,7 @@ class TaaCpu(CpuExecutor):
             self._read_samples(inputs, samples, max(y0 - 1, 0), min(y1 + 1, h))
             self._fill_boxes(samples, y0, y1)
 
-        self.bands.run("read", h, read)
+        self.pool.run_rows("read", h, read)
 
     def _compute(
         self,
@@ -197,4 +197,4 @@ class TaaCpu(CpuExecutor):
         def compute(box: Rect, worker: int) -> None:
             self._step(*inputs, scratch[worker], output, *box)
 
-        self.bands.cover("draw", tiles.boxes(TILE, display), compute)
+        self.pool.run_rects("draw", tiles.boxes(TILE, display), compute)

@@ -81,16 +81,16 @@ class TaauCpu(CpuExecutor):
 
     Args:
         info: the model.
-        bands: threads.
+        pool: threads that compute.
     """
 
     precision = "fp32"
 
-    def __init__(self, info: ModelInfo, bands: ThreadPool) -> None:
+    def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         kernels = load_kernels(
             f"{KERNELS}.step_rows", f"{KERNELS}.shade", *TILE_REUSE_KERNELS, *PREPROCESS_KERNELS
         )
-        super().__init__(kernels, bands)
+        super().__init__(kernels, pool)
         c, self._constants = info.config, constants_array(TAAU, info.config)
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
@@ -188,7 +188,7 @@ class TaauCpu(CpuExecutor):
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
     def _space(self, render: Size, display: Size) -> _Space:
-        return _Space(render, display, self._filters, self.bands.threads)
+        return _Space(render, display, self._filters, self.pool.threads)
 
     def _write_surface(self, space: _Space, next_history: TaauHistory) -> None:
         """Write the surface that the next frame compares with."""
@@ -198,7 +198,7 @@ class TaauCpu(CpuExecutor):
         def shade(y0: int, y1: int, worker: int) -> None:
             self._shade(samples, lines[worker], surface, y0, y1)
 
-        self.bands.run("read", space.samples.height, shade)
+        self.pool.run_rows("read", space.samples.height, shade)
 
     def _compute(
         self,
@@ -229,4 +229,4 @@ class TaauCpu(CpuExecutor):
         def compute(box: Rect, worker: int) -> None:
             self._step(*inputs, scratch[worker], output, *box)
 
-        self.bands.cover("draw", tiles.boxes(TILE, (big_w, big_h)), compute)
+        self.pool.run_rects("draw", tiles.boxes(TILE, (big_w, big_h)), compute)

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from supersampler.backends.cpu.threads import Job, Rect, ThreadPool, shared
+from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool, split
 
 boxes_in_rows = st.lists(
     st.tuples(st.integers(1, 40), st.integers(1, 60), st.integers(0, 9)), min_size=1, max_size=12
@@ -24,7 +24,7 @@ def test_shares_hold_every_row_once_and_begin_at_multiples(
     for height, width, x in sizes:
         boxes.append(Rect(y, y + height, x, x + width))
         y += height
-    shares = shared(boxes, count, multiple)
+    shares = split(boxes, count, multiple)
     assert 1 <= len(shares) <= count
     done = np.zeros((y, 80), int)
     for box in (box for share in shares for box in share):
@@ -38,32 +38,32 @@ def test_shares_hold_every_row_once_and_begin_at_multiples(
 
 
 def test_a_single_box_is_cut_into_equal_bands() -> None:
-    assert shared([Rect(0, 540, 0, 960)], 2, 2) == [[Rect(0, 270, 0, 960)], [Rect(270, 540, 0, 960)]]
+    assert split([Rect(0, 540, 0, 960)], 2, 2) == [[Rect(0, 270, 0, 960)], [Rect(270, 540, 0, 960)]]
 
 
 def test_the_time_of_a_stage_is_noted_where_it_is_asked_for() -> None:
-    bands, rows = ThreadPool(2), []
-    bands.run("read", 10, lambda y0, y1, _: rows.append((y0, y1)))
+    pool, rows = ThreadPool(2), []
+    pool.run_rows("read", 10, lambda y0, y1, _: rows.append((y0, y1)))
     assert sorted(rows) == [(0, 5), (5, 10)]
-    bands.seconds = {}
-    bands.run("read", 10, lambda *_: None)
-    bands.cover("draw", [Rect(0, 4, 0, 4)], lambda *_: None)
-    assert list(bands.seconds) == ["read", "draw"]
-    bands.close()
+    pool.seconds = {}
+    pool.run_rows("read", 10, lambda *_: None)
+    pool.run_rects("draw", [Rect(0, 4, 0, 4)], lambda *_: None)
+    assert list(pool.seconds) == ["read", "draw"]
+    pool.close()
 
 
 def test_jobs_are_done_together_each_in_shares_of_its_own() -> None:
-    bands, rows = ThreadPool(2), []
-    first = Job([Rect(0, 8, 0, 16)], lambda box, worker: rows.append(("first", box.y0, box.y1, worker)))
-    second = Job([Rect(0, 3, 0, 1)], lambda box, worker: rows.append(("second", box.y0, box.y1, worker)))
-    bands.together("gather", first, second)
+    pool, rows = ThreadPool(2), []
+    first = RectTask([Rect(0, 8, 0, 16)], lambda box, worker: rows.append(("first", box.y0, box.y1, worker)))
+    second = RectTask([Rect(0, 3, 0, 1)], lambda box, worker: rows.append(("second", box.y0, box.y1, worker)))
+    pool.run_tasks("gather", first, second)
     assert sorted(rows) == [("first", 0, 4, 0), ("first", 4, 8, 1), ("second", 0, 2, 0), ("second", 2, 3, 1)]
-    bands.close()
+    pool.close()
 
 
 @pytest.mark.parametrize("failing", [0, 1])
 def test_what_a_thread_raises_is_raised_once_none_is_at_work_and_the_next_work_is_done(failing: int) -> None:
-    bands, begun, done = ThreadPool(2), [], []
+    pool, begun, done = ThreadPool(2), [], []
 
     def work(y0: int, y1: int, worker: int) -> None:
         begun.append((y0, y1))
@@ -74,25 +74,25 @@ def test_what_a_thread_raises_is_raised_once_none_is_at_work_and_the_next_work_i
         done.append((y0, y1))
 
     with pytest.raises(MemoryError, match="no room"):
-        bands.run("read", 10, work)
+        pool.run_rows("read", 10, work)
     assert len(done) == len(begun) - 1
     time.sleep(0.05)
     assert len(done) == len(begun) - 1
     done.clear()
-    bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1)))
+    pool.run_rows("read", 10, lambda y0, y1, _: done.append((y0, y1)))
     assert sorted(done) == [(0, 5), (5, 10)]
-    bands.close()
+    pool.close()
 
 
 def test_threads_end_with_what_they_help() -> None:
     before = set(threading.enumerate())
-    bands = ThreadPool(3)
+    pool = ThreadPool(3)
     assert set(threading.enumerate()) == before, "threads start with the first work"
-    bands.run("read", 12, lambda *_: time.sleep(0.01))
-    bands.run("read", 12, lambda *_: None)
+    pool.run_rows("read", 12, lambda *_: time.sleep(0.01))
+    pool.run_rows("read", 12, lambda *_: None)
     threads = {thread for thread in threading.enumerate() if thread.name == "supersampler"} - before
     assert len(threads) == 2
-    del bands
+    del pool
     gc.collect()
     for thread in threads:
         thread.join(5.0)
@@ -100,9 +100,9 @@ def test_threads_end_with_what_they_help() -> None:
 
 
 def test_stopped_bands_do_the_work_on_the_callers_thread() -> None:
-    bands, done = ThreadPool(2), []
-    bands.close()
-    bands.run("read", 10, lambda y0, y1, _: done.append((y0, y1, threading.get_ident())))
+    pool, done = ThreadPool(2), []
+    pool.close()
+    pool.run_rows("read", 10, lambda y0, y1, _: done.append((y0, y1, threading.get_ident())))
     assert sorted(rows[:2] for rows in done) == [(0, 5), (5, 10)]
     assert len({rows[2] for rows in done}) == 1
 
@@ -112,6 +112,6 @@ def test_bands_work_where_no_thread_can_be_started(monkeypatch: pytest.MonkeyPat
         raise RuntimeError("can't start new thread")
 
     monkeypatch.setattr(threading.Thread, "start", refuse)
-    bands, done = ThreadPool(3), []
-    bands.run("read", 9, lambda y0, y1, _: done.append((y0, y1)))
+    pool, done = ThreadPool(3), []
+    pool.run_rows("read", 9, lambda y0, y1, _: done.append((y0, y1)))
     assert sorted(done) == [(0, 3), (3, 6), (6, 9)]
