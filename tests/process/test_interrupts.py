@@ -54,12 +54,18 @@ def step(upscaler, frame, out=None):
 class Struck(Exception):
     pass
 
+armed = 0
+
 def strike(number, stack):
-    raise random.choice([KeyboardInterrupt, Struck])
+    global armed
+    if armed:
+        armed -= 1
+        raise random.choice([KeyboardInterrupt, Struck])
 
 signal.signal(signal.SIGALRM, strike)
 random.seed(threads)
 def shake(method):
+    global armed
     calm, shaken = made(method), made(method)
     out = np.empty((2 * SHAPE[0], 2 * SHAPE[1], 3), np.float32)
     for index in range(3):
@@ -75,16 +81,15 @@ def shake(method):
         while shaken.stats.frames <= index:
             raised = True
             try:
-                try:
-                    delay, later = random.uniform(1e-6, 1.3 * typical), random.uniform(1e-5, typical)
-                    signal.setitimer(signal.ITIMER_REAL, delay, later if again else 0.0)
-                    step(shaken, frame, out)
-                    raised = False
-                finally:
-                    signal.setitimer(signal.ITIMER_REAL, 0.0)
+                delay, later = random.uniform(1e-6, 1.3 * typical), random.uniform(1e-5, typical)
+                armed = 4 if again else 1
+                signal.setitimer(signal.ITIMER_REAL, delay, later if again else 0.0)
+                step(shaken, frame, out)
+                raised = False
             except (KeyboardInterrupt, Struck):
                 raised = True
             finally:
+                armed = 0  # before any call: Python runs handlers at calls, and from here on none raises
                 signal.setitimer(signal.ITIMER_REAL, 0.0)
             if raised:
                 struck += 1
