@@ -1,6 +1,6 @@
 """CPU backend of `classifier`: gather, int8 network and finish, row by row on several threads."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,7 +13,6 @@ from supersampler.backends.cpu.frame_preprocess import (
     ResampledFrame,
     Weight,
     bordered,
-    frame_inputs,
 )
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
@@ -159,42 +158,40 @@ class ClassifierCpu(CpuExecutor):
         """See `Executor`."""
         return buffers.render == render and buffers.pixels.shape[1::-1] == display
 
-    def step(
+    def _compute_tiles(
         self,
+        inputs: FrameInputs,
         frame: Frame,
-        display: Size,
         history: ClassifierHistory,
         next_history: ClassifierHistory,
         image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        tolerance: float | None,
-    ) -> Mapping[str, Float32]:
-        """See `Executor`."""
-        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
-        tiles = self._tile_reuse.begin(
-            planes,
-            frame.jitter,
-            display,
-            history.tile_state,
-            next_history.tile_state,
-            skips=tolerance is not None,
-        )
-        if tiles.any:
-            self._compute(planes, frame, display, history, next_history, image, weight, tiles)
-        else:
-            next_history.jitter, next_history.exposure, next_history.glares = (
-                history.jitter,
-                history.exposure,
-                history.glares,
-            )
-            next_history.surfaces[:] = history.surfaces
-        kept = (TILE, history.pixels, next_history.pixels), (TILE // 2, history.classes, next_history.classes)
-        self._tile_reuse.end(
-            tiles, history.tile_state, next_history.tile_state, kept, image,
-            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
-        )  # fmt: skip
-        return weight.aux_outputs()
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        """See `CpuExecutor`."""
+        exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
+        next_history.jitter, next_history.exposure = frame.jitter, exposure
+        display = image.shape[1], image.shape[0]
+        with self._spaces.borrow(display) as space, self._resampled.borrow(frame.size, display) as view:
+            view.set_jitter(frame.jitter)
+            self._preprocess.read(inputs, abs(exposure), view.samples)
+            next_history.glares = bool(view.samples.glares.any()) or (history.glares and not tiles.all)
+            self._gather_all(space, view, history, next_history, tiles)
+            space.encoder.run(tiles)
+            self._compose(space, view, history, next_history, image, weight, tiles)
+
+    def _keep_frame_state(self, history: ClassifierHistory, next_history: ClassifierHistory) -> None:
+        """See `CpuExecutor`."""
+        next_history.jitter, next_history.exposure = history.jitter, history.exposure
+        next_history.glares = history.glares
+        next_history.surfaces[:] = history.surfaces
+
+    def _images_by_tile(
+        self, history: ClassifierHistory, next_history: ClassifierHistory
+    ) -> Sequence[tuple[int, NDArray[Any], NDArray[Any]]]:
+        """See `CpuExecutor`."""
+        classes = TILE // 2, history.classes, next_history.classes
+        return [(TILE, history.pixels, next_history.pixels), classes]
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
@@ -230,27 +227,6 @@ class ClassifierCpu(CpuExecutor):
 
     def _resampled_frame(self, render: Size, display: Size) -> ResampledFrame:
         return ResampledFrame(render, display, self._filters, self.pool.threads, self._windows)
-
-    def _compute(
-        self,
-        planes: FrameInputs,
-        frame: Frame,
-        display: Size,
-        history: ClassifierHistory,
-        next_history: ClassifierHistory,
-        image: Float32,
-        weight: Weight,
-        tiles: Tiles,
-    ) -> None:
-        exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
-        next_history.jitter, next_history.exposure = frame.jitter, exposure
-        with self._spaces.borrow(display) as space, self._resampled.borrow(frame.size, display) as view:
-            view.set_jitter(frame.jitter)
-            self._preprocess.read(planes, abs(exposure), view.samples)
-            next_history.glares = bool(view.samples.glares.any()) or (history.glares and not tiles.all)
-            self._gather_all(space, view, history, next_history, tiles)
-            space.encoder.run(tiles)
-            self._compose(space, view, history, next_history, image, weight, tiles)
 
     def _gather_all(
         self,

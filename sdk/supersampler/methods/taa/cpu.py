@@ -1,6 +1,6 @@
 """CPU backend of `taa` (Salvi 2016, his defaults)."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.executor import CpuExecutor
-from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Weight, frame_inputs
+from supersampler.backends.cpu.frame_preprocess import PREPROCESS_KERNELS, Weight
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAA_BOX, TAA_PLANES, TILE
 from supersampler.backends.cpu.memory import address
@@ -105,39 +105,31 @@ class TaaCpu(CpuExecutor):
         """See `Executor`."""
         return buffers.display == display
 
-    def step(
+    def _compute_tiles(
         self,
+        inputs: FrameInputs,
         frame: Frame,
-        display: Size,
         history: TaaHistory,
         next_history: TaaHistory,
         image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        tolerance: float | None,
-    ) -> Mapping[str, Float32]:
-        """See `Executor`."""
-        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
-        tiles = self._tile_reuse.begin(
-            planes,
-            frame.jitter,
-            display,
-            history.tile_state,
-            next_history.tile_state,
-            skips=tolerance is not None,
-        )
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        """See `CpuExecutor`."""
+        next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
+        with self._spaces.borrow(frame.size, history.display) as space:
+            self._read(space, inputs._replace(exposure=abs(next_history.exposure)))
+            self._compute(space, frame, history, next_history, image, weight, tiles)
+
+    def _keep_frame_state(self, history: TaaHistory, next_history: TaaHistory) -> None:
+        """See `CpuExecutor`."""
         next_history.exposure = history.exposure
-        if tiles.any:
-            next_history.exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
-            with self._spaces.borrow(frame.size, display) as space:
-                self._read(space, planes._replace(exposure=abs(next_history.exposure)))
-                self._compute(space, frame, history, next_history, image, weight, tiles)
-        self._tile_reuse.end(
-            tiles, history.tile_state, next_history.tile_state,
-            [(TILE, history.image, next_history.image)], image,
-            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
-        )  # fmt: skip
-        return weight.aux_outputs()
+
+    def _images_by_tile(
+        self, history: TaaHistory, next_history: TaaHistory
+    ) -> Sequence[tuple[int, NDArray[Any], NDArray[Any]]]:
+        """See `CpuExecutor`."""
+        return [(TILE, history.image, next_history.image)]
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""

@@ -1,6 +1,6 @@
 """CPU backend of `taau`."""
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,13 +13,12 @@ from supersampler.backends.cpu.frame_preprocess import (
     ResampledFrame,
     Weight,
     bordered,
-    frame_inputs,
 )
 from supersampler.backends.cpu.kernel_loader import load_kernels
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
-from supersampler.backends.cpu.structs import pack
+from supersampler.backends.cpu.structs import FrameInputs, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS
 from supersampler.backends.cpu.tile_state import TileState
@@ -115,49 +114,37 @@ class TaauCpu(CpuExecutor):
         """See `Executor`."""
         return buffers.render == render and buffers.pixels.shape[1::-1] == display
 
-    def step(
+    def _compute_tiles(
         self,
+        inputs: FrameInputs,
         frame: Frame,
-        display: Size,
         history: TaauHistory,
         next_history: TaauHistory,
         image: Float32,
-        aux_outputs: Collection[str],
-        *,
-        tolerance: float | None,
-    ) -> Mapping[str, Float32]:
-        """See `Executor`."""
-        planes, weight = frame_inputs(frame), Weight(aux_outputs, display)
-        tiles = self._tile_reuse.begin(
-            planes,
-            frame.jitter,
-            display,
-            history.tile_state,
-            next_history.tile_state,
-            skips=tolerance is not None,
-        )
-        if tiles.any:
-            exposure = self._preprocess.exposure(frame, planes.color, history.exposure)
-            next_history.jitter, next_history.exposure = frame.jitter, exposure
-            with self._spaces.borrow(frame.size, display) as space:
-                space.set_jitter(frame.jitter)
-                self._preprocess.read(planes, abs(exposure), space.samples)
-                next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
-                self._write_surface(space, next_history)
-                self._compute(space, history, next_history, image, weight, tiles)
-        else:
-            next_history.jitter, next_history.exposure, next_history.glares = (
-                history.jitter,
-                history.exposure,
-                history.glares,
-            )
-            next_history.surface[:] = history.surface
-        kept = [(TILE, history.pixels, next_history.pixels)]
-        self._tile_reuse.end(
-            tiles, history.tile_state, next_history.tile_state, kept, image,
-            exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
-        )  # fmt: skip
-        return weight.aux_outputs()
+        weight: Weight,
+        tiles: Tiles,
+    ) -> None:
+        """See `CpuExecutor`."""
+        exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
+        next_history.jitter, next_history.exposure = frame.jitter, exposure
+        with self._spaces.borrow(frame.size, (image.shape[1], image.shape[0])) as space:
+            space.set_jitter(frame.jitter)
+            self._preprocess.read(inputs, abs(exposure), space.samples)
+            next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
+            self._write_surface(space, next_history)
+            self._compute(space, history, next_history, image, weight, tiles)
+
+    def _keep_frame_state(self, history: TaauHistory, next_history: TaauHistory) -> None:
+        """See `CpuExecutor`."""
+        next_history.jitter, next_history.exposure = history.jitter, history.exposure
+        next_history.glares = history.glares
+        next_history.surface[:] = history.surface
+
+    def _images_by_tile(
+        self, history: TaauHistory, next_history: TaauHistory
+    ) -> Sequence[tuple[int, NDArray[Any], NDArray[Any]]]:
+        """See `CpuExecutor`."""
+        return [(TILE, history.pixels, next_history.pixels)]
 
     def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
