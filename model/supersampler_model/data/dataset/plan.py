@@ -1,4 +1,4 @@
-"""The plan of a data set: families in turn; files, ratios and seeds drawn from one seed."""
+"""The plan of a data set: families in turn; files, ratios and seeds sampled from one seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
