@@ -18,7 +18,6 @@ from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
-from supersampler.recording.tensors import tensors_of_frame
 from supersampler.state import State
 from supersampler.validation import FrameChecker, Validate
 
@@ -305,6 +304,8 @@ class Upscaler:
         if self._on_extrapolated is not self.model:
             self._on_extrapolated.run(frame, history)
         if self.model.capture:
+            from supersampler.recording.tensors import tensors_of_frame  # with it come image files
+
             tensors = tensors_of_frame(frame, self.model.device)
             self.model.run_tensors(tensors, history, jitter=frame.jitter)
 
