@@ -1,48 +1,108 @@
-"""Base of the CPU executors: the step that all methods share, around the stages of one method."""
+"""Base of the CPU executors: history and step, which are the same for all methods but for the stages."""
 
 from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
-from typing import Any, Protocol
+from collections.abc import Collection, Mapping
+from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.frame_preprocess import FramePreprocess, Weight, frame_inputs
-from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.structs import FrameInputs
+from supersampler.backends.cpu.frame_preprocess import (
+    PREPROCESS_KERNELS,
+    FramePreprocess,
+    ResampledFrame,
+    Weight,
+    frame_inputs,
+)
+from supersampler.backends.cpu.history import CpuHistory, HistoryLayout
+from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.resample_tables import ResampleTableCache
+from supersampler.backends.cpu.structs import FrameInputs, Output
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.backends.cpu.tile_reuse import TileReuse
-from supersampler.backends.cpu.tile_state import TileState
+from supersampler.backends.cpu.tile_reuse import TILE_REUSE_KERNELS, TileReuse
 from supersampler.backends.cpu.tiles import Tiles
+from supersampler.backends.cpu.workspaces import Workspaces
+from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 
 
-class Buffers(Protocol):
-    """A history of any method."""
+class WorkBuffers(Protocol):
+    """Buffers that a step works in."""
 
-    tile_state: TileState
-    exposure: float
+    tables: ResampleTableCache
 
 
-class CpuExecutor(ABC):
+Space = TypeVar("Space", bound=WorkBuffers)
+
+
+class Step(NamedTuple):
+    """A step of which at least one tile is computed.
+
+    Attributes:
+        frame: the frame.
+        inputs: its arrays and its exposure.
+        history: after the previous frame; not changed.
+        next_history: written to, except for the pixels of tiles that are not computed.
+        output: pixels of `next_history`, the image, and the weight of the history.
+        tiles: to compute.
+    """
+
+    frame: Frame
+    inputs: FrameInputs
+    history: CpuHistory
+    next_history: CpuHistory
+    output: Output
+    tiles: Tiles
+
+    @property
+    def display(self) -> Size:
+        """Size of the image."""
+        return self.output.width, self.output.height
+
+
+class CpuExecutor(ABC, Generic[Space]):
     """Base of the CPU executors; see `Executor`.
 
     Args:
-        kernels: PREPROCESS_KERNELS and TILE_REUSE_KERNELS, at least.
+        layout: of the method's history.
         pool: threads that compute.
+        kernels: names of the method's kernels; those that take longest to compile are first and last.
+
+    Attributes:
+        kernels: all that were named, by name.
     """
 
     name = "cpu"
 
-    def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
-        self.pool = pool
-        self._preprocess, self._tile_reuse = FramePreprocess(kernels, pool), TileReuse(kernels, pool)
+    def __init__(self, layout: HistoryLayout, pool: ThreadPool, *kernels: str) -> None:
+        first, *others = kernels
+        self.kernels = load_kernels(first, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, *others)
+        self.pool, self._layout = pool, layout
+        self._preprocess = FramePreprocess(self.kernels, pool)
+        self._tile_reuse = TileReuse(self.kernels, pool)
+        self._spaces = Workspaces(self._space)
+
+    @abstractmethod
+    def _space(self, render: Size, display: Size) -> Space:
+        """Allocate the buffers that steps of these sizes work in."""
+
+    @abstractmethod
+    def _compute_tiles(self, step: Step, space: Space) -> None:
+        """Run the stages of the method on the tiles of a step."""
+
+    def zeros(self, display: Size, render: Size) -> CpuHistory:
+        """See `Executor`."""
+        return CpuHistory(self._layout, display, render)
+
+    def fits(self, buffers: CpuHistory, display: Size, render: Size) -> bool:
+        """See `Executor`."""
+        return buffers.fits(display, render)
 
     def step(
         self,
         frame: Frame,
         display: Size,
-        history: Buffers,
-        next_history: Buffers,
+        history: CpuHistory,
+        next_history: CpuHistory,
         image: Float32,
         aux_outputs: Collection[str],
         *,
@@ -51,49 +111,57 @@ class CpuExecutor(ABC):
         """See `Executor`."""
         inputs, weight = frame_inputs(frame), Weight(aux_outputs, display)
         states = history.tile_state, next_history.tile_state
+        images = history.tiled(), next_history.tiled()
         tiles = self._tile_reuse.begin(inputs, frame.jitter, display, *states, skips=tolerance is not None)
         if tiles.any:
-            self._compute_tiles(inputs, frame, history, next_history, image, weight, tiles)
+            next_history.jitter = frame.jitter
+            next_history.exposure = self._preprocess.exposure(frame, inputs.color, history.exposure)
+            inputs = inputs._replace(exposure=abs(next_history.exposure))
+            output = weight.output(images[1][0][1], image)
+            with self._spaces.borrow(frame.size, display) as space:
+                self._compute_tiles(Step(frame, inputs, history, next_history, output, tiles), space)
         else:
-            self._keep_frame_state(history, next_history)
+            next_history.keep_frame(history)
         self._tile_reuse.end(
-            tiles, *states, self._images_by_tile(history, next_history), image,
+            tiles, *states, *images, image,
             exposure=abs(next_history.exposure), tolerance=tolerance or 0.0,
         )  # fmt: skip
         return weight.aux_outputs()
 
-    @abstractmethod
-    def _compute_tiles(
-        self,
-        inputs: FrameInputs,
-        frame: Frame,
-        history: Any,
-        next_history: Any,
-        image: Float32,
-        weight: Weight,
-        tiles: Tiles,
-    ) -> None:
-        """Run the stages of the method on these tiles; write `next_history` except its other tiles."""
+    def _resample(self, step: Step, view: ResampledFrame) -> None:
+        """Read the frame of a step into `view`, and find out whether it or its history has glare."""
+        view.set_jitter(step.frame.jitter)
+        self._preprocess.read(step.inputs, view.samples)
+        kept = step.history.glares and not step.tiles.all
+        step.next_history.glares = bool(view.samples.glares.any()) or kept
 
-    @abstractmethod
-    def _keep_frame_state(self, history: Any, next_history: Any) -> None:
-        """Copy what describes the frame (not its tiles) from a history to the next: no tile is computed."""
+    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+        """See `Executor`."""
+        working = self._working_bytes(display, render) + self._tile_reuse.most_bytes(display, render)
+        return held_bytes(self.zeros(display, render)), working
 
-    @abstractmethod
-    def _images_by_tile(
-        self, history: Any, next_history: Any
-    ) -> Sequence[tuple[int, NDArray[Any], NDArray[Any]]]:
-        """Pixels of a tile's side, and both arrays, for each image of the history; see `TileReuse.end`."""
+    def _working_bytes(self, display: Size, render: Size) -> int:
+        """Return the bytes that a step works in."""
+        space = self._space(render, display)
+        return held_bytes(space) + space.tables.most_bytes()
 
     def note_stages(self) -> Mapping[str, float]:
         """See `Executor`."""
         self.pool.seconds = {}
         return self.pool.seconds
 
-    def memory(self, buffers: Buffers) -> Mapping[str, NDArray[Any]]:
+    def tensor(self, buffers: CpuHistory, name: str) -> Float32:
+        """See `Executor`."""
+        return buffers.tensor(name)
+
+    def load(self, buffers: CpuHistory, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """See `Executor`."""
+        buffers.load(tensors)
+
+    def memory(self, buffers: CpuHistory) -> Mapping[str, NDArray[Any]]:
         """See `Executor`."""
         return buffers.tile_state.arrays()
 
-    def work(self, buffers: Buffers, display: Size) -> Float32:  # noqa: ARG002  # known
+    def work(self, buffers: CpuHistory, display: Size) -> Float32:  # noqa: ARG002  # known
         """See `Executor`."""
         return buffers.tile_state.work

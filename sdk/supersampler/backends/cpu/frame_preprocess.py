@@ -11,7 +11,6 @@ from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTableCache, up_to
 from supersampler.backends.cpu.structs import FrameInputs, FrameSamples, Output, ResampleTables, pack
 from supersampler.backends.cpu.threads import ThreadPool
-from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
 
@@ -51,7 +50,8 @@ class ResampledFrame:
         threads: number of threads that filter.
 
     Attributes:
-        x, y: tables of columns and rows, for the current jitter.
+        tables: of every jitter.
+        x, y: of columns and rows, for the current jitter.
         samples: of the current frame.
         wide: samples of a row with its padding.
         lines: (threads, ...) rows that each thread filters in, FILTERED and four more.
@@ -65,7 +65,7 @@ class ResampledFrame:
         threads: int,
         windows: Sequence[Kernel] = (),
     ) -> None:
-        self._tables = ResampleTableCache(render, display, filters, windows)
+        self.tables = ResampleTableCache(render, display, filters, windows)
         self.set_jitter((0.0, 0.0))
         self.samples = empty_samples(render)
         self.wide = self.samples.stride + 2 * PAD
@@ -73,18 +73,14 @@ class ResampledFrame:
 
     def set_jitter(self, jitter: tuple[float, float]) -> None:
         """Set the jitter of the current frame."""
-        self.x, self.y = self._tables.at(jitter)
+        self.x, self.y = self.tables.at(jitter)
 
-    def tables(self) -> ResampleTables:
+    def current_tables(self) -> ResampleTables:
         """Return the tables for the current jitter."""
         x, y = self.x, self.y
         return ResampleTables(
             y.samples, y.weights, y.windows, y.first, y.near, x.start, x.weights, x.windows, x.first, x.near
         )
-
-    def most_bytes(self) -> int:
-        """Return the bytes that it comes to hold."""
-        return held_bytes(self) + self._tables.most_bytes()
 
 
 class Weight:
@@ -110,12 +106,6 @@ class Weight:
     def aux_outputs(self) -> dict[str, Float32]:
         """Return {"weight": (1, 1, H, W)} where the caller asked for it, else nothing."""
         return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
-
-
-def bordered(plane: Float32, wide: int) -> Float32:
-    """(k, h, w) as (h, wide, k) with PAD columns before and at least as many after that repeat the border."""
-    room = PAD, wide - plane.shape[2] - PAD
-    return np.pad(plane.transpose(1, 2, 0), ((0, 0), room, (0, 0)), "edge")
 
 
 class FramePreprocess:
@@ -146,9 +136,9 @@ class FramePreprocess:
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
         return EXPOSURE_KEY * math.exp(-logs / count) if count else None
 
-    def read(self, frame: FrameInputs, exposure: float, samples: FrameSamples) -> None:
+    def read(self, frame: FrameInputs, samples: FrameSamples) -> None:
         """Fill `samples` from a frame."""
-        inputs, to = pack(frame._replace(exposure=exposure)), pack(samples)
+        inputs, to = pack(frame), pack(samples)
 
         def read(y0: int, y1: int, _: int) -> None:
             # a row more on either side: what two threads both write is the same

@@ -20,8 +20,11 @@ def address(array: NDArray[Any]) -> int:
 
 
 def aligned(shape: tuple[int, ...], dtype: type[np.generic] = np.float32) -> NDArray[Any]:
-    """Zeros that begin where a line of the processor's caches does."""
+    """Zeros that begin where a line of the processor's caches does, before at least one line of room.
+
+    No other array shares a line with them, so no other thread writes to one of theirs.
+    """
     size = int(np.prod(shape)) * np.dtype(dtype).itemsize
-    room = np.zeros(size + LINE, np.uint8)
+    room = np.zeros(size + 2 * LINE, np.uint8)
     first = -room.ctypes.data % LINE
     return room[first : first + size].view(dtype).reshape(shape)

@@ -94,7 +94,8 @@ class TileReuse:
         tiles: Tiles,
         previous: TileState,
         current: TileState,
-        kept: Sequence[tuple[int, NDArray[Any], NDArray[Any]]],
+        before: Sequence[tuple[int, NDArray[Any]]],
+        after: Sequence[tuple[int, NDArray[Any]]],
         image: Float32,
         *,
         exposure: float,
@@ -106,24 +107,25 @@ class TileReuse:
             tiles: that were computed.
             previous: state of the history.
             current: state of the next history.
-            kept: for each array of the histories: pixels of a tile's side, (H, W, ...) of the history, and of
-                the next history; the first array has linear RGB in its first channels.
+            before: arrays of the history that tiles divide: pixels of a tile's side, and (H, W, ...); the
+                first array has linear RGB in its first channels.
+            after: likewise of the next history.
             image: (H, W, 3), written to.
             exposure: of the frame.
             tolerance: root mean square of the change of toned colors within one jitter period, up to which a
                 tile counts as static.
         """
-        self._settle(tiles, current, kept[0][2], exposure, tolerance)
+        self._settle(tiles, current, after[0][1], exposure, tolerance)
         if tiles.all:
             return
         stale = ~tiles.drawn & (current.generations != previous.generations)
         if stale.any():
             runs = runs_of(stale)
-            for unit, before, after in kept:
-                boxes = scaled(runs, unit, (before.shape[1], before.shape[0]))
-                self._pool.run_rects("skip", boxes, partial(_copy, before, after))
+            for (unit, source), (_, target) in zip(before, after, strict=True):
+                boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
+                self._pool.run_rects("skip", boxes, partial(_copy, source, target))
         current.generations[~tiles.drawn] = previous.generations[~tiles.drawn]
-        pixels, (height, width) = kept[0][1], image.shape[:2]
+        pixels, (height, width) = before[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
         boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
         self._pool.run_rects(
@@ -206,6 +208,6 @@ def allowed_change(tolerance: float, periods: NDArray[np.int32]) -> Float32:
     return tolerance * np.array(TOLERANCE_GROWTH, np.float32)[np.clip(periods, 1, len(TOLERANCE_GROWTH)) - 1]
 
 
-def _copy(before: NDArray[Any], after: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any
+def _copy(source: NDArray[Any], target: NDArray[Any], box: Rect, worker: int) -> None:  # noqa: ARG001  # any
     y0, y1, x0, x1 = box
-    after[y0:y1, x0:x1] = before[y0:y1, x0:x1]
+    target[y0:y1, x0:x1] = source[y0:y1, x0:x1]

@@ -1,0 +1,148 @@
+"""The history of a method on the CPU: its tensors as kernels lay them out, and numbers of its frame."""
+
+from collections.abc import Mapping
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from supersampler.backends.cpu.layout import LANES, PAD, TILE
+from supersampler.backends.cpu.memory import aligned
+from supersampler.backends.cpu.resample_tables import up_to
+from supersampler.backends.cpu.tile_state import TileState
+from supersampler.frame import Float32, Size
+from supersampler.methods.spec import HALF, PREVIOUS, MethodSpec, Shape
+
+_UINT8_ONE = np.float32(255.0)
+
+
+class Plane(NamedTuple):
+    """An array of interleaved channels, in which history tensors of one size follow each other.
+
+    Attributes:
+        tensors: names of the tensors.
+        channels: number of channels; those after the tensors' belong to the kernels.
+        dtype: float32; or uint8, in which 255 is 1.
+    """
+
+    tensors: tuple[str, ...]
+    channels: int
+    dtype: type[np.generic] = np.float32
+
+
+class HistoryLayout:
+    """Which arrays hold the history tensors of a method. Its jitter and exposure are kept as numbers.
+
+    Args:
+        spec: the method.
+        planes: the arrays by name; the first begins with linear RGB of display size.
+        glare: tensor of which the last channel, in [0, 1], has GLARE times the number of glaring frames
+            added; None for a method that counts none.
+    """
+
+    def __init__(self, spec: MethodSpec, planes: Mapping[str, Plane], glare: str | None = None) -> None:
+        self.planes, self.glare, self._spec = planes, glare, spec
+
+    def size(self, plane: Plane) -> Shape:
+        """Return the names of a plane's height and width: DISPLAY, HALF or PREVIOUS."""
+        return self._spec.history[plane.tensors[0]][2:]
+
+    def shape(self, plane: Plane, display: Size, render: Size) -> tuple[int, int, int]:
+        """Return a plane's shape: (height, width, channels); rows of PREVIOUS size are PAD, stride, PAD."""
+        size = self.size(plane)
+        if size == PREVIOUS:
+            return render[1], up_to(render[0], LANES) + 2 * PAD, plane.channels
+        part = 2 if size == HALF else 1
+        return -(-display[1] // part), -(-display[0] // part), plane.channels
+
+    def channels(self, plane: Plane) -> dict[str, slice]:
+        """Return where in a plane's channels each tensor is."""
+        found, first = {}, 0
+        for name in plane.tensors:
+            count = int(self._spec.history[name][1])
+            found[name] = slice(first, first + count)
+            first += count
+        return found
+
+
+class CpuHistory:
+    """The history that one frame hands to the next; empty at first.
+
+    Args:
+        layout: of the method.
+        display: size of the image.
+        render: size of the frame.
+
+    Attributes:
+        render: size of the frame.
+        arrays: by plane; the padding of those of PREVIOUS size repeats the border.
+        tile_state: for static-tile reuse.
+        jitter: of the frame.
+        exposure: of the frame, as `followed_exposure` returns it; 0 where there is none.
+        glares: whether pixels may hold counts of glaring frames.
+    """
+
+    def __init__(self, layout: HistoryLayout, display: Size, render: Size) -> None:
+        self._layout, self._display, self.render = layout, display, render
+        self.arrays: dict[str, NDArray[Any]] = {
+            name: aligned(layout.shape(plane, display, render), plane.dtype)
+            for name, plane in layout.planes.items()
+        }
+        self.tile_state = TileState(display)
+        self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
+
+    def fits(self, display: Size, render: Size) -> bool:
+        """Whether these arrays can hold the history after a frame of this size."""
+        free = PREVIOUS not in map(self._layout.size, self._layout.planes.values())
+        return self._display == display and (free or self.render == render)
+
+    def keep_frame(self, previous: "CpuHistory") -> None:
+        """Take over what describes the previous frame, but no tiles: none of this frame is computed."""
+        self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
+        for name, plane in self._layout.planes.items():
+            if self._layout.size(plane) == PREVIOUS:
+                self.arrays[name][:] = previous.arrays[name]
+
+    def tiled(self) -> list[tuple[int, NDArray[Any]]]:
+        """Return the arrays that tiles divide, each after the pixels of a tile's side."""
+        sizes = ((name, self._layout.size(plane)) for name, plane in self._layout.planes.items())
+        return [
+            (TILE // 2 if size == HALF else TILE, self.arrays[name])
+            for name, size in sizes
+            if size != PREVIOUS
+        ]
+
+    def tensor(self, name: str) -> Float32:
+        """Return a copy of a history tensor, NCHW, by its name in the graph."""
+        own = name.removeprefix("history.")
+        if own == "jitter":
+            return np.array([self.jitter], np.float32)
+        if own == "exposure":
+            return np.array([self.exposure], np.float32)
+        key, plane = next(item for item in self._layout.planes.items() if own in item[1].tensors)
+        pixels = self.arrays[key][..., self._layout.channels(plane)[own]]
+        if self._layout.size(plane) == PREVIOUS:
+            pixels = pixels[:, PAD : PAD + self.render[0]]
+        if plane.dtype == np.uint8:
+            pixels = pixels / _UINT8_ONE
+        return np.ascontiguousarray(pixels.transpose(2, 0, 1)[None])
+
+    def load(self, tensors: Mapping[str, NDArray[Any]]) -> None:
+        """Fill from all history tensors, NCHW, and from arrays by `TileState.arrays` where they are there."""
+        self.tile_state.load(tensors)
+        for key, plane in self._layout.planes.items():
+            array = self.arrays[key]
+            for name, channels in self._layout.channels(plane).items():
+                pixels = tensors[f"history.{name}"][0].transpose(1, 2, 0)
+                if self._layout.size(plane) == PREVIOUS:
+                    after = array.shape[1] - pixels.shape[1] - PAD
+                    pixels = np.pad(pixels, ((0, 0), (PAD, after), (0, 0)), "edge")
+                if plane.dtype == np.uint8:
+                    pixels = np.clip(np.round(pixels * _UINT8_ONE), 0.0, _UINT8_ONE)
+                array[..., channels] = pixels
+        self.exposure = float(tensors["history.exposure"][0])
+        if "history.jitter" in tensors:
+            x, y = (float(j) for j in tensors["history.jitter"][0])
+            self.jitter = x, y
+        glare = self._layout.glare
+        self.glares = glare is not None and bool(tensors[f"history.{glare}"][0, -1].max() > 1.0)
