@@ -38,10 +38,18 @@ class HistoryLayout:
         planes: the arrays by name; the first begins with linear RGB of display size.
         glare: tensor of which the last channel, in [0, 1], has GLARE times the number of glaring frames
             added; None for a method that counts none.
+
+    Attributes:
+        values: lengths of the other tensors of shape (1, n), by name.
     """
 
     def __init__(self, spec: MethodSpec, planes: Mapping[str, Plane], glare: str | None = None) -> None:
         self.planes, self.glare, self._spec = planes, glare, spec
+        self.values = {
+            name: int(shape[1])
+            for name, shape in spec.history.items()
+            if len(shape) == 2 and name != "jitter"
+        }
 
     def size(self, plane: Plane) -> Shape:
         """Return the names of a plane's height and width: DISPLAY, HALF or PREVIOUS."""
@@ -76,6 +84,7 @@ class CpuHistory:
     Attributes:
         render: size of the frame.
         arrays: by plane; the padding of those of PREVIOUS size repeats the border.
+        values: other tensors of the frame, (n,) each, by name.
         tile_state: for static-tile reuse.
         jitter: of the frame.
         exposure: of the frame, as `followed_exposure` returns it; 0 where there is none.
@@ -88,6 +97,7 @@ class CpuHistory:
             name: aligned(layout.shape(plane, display, render), plane.dtype)
             for name, plane in layout.planes.items()
         }
+        self.values = {name: np.zeros(count, np.float32) for name, count in layout.values.items()}
         self.tile_state = TileState(display)
         self.jitter, self.exposure, self.glares = (0.0, 0.0), 0.0, False
 
@@ -99,6 +109,8 @@ class CpuHistory:
     def keep_frame(self, previous: "CpuHistory") -> None:
         """Take over what describes the previous frame, but no tiles: none of this frame is computed."""
         self.jitter, self.exposure, self.glares = previous.jitter, previous.exposure, previous.glares
+        for name, values in previous.values.items():
+            self.values[name][:] = values
         for name, plane in self._layout.planes.items():
             if self._layout.size(plane) == PREVIOUS:
                 self.arrays[name][:] = previous.arrays[name]
@@ -119,6 +131,8 @@ class CpuHistory:
             return np.array([self.jitter], np.float32)
         if own == "exposure":
             return np.array([self.exposure], np.float32)
+        if own in self.values:
+            return self.values[own][None].copy()
         key, plane = next(item for item in self._layout.planes.items() if own in item[1].tensors)
         pixels = self.arrays[key][..., self._layout.channels(plane)[own]]
         if self._layout.size(plane) == PREVIOUS:
@@ -140,6 +154,8 @@ class CpuHistory:
                 if plane.dtype == np.uint8:
                     pixels = np.clip(np.round(pixels * _UINT8_ONE), 0.0, _UINT8_ONE)
                 array[..., channels] = pixels
+        for name, values in self.values.items():
+            values[:] = tensors[f"history.{name}"][0]
         self.exposure = float(tensors["history.exposure"][0])
         if "history.jitter" in tensors:
             x, y = (float(j) for j in tensors["history.jitter"][0])
