@@ -18,7 +18,7 @@ from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, seen_from
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
 
-_KERNELS = "backends.cpu.kernels.stillness"
+_KERNELS = "backends.cpu.kernels.tile_reuse"
 TILE_REUSE_KERNELS = (
     f"{_KERNELS}.fingerprints",
     f"{_KERNELS}.copy_colors",
