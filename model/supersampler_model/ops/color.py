@@ -23,6 +23,9 @@ GLARE = 4.0
 """Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
 CONFIRMED = 3.0
 """Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
+FLASH, FLASH_CONTRAST, LEAST_CONTRAST = 1.0625, 1.25, 1e-3
+"""A frame is unconfirmed from this factor of the previous frames' mean toned luma on, or from this factor of
+their mean local variance plus a minimum."""
 
 
 def valid(color: Tensor) -> Tensor:
@@ -104,6 +107,20 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
     is_outlier = has_history & ((wanted > known * OUTLIER) | (wanted * OUTLIER < known))
     confirmed = torch.where(is_outlier, torch.where(before < 0.0, wanted, -known), followed)
     return torch.where(has_history, confirmed, -followed)
+
+
+def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
+    """(1,) whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
+
+    Args:
+        followed: (1,) result of `exposure_for`.
+        given: (1,) from the engine; 0: measure.
+        before: (1,) result of `exposure_for` for the previous frame; 0 without one.
+    """
+    known, used = before.abs(), followed.abs()
+    is_outlier = (followed < 0.0) | (used > known * OUTLIER) | (used * OUTLIER < known)
+    is_given = (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
+    return is_outlier & (known > 0.0) & ~is_given
 
 
 def largest(color: Tensor) -> Tensor:

@@ -15,7 +15,8 @@ that Salvi names.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
-extrapolated from it, therefore leave no trace.
+extrapolated from it, therefore leave no trace. The same holds for a frame whose light exceeds that of the
+previous frames as a whole (`flash_of`), except where it counts as changed: there the history restarts.
 """
 
 from typing import ClassVar, NamedTuple
@@ -33,7 +34,10 @@ from supersampler_model.methods.base import (
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
+    FLASH,
+    FLASH_CONTRAST,
     GLARE,
+    LEAST_CONTRAST,
     bounded,
     exposure_for,
     from_ycocg,
@@ -105,6 +109,14 @@ class WarpedHistory(NamedTuple):
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
 
 
+class Flash(NamedTuple):
+    """Whether there is more light than in previous frames, (1, 1) bool each; extrapolated frames may alternate
+    with shaded ones, and differ from them."""
+
+    begins: Tensor  # than in both previous frames
+    lasts: Tensor  # than in the frame before the last
+
+
 class Blend(NamedTuple):
     """Blend parameters of each display pixel."""
 
@@ -112,7 +124,8 @@ class Blend(NamedTuple):
     weight: Tensor  # (1, 1, H, W) of this frame's sample
     samples: Tensor  # (1, 1, H, W) effective number in the history
     spreads: Tensor  # (1, 1, H, W) 1 where the spread of the history is still valid
-    kept: Tensor  # (1, 1, H, W) number in the history where this frame adds no sample
+    trusted: Tensor  # (1, 1, H, W) fraction of the history that is kept where this frame adds no sample
+    kept: Tensor  # (1, 1, H, W) number in the history there
     unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
 
 
@@ -125,6 +138,7 @@ class Step(NamedTuple):
     history_surface: Tensor
     history_jitter: Tensor
     history_exposure: Tensor
+    history_light: Tensor
     weight: Tensor
 
 
@@ -150,6 +164,7 @@ class Taau(Method):
         history_surface: Tensor,  # (1, 3, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
+        history_light: Tensor,  # (1, 4)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -171,11 +186,18 @@ class Taau(Method):
             history_surface, history_jitter, reprojection, closest[:, :1], display, change
         )
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        blend = self.network(current, warped)
+        light, last, older = (
+            light_of(surface[:, 1:3]),
+            light_at(history_light[:, :2], change),
+            light_at(history_light[:, 2:4], change),
+        )
+        flash = flash_of(light, last, older)
+        blend = self.network(current, warped, flash)
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        return Step(image, next_color, samples, surface, jitter * 1.0, followed, weight)
+        next_light = torch.cat([light, last], dim=1)
+        return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
 
     def gather_current(
         self,
@@ -254,7 +276,7 @@ class Taau(Method):
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
         )
 
-    def network(self, current: CurrentFrame, warped: WarpedHistory) -> Blend:
+    def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Flash) -> Blend:
         """Compute the blend parameters by rules, in place of a network."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
@@ -273,9 +295,12 @@ class Taau(Method):
         holds = warped.surface * unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
-        kept = torch.minimum(warped.samples * warped.surface, limit)
-        unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0) & (kept > MIN_SAMPLES)
-        return Blend(clip_to_center(warped.color, box), weight, samples, holds, kept, unconfirmed)
+        glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
+        flashes = ((warped.glare < 1.0) & flash.begins) | ((warped.glare == 1.0) & flash.lasts)
+        trusted = torch.where(glares, warped.surface, holds)
+        kept = torch.minimum(warped.samples * trusted, limit)
+        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
+        return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
         """(1, 1, H, W) 1 where the mean luma of a neighbourhood changed by more than jitter explains."""
@@ -302,8 +327,34 @@ class Taau(Method):
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
         power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
         now = [blend.samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
-        before = [blend.kept, warped.surface * warped.power + GLARE * (warped.glare + 1.0)]
+        before = [blend.kept, blend.trusted * warped.power + GLARE * (warped.glare + 1.0)]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
+
+
+def light_of(shade: Tensor) -> Tensor:
+    """(1, 2) mean luma and mean square deviation over all samples of `shade_of`."""
+    size = render_size_of(shade)
+    planes = torch.cat([shade[:, :1], shade[:, 1:2] * shade[:, 1:2]], dim=1)
+    return planes.sum(dim=(2, 3)) / (size.width * size.height)
+
+
+def light_at(light: Tensor, change: Tensor) -> Tensor:
+    """Return `light_of` at another exposure; `change` is (1,) the ratio of the exposures."""
+    mean, square = light[:, :1], light[:, 1:2]
+    dim = 1.0 + (change - 1.0) * mean
+    slope = change / (dim * dim)
+    return torch.cat([change * mean / dim, slope * slope * square], dim=1)
+
+
+def flash_of(now: Tensor, last: Tensor, older: Tensor) -> Flash:
+    """Compare `light_of`, (1, 2), of this frame, the last one and the one before."""
+    return Flash(exceeds(now, torch.maximum(last, older)), exceeds(now, older))
+
+
+def exceeds(now: Tensor, before: Tensor) -> Tensor:
+    """(1, 1) whether the light of a frame is more than that of another explains."""
+    brighter = now[:, :1] > FLASH * before[:, :1]
+    return brighter | (now[:, 1:2] > FLASH_CONTRAST * before[:, 1:2] + LEAST_CONTRAST)
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

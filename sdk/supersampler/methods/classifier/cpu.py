@@ -26,6 +26,7 @@ from supersampler.backends.cpu.tiles import Tiles
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
+from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
 from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER
 from supersampler.methods.classifier.structs import (
@@ -178,7 +179,8 @@ class ClassifierCpu(CpuExecutor):
             next_history.glares = bool(view.samples.glares.any()) or (history.glares and not tiles.all)
             self._gather_all(space, view, history, next_history, tiles)
             space.encoder.run(tiles)
-            self._compose(space, view, history, next_history, image, weight, tiles)
+            flash = is_flash(usable_exposure(frame.exposure), exposure, history.exposure)
+            self._compose(space, view, history, next_history, image, weight, tiles, flash=flash)
 
     def _keep_frame_state(self, history: ClassifierHistory, next_history: ClassifierHistory) -> None:
         """See `CpuExecutor`."""
@@ -272,13 +274,15 @@ class ClassifierCpu(CpuExecutor):
         image: Float32,
         weight: Weight,
         tiles: Tiles,
+        *,
+        flash: bool,
     ) -> None:
         """Run the last layers; compose the image and the next history from what was gathered."""
         s, n, c, e, big_w = space, self.network, self._config, space.encoder, space.display[0]
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(image) % LINE == 0)
         constants = FinishConstants(
             n.logits, n.logits_scale, abs(next_history.exposure), c["samples"], c["contraction"],
-            next_history.glares or history.glares, streams,
+            next_history.glares or history.glares, flash, streams,
         )  # fmt: skip
         inputs = [
             pack(struct)

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,6 +15,7 @@ from supersampler.backends.cpu.frame_preprocess import (
     bordered,
 )
 from supersampler.backends.cpu.kernel_loader import load_kernels
+from supersampler.backends.cpu.kernels.colors import CONFIRMED
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
@@ -32,6 +33,8 @@ from supersampler.methods.taau.spec import TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
+FLASH, FLASH_CONTRAST, LEAST_CONTRAST = 1.0625, 1.25, 1e-3
+"""See `supersampler_model.ops.color`."""
 
 
 @dataclass(eq=False)
@@ -45,16 +48,26 @@ class TaauHistory:
         tile_state: for static-tile reuse.
         jitter: of that frame.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
-        glares: whether pixels may hold counts of frames with light over GLARING.
+        light: (2, 2) mean luma and mean square deviation over `surface`; those of the frame before.
+        glares: number of frames for which pixels may hold counts of frames with unconfirmed light.
     """
 
     render: Size
     pixels: Float32
     surface: Float32
+    light: Float32
     tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
-    glares: bool = False
+    glares: int = 0
+
+
+class _Flash(NamedTuple):
+    """`Flash` of supersampler_model.methods.taau; change: ratio of the exposures."""
+
+    change: float
+    begins: bool
+    lasts: bool
 
 
 class _Space(ResampledFrame):
@@ -63,6 +76,7 @@ class _Space(ResampledFrame):
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
         self.shades = np.zeros((threads, 3, self.wide), np.float32)
+        self.sums = np.zeros((render[1], 2), np.float32)
         self.scratch = [
             TaauScratch(
                 self.lines[worker],
@@ -108,7 +122,7 @@ class TaauCpu(CpuExecutor):
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
-        return TaauHistory(render, pixels, surface, TileState(display))
+        return TaauHistory(render, pixels, surface, np.zeros((2, 2), np.float32), TileState(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -130,15 +144,19 @@ class TaauCpu(CpuExecutor):
         with self._spaces.borrow(frame.size, (image.shape[1], image.shape[0])) as space:
             space.set_jitter(frame.jitter)
             self._preprocess.read(inputs, abs(exposure), space.samples)
-            next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
             self._write_surface(space, next_history)
-            self._compute(space, history, next_history, image, weight, tiles)
+            flash = self._flash(space, history, next_history)
+            if flash.begins or space.samples.glares.any():
+                next_history.glares = int(CONFIRMED)
+            else:
+                next_history.glares = max(history.glares - tiles.all, 0)
+            self._compute(space, history, next_history, image, weight, tiles, flash)
 
     def _keep_frame_state(self, history: TaauHistory, next_history: TaauHistory) -> None:
         """See `CpuExecutor`."""
         next_history.jitter, next_history.exposure = history.jitter, history.exposure
         next_history.glares = history.glares
-        next_history.surface[:] = history.surface
+        next_history.surface[:], next_history.light[:] = history.surface, history.light
 
     def _images_by_tile(
         self, history: TaauHistory, next_history: TaauHistory
@@ -161,6 +179,7 @@ class TaauCpu(CpuExecutor):
             "history.surface": buffers.surface[None, :, PAD : PAD + w, :3].transpose(0, 3, 1, 2),
             "history.jitter": np.array([buffers.jitter]),
             "history.exposure": np.array([buffers.exposure]),
+            "history.light": buffers.light.reshape(1, 4),
         }
         return np.ascontiguousarray(tensors[name], np.float32)
 
@@ -169,8 +188,9 @@ class TaauCpu(CpuExecutor):
         buffers.tile_state.load(tensors)
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
-        buffers.glares = bool(tensors["history.samples"][0, 1].max() > 1.0)
+        buffers.glares = int(CONFIRMED * (tensors["history.samples"][0, 1].max() > 1.0))
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
+        buffers.light[:] = tensors["history.light"].reshape(2, 2)
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -179,13 +199,22 @@ class TaauCpu(CpuExecutor):
 
     def _write_surface(self, space: _Space, next_history: TaauHistory) -> None:
         """Write the surface that the next frame compares with."""
-        samples, surface = pack(space.samples), address(next_history.surface)
+        samples, surface, sums = pack(space.samples), address(next_history.surface), address(space.sums)
         lines = [address(line) for line in space.shades]
 
         def shade(y0: int, y1: int, worker: int) -> None:
-            self._shade(samples, lines[worker], surface, y0, y1)
+            self._shade(samples, lines[worker], surface, sums, y0, y1)
 
         self.pool.run_rows("read", space.samples.height, shade)
+
+    def _flash(self, space: _Space, history: TaauHistory, next_history: TaauHistory) -> _Flash:
+        """Compare the light of this frame with that of the previous two, and note it for the next."""
+        exposure, before = abs(next_history.exposure), abs(history.exposure)
+        change = exposure / before if before > 0.0 else 1.0
+        (w, h), light = next_history.render, next_history.light
+        light[0] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
+        light[1], older = _light_at(history.light, change)
+        return _Flash(change, _exceeds(light[0], np.maximum(light[1], older)), _exceeds(light[0], older))
 
     def _compute(
         self,
@@ -195,14 +224,13 @@ class TaauCpu(CpuExecutor):
         image: Float32,
         weight: Weight,
         tiles: Tiles,
+        flash: _Flash,
     ) -> None:
         (old_w, old_h), (w, h), (big_h, big_w) = history.render, next_history.render, image.shape[:2]
-        exposure, before = abs(next_history.exposure), abs(history.exposure)
-        change = exposure / before if before > 0.0 else 1.0
         numbers = np.array(
             [
-                *self._constants, exposure, w, h, big_w, big_h, old_w, old_h, *history.jitter,
-                change, next_history.glares or history.glares,
+                *self._constants, abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h,
+                *history.jitter, flash.change, next_history.glares or history.glares, flash.begins, flash.lasts,
             ],
             np.float32,
         )  # fmt: skip
@@ -217,3 +245,15 @@ class TaauCpu(CpuExecutor):
             self._step(*inputs, scratch[worker], output, *box)
 
         self.pool.run_rects("draw", tiles.boxes(TILE, (big_w, big_h)), compute)
+
+
+def _light_at(light: Float32, change: float) -> Float32:
+    """`light_at` of supersampler_model.methods.taau, (frames, 2)."""
+    mean, square = light.T
+    dim = 1.0 + (change - 1.0) * mean
+    return np.stack([change * mean / dim, (change / (dim * dim)) ** 2 * square], axis=1)
+
+
+def _exceeds(now: Float32, before: Float32) -> bool:
+    """`exceeds` of supersampler_model.methods.taau."""
+    return bool(now[0] > FLASH * before[0] or now[1] > FLASH_CONTRAST * before[1] + LEAST_CONTRAST)
