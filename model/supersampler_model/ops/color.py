@@ -23,9 +23,10 @@ GLARE = 4.0
 """Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
 CONFIRMED = 3.0
 """Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
-FLASH, FLASH_CONTRAST, LEAST_CONTRAST = 1.0625, 1.25, 1e-3
-"""A frame is unconfirmed from this factor of the previous frames' mean toned luma on, or from this factor of
-their mean local variance plus a minimum."""
+FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
+"""The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
+frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
+smoother than the shaded ones that they alternate with."""
 
 
 def valid(color: Tensor) -> Tensor:

@@ -16,7 +16,7 @@ that Salvi names.
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
 extrapolated from it, therefore leave no trace. The same holds for a frame whose light exceeds that of the
-previous frames as a whole (`flash_of`), except where it counts as changed: there the history restarts.
+previous frames as a whole (FLASH), except where it counts as changed: there the history restarts.
 """
 
 from typing import ClassVar, NamedTuple
@@ -35,9 +35,9 @@ from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
     FLASH,
-    FLASH_CONTRAST,
+    FLASH_MEMORY,
     GLARE,
-    LEAST_CONTRAST,
+    LEAST_FLASH,
     bounded,
     exposure_for,
     from_ycocg,
@@ -110,11 +110,10 @@ class WarpedHistory(NamedTuple):
 
 
 class Flash(NamedTuple):
-    """Whether there is more light than in previous frames, (1, 1) bool each; extrapolated frames may alternate
-    with shaded ones, and differ from them."""
+    """Whether this frame has light that previous frames do not explain, (1, 1) bool each; see `exceeds`."""
 
-    begins: Tensor  # than in both previous frames
-    lasts: Tensor  # than in the frame before the last
+    begins: Tensor  # not the last frame nor those before
+    lasts: Tensor  # not those before the last
 
 
 class Blend(NamedTuple):
@@ -164,7 +163,7 @@ class Taau(Method):
         history_surface: Tensor,  # (1, 3, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
-        history_light: Tensor,  # (1, 4)
+        history_light: Tensor,  # (1, 3)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -186,17 +185,14 @@ class Taau(Method):
             history_surface, history_jitter, reprojection, closest[:, :1], display, change
         )
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        light, last, older = (
-            light_of(surface[:, 1:3]),
-            light_at(history_light[:, :2], change),
-            light_at(history_light[:, 2:4], change),
-        )
-        flash = flash_of(light, last, older)
+        light, (last, older) = light_of(surface[:, 1:3]), contrasts_at(history_light, change)
+        contrast = light[:, 1:2]
+        flash = Flash(exceeds(contrast, torch.maximum(last, older)), exceeds(contrast, older))
         blend = self.network(current, warped, flash)
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        next_light = torch.cat([light, last], dim=1)
+        next_light = torch.cat([light, torch.maximum(last, FLASH_MEMORY * older)], dim=1)
         return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
 
     def gather_current(
@@ -338,23 +334,21 @@ def light_of(shade: Tensor) -> Tensor:
     return planes.sum(dim=(2, 3)) / (size.width * size.height)
 
 
-def light_at(light: Tensor, change: Tensor) -> Tensor:
-    """Return `light_of` at another exposure; `change` is (1,) the ratio of the exposures."""
-    mean, square = light[:, :1], light[:, 1:2]
-    dim = 1.0 + (change - 1.0) * mean
+def contrasts_at(light: Tensor, change: Tensor) -> tuple[Tensor, Tensor]:
+    """Return the mean square deviations of `history_light`, (1, 1) each, at another exposure.
+
+    Args:
+        light: (1, 3).
+        change: (1,) ratio of the exposures.
+    """
+    dim = 1.0 + (change - 1.0) * light[:, :1]
     slope = change / (dim * dim)
-    return torch.cat([change * mean / dim, slope * slope * square], dim=1)
+    return slope * slope * light[:, 1:2], slope * slope * light[:, 2:3]
 
 
-def flash_of(now: Tensor, last: Tensor, older: Tensor) -> Flash:
-    """Compare `light_of`, (1, 2), of this frame, the last one and the one before."""
-    return Flash(exceeds(now, torch.maximum(last, older)), exceeds(now, older))
-
-
-def exceeds(now: Tensor, before: Tensor) -> Tensor:
-    """(1, 1) whether the light of a frame is more than that of another explains."""
-    brighter = now[:, :1] > FLASH * before[:, :1]
-    return brighter | (now[:, 1:2] > FLASH_CONTRAST * before[:, 1:2] + LEAST_CONTRAST)
+def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
+    """(1, 1) whether the mean square deviation of a frame is more than that of previous frames explains."""
+    return contrast > FLASH * before + LEAST_FLASH
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

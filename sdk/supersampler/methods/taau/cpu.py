@@ -33,7 +33,7 @@ from supersampler.methods.taau.spec import TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
-FLASH, FLASH_CONTRAST, LEAST_CONTRAST = 1.0625, 1.25, 1e-3
+FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
 """See `supersampler_model.ops.color`."""
 
 
@@ -48,7 +48,7 @@ class TaauHistory:
         tile_state: for static-tile reuse.
         jitter: of that frame.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
-        light: (2, 2) mean luma and mean square deviation over `surface`; those of the frame before.
+        light: (3,) mean luma, mean square deviation of `surface`; the latter of the frames before.
         glares: number of frames for which pixels may hold counts of frames with unconfirmed light.
     """
 
@@ -122,7 +122,7 @@ class TaauCpu(CpuExecutor):
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
-        return TaauHistory(render, pixels, surface, np.zeros((2, 2), np.float32), TileState(display))
+        return TaauHistory(render, pixels, surface, np.zeros(3, np.float32), TileState(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -179,7 +179,7 @@ class TaauCpu(CpuExecutor):
             "history.surface": buffers.surface[None, :, PAD : PAD + w, :3].transpose(0, 3, 1, 2),
             "history.jitter": np.array([buffers.jitter]),
             "history.exposure": np.array([buffers.exposure]),
-            "history.light": buffers.light.reshape(1, 4),
+            "history.light": buffers.light[None],
         }
         return np.ascontiguousarray(tensors[name], np.float32)
 
@@ -190,7 +190,7 @@ class TaauCpu(CpuExecutor):
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
         buffers.glares = int(CONFIRMED * (tensors["history.samples"][0, 1].max() > 1.0))
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
-        buffers.light[:] = tensors["history.light"].reshape(2, 2)
+        buffers.light[:] = tensors["history.light"][0]
         x, y = (float(j) for j in tensors["history.jitter"][0])
         buffers.jitter, buffers.exposure = (x, y), float(tensors["history.exposure"][0])
 
@@ -212,9 +212,11 @@ class TaauCpu(CpuExecutor):
         exposure, before = abs(next_history.exposure), abs(history.exposure)
         change = exposure / before if before > 0.0 else 1.0
         (w, h), light = next_history.render, next_history.light
-        light[0] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
-        light[1], older = _light_at(history.light, change)
-        return _Flash(change, _exceeds(light[0], np.maximum(light[1], older)), _exceeds(light[0], older))
+        mean, *contrasts = history.light
+        last, older = np.float32((change / (1.0 + (change - 1.0) * mean) ** 2) ** 2) * np.array(contrasts)
+        light[:2] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
+        light[2] = max(last, FLASH_MEMORY * older)
+        return _Flash(change, _exceeds(light[1], max(last, older)), _exceeds(light[1], older))
 
     def _compute(
         self,
@@ -230,7 +232,8 @@ class TaauCpu(CpuExecutor):
         numbers = np.array(
             [
                 *self._constants, abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h,
-                *history.jitter, flash.change, next_history.glares or history.glares, flash.begins, flash.lasts,
+                *history.jitter, flash.change, next_history.glares or history.glares,
+                flash.begins, flash.lasts,
             ],
             np.float32,
         )  # fmt: skip
@@ -247,13 +250,6 @@ class TaauCpu(CpuExecutor):
         self.pool.run_rects("draw", tiles.boxes(TILE, (big_w, big_h)), compute)
 
 
-def _light_at(light: Float32, change: float) -> Float32:
-    """`light_at` of supersampler_model.methods.taau, (frames, 2)."""
-    mean, square = light.T
-    dim = 1.0 + (change - 1.0) * mean
-    return np.stack([change * mean / dim, (change / (dim * dim)) ** 2 * square], axis=1)
-
-
-def _exceeds(now: Float32, before: Float32) -> bool:
+def _exceeds(contrast: np.float32, before: np.float32) -> bool:
     """`exceeds` of supersampler_model.methods.taau."""
-    return bool(now[0] > FLASH * before[0] or now[1] > FLASH_CONTRAST * before[1] + LEAST_CONTRAST)
+    return bool(contrast > FLASH * before + LEAST_FLASH)
