@@ -46,9 +46,13 @@ def remembered(
     )
 
 
+def decided(current: CurrentFrame, warped: WarpedHistory, flash: float = 0.0) -> Blend:
+    return RULES.network(current, warped, plane(flash))
+
+
 def counted(**past: float) -> float:
     """Samples of the history that count."""
-    return float(RULES.network(present(), remembered(**past)).samples)
+    return float(decided(present(), remembered(**past)).samples)
 
 
 def test_a_history_like_the_frame_counts_whole_up_to_a_limit() -> None:
@@ -70,9 +74,9 @@ def test_what_another_surface_hid_counts_by_its_share() -> None:
 
 
 def test_a_sample_weighs_its_confidence_among_the_samples_that_count() -> None:
-    blend = RULES.network(present(confidence=0.5), remembered(samples=10.0))
+    blend = decided(present(confidence=0.5), remembered(samples=10.0))
     assert float(blend.weight) == pytest.approx(0.5 / 10.5)
-    assert float(RULES.network(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
+    assert float(decided(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
@@ -94,14 +98,14 @@ def test_a_mean_that_moves_beyond_deviation_and_its_own_share_is_a_change_of_lig
 def test_the_box_is_narrower_in_motion(speed: float, gamma: float | None) -> None:
     """Without spread over time; the history of luma 0.9 is cut towards the mean, 0.4."""
     half = 0.2 * (gamma if gamma is not None else 0.5 * (C.gamma_still + C.gamma_moving))
-    blend = RULES.network(present(), remembered(luma=0.9, speed=speed, power=0.0))
+    blend = decided(present(), remembered(luma=0.9, speed=speed, power=0.0))
     assert float(blend.history[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
 
 
 def test_the_box_is_wider_by_the_spread_over_time_where_light_has_not_changed() -> None:
-    wide = RULES.network(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
+    wide = decided(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
     assert float(wide) == pytest.approx(0.4 + C.gamma_still * 0.2 + C.gamma_time * 0.4, rel=1e-3)
-    changed = RULES.network(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
+    changed = decided(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
     assert float(changed) == pytest.approx(0.4 + C.gamma_still * 0.2, rel=1e-3)
 
 

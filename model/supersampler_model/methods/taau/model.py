@@ -109,13 +109,6 @@ class WarpedHistory(NamedTuple):
     blur: Tensor  # (1, 1, H, W) of this resampling, 0 on a pixel's centre, 1 on a corner of four
 
 
-class Flash(NamedTuple):
-    """Whether this frame has light that previous frames do not explain, (1, 1) bool each; see `exceeds`."""
-
-    begins: Tensor  # not the last frame nor those before
-    lasts: Tensor  # not those before the last
-
-
 class Blend(NamedTuple):
     """Blend parameters of each display pixel."""
 
@@ -163,7 +156,7 @@ class Taau(Method):
         history_surface: Tensor,  # (1, 3, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
-        history_light: Tensor,  # (1, 3)
+        history_light: Tensor,  # (1, 4)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -185,14 +178,11 @@ class Taau(Method):
             history_surface, history_jitter, reprojection, closest[:, :1], display, change
         )
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        light, (last, older) = light_of(surface[:, 1:3]), contrasts_at(history_light, change)
-        contrast = light[:, 1:2]
-        flash = Flash(exceeds(contrast, torch.maximum(last, older)), exceeds(contrast, older))
+        flash, next_light = flash_of(light_of(surface[:, 1:3]), history_light, change)
         blend = self.network(current, warped, flash)
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        next_light = torch.cat([light, torch.maximum(last, FLASH_MEMORY * older)], dim=1)
         return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
 
     def gather_current(
@@ -272,7 +262,7 @@ class Taau(Method):
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
         )
 
-    def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Flash) -> Blend:
+    def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
         """Compute the blend parameters by rules, in place of a network."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
@@ -292,10 +282,9 @@ class Taau(Method):
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
         glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
-        flashes = ((warped.glare < 1.0) & flash.begins) | ((warped.glare == 1.0) & flash.lasts)
         trusted = torch.where(glares, warped.surface, holds)
         kept = torch.minimum(warped.samples * trusted, limit)
-        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
+        unconfirmed = (glares | (flash > 0.0)) & (kept > MIN_SAMPLES)
         return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
@@ -323,7 +312,8 @@ class Taau(Method):
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
         power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
         now = [blend.samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
-        before = [blend.kept, blend.trusted * warped.power + GLARE * (warped.glare + 1.0)]
+        glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
+        before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
 
 
@@ -334,21 +324,26 @@ def light_of(shade: Tensor) -> Tensor:
     return planes.sum(dim=(2, 3)) / (size.width * size.height)
 
 
-def contrasts_at(light: Tensor, change: Tensor) -> tuple[Tensor, Tensor]:
-    """Return the mean square deviations of `history_light`, (1, 1) each, at another exposure.
+def flash_of(light: Tensor, before: Tensor, change: Tensor) -> tuple[Tensor, Tensor]:
+    """Return whether this frame's light is unconfirmed, (1, 1) 0 or 1, and `history.light` of the next.
+
+    It is where the contrast of the previous frames does not explain that of this frame, and in one more such
+    frame: an unshaded one may be extrapolated from it.
 
     Args:
-        light: (1, 3).
+        light: (1, 2) `light_of` this frame.
+        before: (1, 4) `history.light`.
         change: (1,) ratio of the exposures.
     """
-    dim = 1.0 + (change - 1.0) * light[:, :1]
+    dim = 1.0 + (change - 1.0) * before[:, :1]
     slope = change / (dim * dim)
-    return slope * slope * light[:, 1:2], slope * slope * light[:, 2:3]
-
-
-def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
-    """(1, 1) whether the mean square deviation of a frame is more than that of previous frames explains."""
-    return contrast > FLASH * before + LEAST_FLASH
+    last, older = slope * slope * before[:, 1:2], slope * slope * before[:, 2:3]
+    contrast, flashes = light[:, 1:2], before[:, 3:4]
+    known = torch.where(flashes == 1.0, older, torch.maximum(last, older))
+    flash = (known > 0.0) & (flashes < 2.0) & (contrast > FLASH * known + LEAST_FLASH)
+    unconfirmed = flash.float()
+    faded = torch.maximum(last, FLASH_MEMORY * older)
+    return unconfirmed, torch.cat([light, faded, unconfirmed * (flashes + 1.0)], dim=1)
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

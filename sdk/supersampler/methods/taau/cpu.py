@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ from supersampler.backends.cpu.frame_preprocess import (
     bordered,
 )
 from supersampler.backends.cpu.kernel_loader import load_kernels
-from supersampler.backends.cpu.kernels.colors import CONFIRMED
 from supersampler.backends.cpu.layout import LANES, PAD, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
@@ -48,8 +47,8 @@ class TaauHistory:
         tile_state: for static-tile reuse.
         jitter: of that frame.
         exposure: of that frame, as `followed_exposure` returns it; 0 where there is none.
-        light: (3,) mean luma, mean square deviation of `surface`; the latter of the frames before.
-        glares: number of frames for which pixels may hold counts of frames with unconfirmed light.
+        light: (4,) see TAAU.
+        glares: whether pixels may hold counts of frames with light over GLARING.
     """
 
     render: Size
@@ -59,15 +58,7 @@ class TaauHistory:
     tile_state: TileState
     jitter: tuple[float, float] = (0.0, 0.0)
     exposure: float = 0.0
-    glares: int = 0
-
-
-class _Flash(NamedTuple):
-    """`Flash` of supersampler_model.methods.taau; change: ratio of the exposures."""
-
-    change: float
-    begins: bool
-    lasts: bool
+    glares: bool = False
 
 
 class _Space(ResampledFrame):
@@ -122,7 +113,7 @@ class TaauCpu(CpuExecutor):
         (w, h), (big_w, big_h) = render, display
         pixels = np.zeros((big_h, big_w, TAAU_PIXEL), np.float32)
         surface = np.zeros((h, up_to(w, LANES) + 2 * PAD, 4), np.float32)
-        return TaauHistory(render, pixels, surface, np.zeros(3, np.float32), TileState(display))
+        return TaauHistory(render, pixels, surface, np.zeros(4, np.float32), TileState(display))
 
     def fits(self, buffers: TaauHistory, display: Size, render: Size) -> bool:
         """See `Executor`."""
@@ -145,12 +136,10 @@ class TaauCpu(CpuExecutor):
             space.set_jitter(frame.jitter)
             self._preprocess.read(inputs, abs(exposure), space.samples)
             self._write_surface(space, next_history)
-            flash = self._flash(space, history, next_history)
-            if flash.begins or space.samples.glares.any():
-                next_history.glares = int(CONFIRMED)
-            else:
-                next_history.glares = max(history.glares - tiles.all, 0)
-            self._compute(space, history, next_history, image, weight, tiles, flash)
+            change = abs(exposure / history.exposure) if history.exposure else 1.0
+            flash = self._flash(space, history, next_history, change)
+            next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
+            self._compute(space, history, next_history, image, weight, tiles, change, flash)
 
     def _keep_frame_state(self, history: TaauHistory, next_history: TaauHistory) -> None:
         """See `CpuExecutor`."""
@@ -188,7 +177,7 @@ class TaauCpu(CpuExecutor):
         buffers.tile_state.load(tensors)
         buffers.pixels[..., :3] = tensors["history.color"][0].transpose(1, 2, 0)
         buffers.pixels[..., 3:] = tensors["history.samples"][0].transpose(1, 2, 0)
-        buffers.glares = int(CONFIRMED * (tensors["history.samples"][0, 1].max() > 1.0))
+        buffers.glares = bool(tensors["history.samples"][0, 1].max() > 1.0)
         buffers.surface[..., :3] = bordered(tensors["history.surface"][0], buffers.surface.shape[1])
         buffers.light[:] = tensors["history.light"][0]
         x, y = (float(j) for j in tensors["history.jitter"][0])
@@ -207,16 +196,17 @@ class TaauCpu(CpuExecutor):
 
         self.pool.run_rows("read", space.samples.height, shade)
 
-    def _flash(self, space: _Space, history: TaauHistory, next_history: TaauHistory) -> _Flash:
-        """Compare the light of this frame with that of the previous two, and note it for the next."""
-        exposure, before = abs(next_history.exposure), abs(history.exposure)
-        change = exposure / before if before > 0.0 else 1.0
+    def _flash(self, space: _Space, history: TaauHistory, next_history: TaauHistory, change: float) -> bool:
+        """Return whether the light of this frame is unconfirmed: twin of `flash_of` of the torch method."""
+        mean, *contrasts, flashes = history.light
+        slope = change / (1.0 + (change - 1.0) * mean) ** 2
+        last, older = slope * slope * np.array(contrasts)
         (w, h), light = next_history.render, next_history.light
-        mean, *contrasts = history.light
-        last, older = np.float32((change / (1.0 + (change - 1.0) * mean) ** 2) ** 2) * np.array(contrasts)
         light[:2] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
-        light[2] = max(last, FLASH_MEMORY * older)
-        return _Flash(change, _exceeds(light[1], max(last, older)), _exceeds(light[1], older))
+        known = older if flashes == 1.0 else max(last, older)
+        flash = known > 0.0 and flashes < 2.0 and light[1] > FLASH * known + LEAST_FLASH
+        light[2:] = max(last, FLASH_MEMORY * older), flash * (flashes + 1.0)
+        return bool(flash)
 
     def _compute(
         self,
@@ -226,14 +216,14 @@ class TaauCpu(CpuExecutor):
         image: Float32,
         weight: Weight,
         tiles: Tiles,
-        flash: _Flash,
+        change: float,
+        flash: bool,
     ) -> None:
         (old_w, old_h), (w, h), (big_h, big_w) = history.render, next_history.render, image.shape[:2]
         numbers = np.array(
             [
                 *self._constants, abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h,
-                *history.jitter, flash.change, next_history.glares or history.glares,
-                flash.begins, flash.lasts,
+                *history.jitter, change, flash or next_history.glares or history.glares, flash,
             ],
             np.float32,
         )  # fmt: skip
@@ -248,8 +238,3 @@ class TaauCpu(CpuExecutor):
             self._step(*inputs, scratch[worker], output, *box)
 
         self.pool.run_rects("draw", tiles.boxes(TILE, (big_w, big_h)), compute)
-
-
-def _exceeds(contrast: np.float32, before: np.float32) -> bool:
-    """`exceeds` of supersampler_model.methods.taau."""
-    return bool(contrast > FLASH * before + LEAST_FLASH)

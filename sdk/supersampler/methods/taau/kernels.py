@@ -65,11 +65,11 @@ from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 C = constant_indices(TAAU)
 (
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, BEGINS, LASTS,
-) = range(len(C), len(C) + 13)  # fmt: skip
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, FLASH,
+) = range(len(C), len(C) + 12)  # fmt: skip
 """Of `numbers`, after the constants of `taau`: exposure; sizes of this frame, the display and the previous
-frame, and its jitter; by how much the exposure has changed; whether this frame or the history may have
-unconfirmed light; `Flash`, 0 or 1 each."""
+frame, and its jitter; by how much the exposure has changed; whether any light may be unconfirmed; whether all
+light of this frame is."""
 
 
 @device_function
@@ -208,15 +208,18 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     if n[GLARES] > 0.0:
         unconfirmed = select(glared < CONFIRMED - 1.0, glare, 0.0)
         trusted = select(unconfirmed > 0.0, surface, holds)
-        flashes = select(glared < 0.5, n[BEGINS], select(glared < 1.5, n[LASTS], glare * 0.0))
         kept = minimum(count * trusted, limit)
-        adds = select(maximum(unconfirmed, flashes) > 0.0, kept, 0.0) <= UNKNOWN
+        adds = select(maximum(unconfirmed, n[FLASH]) > 0.0, kept, 0.0) <= UNKNOWN
         lit = (
             select(adds, color[0], light[0]),
             select(adds, color[1], light[1]),
             select(adds, color[2], light[2]),
         )
-        left = select(adds, left + glare * (GLARE * CONFIRMED), trusted * power + (glared + 1.0) * GLARE)
+        left = select(
+            adds,
+            left + glare * (GLARE * CONFIRMED),
+            trusted * power + minimum(glared + glare, CONFIRMED) * GLARE,
+        )
         counted = select(adds, counted, kept)
     return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 

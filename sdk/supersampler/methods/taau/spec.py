@@ -64,7 +64,7 @@ TAAU = MethodSpec(
         "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
-        "light": (1, 3),  # mean luma, mean square deviation of `surface`; the latter of frames before
+        "light": (1, 4),  # mean luma, mean square deviation; the latter of frames before; flashes in a row
     },
     aux_outputs=("weight",),
     maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)},
