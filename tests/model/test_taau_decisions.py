@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory
+from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, flash_of
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
@@ -115,6 +115,44 @@ def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
         assert counted(luma=0.4 + out * half, power=0.0) == pytest.approx(10.0 * kept, abs=0.02)
 
 
+def test_a_flash_keeps_the_history_where_light_has_not_changed() -> None:
+    calm = decided(present(), remembered(samples=10.0))
+    assert not calm.unconfirmed
+    blend = decided(present(), remembered(samples=10.0, surface=0.5), flash=1.0)
+    assert blend.unconfirmed
+    assert float(blend.kept) == pytest.approx(5.0)
+    assert not decided(present(), remembered(samples=10.0, mean=0.1), flash=1.0).unconfirmed
+
+
+def lights(*contrasts: float) -> list[bool]:
+    """Whether each of these frames, of so much mean square deviation, is a flash."""
+    light, found = torch.zeros(1, 4), []
+    for contrast in contrasts:
+        flash, light = flash_of(torch.tensor([[0.3, contrast]]), light, torch.ones(1))
+        found.append(bool(flash))
+    return found
+
+
+def test_contrast_over_that_of_previous_frames_is_a_flash_for_two_frames_at_most() -> None:
+    assert lights(0.01, 0.013, 0.016) == [False] * 3
+    assert lights(0.01, 0.01, 0.02, 0.01, 0.01) == [False, False, True, False, False]
+    assert lights(0.01, 0.01, 0.02, 0.02, 0.02, 0.02) == [False, False, True, True, False, False]
+
+
+def test_smooth_extrapolated_frames_between_shaded_ones_make_no_flash_of_these() -> None:
+    assert lights(*[0.01, 0.004] * 3, 0.004, 0.01) == [False] * 8
+
+
+def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
+    """Luma 0.3 toned, at twice the exposure: the curve's slope there is 2 / 1.3^2."""
+    light = torch.tensor([[0.3, 0.01, 0.01, 0.0]])
+    at_twice = 0.01 * (2.0 / 1.3**2) ** 2
+    for factor, flash in ((1.2, False), (1.4, True)):
+        assert (
+            bool(flash_of(torch.tensor([[0.4, factor * at_twice]]), light, torch.full((1,), 2.0))[0]) is flash
+        )
+
+
 def finished(
     past: WarpedHistory, *, samples: float, weight: float = 0.2, spreads: float = 1.0, confidence: float = 0.5
 ) -> tuple[float, float, float]:
@@ -123,6 +161,7 @@ def finished(
         plane(0.2, 0.0, 0.0),
         plane(weight),
         plane(samples),
+        plane(spreads),
         plane(spreads),
         plane(samples),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
@@ -170,6 +209,7 @@ def test_the_image_is_exposed_back_and_never_negative(
         plane(*ycocg),
         plane(0.0),
         plane(4.0),
+        plane(1.0),
         plane(1.0),
         plane(4.0),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
