@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -43,6 +44,12 @@ def step_both(
     pair = [Upscaler(models[method, name], display_size=display, validate="off") for name in ("onnx", "cpu")]
     results = [[u.step(frame, outputs=("weight",)) for u in pair] for frame in frames]
     return [(one, other) for one, other in results]
+
+
+def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
+    history = upscaler.save_state().history
+    assert history is not None
+    return history
 
 
 def compare(one: Float32, other: Float32, method: str) -> None:
@@ -98,7 +105,7 @@ def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, s
     for frame in frames:
         one, other = (upscaler.step(frame) for upscaler in upscalers)
         compare(one, other, "taau")
-        light, same = (upscaler.save_state().history["history.light"] for upscaler in upscalers)
+        light, same = (history_of(upscaler)["history.light"] for upscaler in upscalers)
         np.testing.assert_allclose(light, same, rtol=1e-4)
         flashes.append(light[0, 3])
     assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
@@ -114,7 +121,7 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
         counts = []
         for frame in frames:
             image = upscaler.step(frame)
-            counts.append(upscaler.save_state().history["history.state"][0, 0])
+            counts.append(history_of(upscaler)["history.state"][0, 0])
             if frame is frames[3]:
                 assert display_transform(image).min() > 0.9, "it is shown"
         assert counts[2].min() > 0.0
