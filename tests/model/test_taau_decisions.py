@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, flash_of
+from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, light_after
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
@@ -115,21 +115,25 @@ def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
         assert counted(luma=0.4 + out * half, power=0.0) == pytest.approx(10.0 * kept, abs=0.02)
 
 
-def test_a_flash_keeps_the_history_where_light_has_not_changed() -> None:
-    calm = decided(present(), remembered(samples=10.0))
-    assert not calm.unconfirmed
-    blend = decided(present(), remembered(samples=10.0, surface=0.5), flash=1.0)
+def test_a_flash_keeps_the_history_where_contrast_rises_and_light_has_not_changed() -> None:
+    """Deviation is 0.05 in the history."""
+    risen = present(shade=(0.5, 0.1))
+    past = remembered(samples=10.0, surface=0.5)
+    assert not decided(risen, past).unconfirmed
+    blend = decided(risen, past, flash=1.0)
     assert blend.unconfirmed
     assert float(blend.kept) == pytest.approx(5.0)
-    assert not decided(present(), remembered(samples=10.0, mean=0.1), flash=1.0).unconfirmed
+    assert not decided(present(shade=(0.5, 0.05)), past, flash=1.0).unconfirmed
+    assert decided(present(shade=(0.5, 0.05)), past, flash=2.0).unconfirmed, "of a frame like the last one"
+    assert not decided(risen, remembered(mean=0.1), flash=1.0).unconfirmed
 
 
 def lights(*contrasts: float) -> list[bool]:
     """Whether each of these frames, of so much mean square deviation, is a flash."""
     light, found = torch.zeros(1, 4), []
     for contrast in contrasts:
-        flash, light = flash_of(torch.tensor([[0.3, contrast]]), light, torch.ones(1))
-        found.append(bool(flash))
+        light = light_after(torch.tensor([[0.3, contrast]]), light, torch.ones(1))
+        found.append(bool(light[0, 3]))
     return found
 
 
@@ -147,10 +151,9 @@ def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
     """Luma 0.3 toned, at twice the exposure: the curve's slope there is 2 / 1.3^2."""
     light = torch.tensor([[0.3, 0.01, 0.01, 0.0]])
     at_twice = 0.01 * (2.0 / 1.3**2) ** 2
-    for factor, flash in ((1.2, False), (1.4, True)):
-        assert (
-            bool(flash_of(torch.tensor([[0.4, factor * at_twice]]), light, torch.full((1,), 2.0))[0]) is flash
-        )
+    for factor, flash in ((1.2, 0.0), (1.4, 1.0)):
+        now = torch.tensor([[0.4, factor * at_twice]])
+        assert float(light_after(now, light, torch.full((1,), 2.0))[0, 3]) == flash
 
 
 def finished(

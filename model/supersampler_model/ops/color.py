@@ -23,10 +23,6 @@ GLARE = 4.0
 """Added to a history value in [0, 1] for each consecutive frame with such light nearby."""
 CONFIRMED = 3.0
 """Consecutive frames after which such light is accumulated: one shaded, one extrapolated, one more."""
-FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
-"""The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
-frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
-smoother than the shaded ones that they alternate with."""
 
 
 def valid(color: Tensor) -> Tensor:
@@ -121,7 +117,7 @@ def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
     known, used = before.abs(), followed.abs()
     is_outlier = (followed < 0.0) | (used > known * OUTLIER) | (used * OUTLIER < known)
     is_given = (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
-    return is_outlier & (known > 0.0) & ~is_given
+    return is_outlier & (torch.where(is_given, torch.zeros_like(known), known) > 0.0)
 
 
 def largest(color: Tensor) -> Tensor:

@@ -15,8 +15,9 @@ that Salvi names.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
-extrapolated from it, therefore leave no trace. The same holds for a frame whose light exceeds that of the
-previous frames as a whole (FLASH), except where it counts as changed: there the history restarts.
+extrapolated from it, therefore leave no trace. The same holds for less light, where it raises the contrast of
+the whole frame (FLASH) and that around a pixel, but not the mean around it so far that light counts as
+changed: there the history restarts.
 """
 
 from typing import ClassVar, NamedTuple
@@ -24,7 +25,7 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.taau.spec import TAAU, TaauConfig
+from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
 from supersampler_model.methods.base import (
     Method,
     Size,
@@ -34,10 +35,7 @@ from supersampler_model.methods.base import (
 from supersampler_model.ops.color import (
     CONFIRMED,
     DARKNESS,
-    FLASH,
-    FLASH_MEMORY,
     GLARE,
-    LEAST_FLASH,
     bounded,
     exposure_for,
     from_ycocg,
@@ -178,8 +176,8 @@ class Taau(Method):
             history_surface, history_jitter, reprojection, closest[:, :1], display, change
         )
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        flash, next_light = flash_of(light_of(surface[:, 1:3]), history_light, change)
-        blend = self.network(current, warped, flash)
+        next_light = light_after(light_of(surface[:, 1:3]), history_light, change)
+        blend = self.network(current, warped, next_light[:, 3:4])
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
@@ -263,7 +261,7 @@ class Taau(Method):
         )
 
     def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
-        """Compute the blend parameters by rules, in place of a network."""
+        """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
         unknown = (warped.glare > 0.0) & (
@@ -284,7 +282,9 @@ class Taau(Method):
         glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
         trusted = torch.where(glares, warped.surface, holds)
         kept = torch.minimum(warped.samples * trusted, limit)
-        unconfirmed = (glares | (flash > 0.0)) & (kept > MIN_SAMPLES)
+        now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
+        flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
+        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
         return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
@@ -324,8 +324,8 @@ def light_of(shade: Tensor) -> Tensor:
     return planes.sum(dim=(2, 3)) / (size.width * size.height)
 
 
-def flash_of(light: Tensor, before: Tensor, change: Tensor) -> tuple[Tensor, Tensor]:
-    """Return whether this frame's light is unconfirmed, (1, 1) 0 or 1, and `history.light` of the next.
+def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
+    """(1, 4) `history.light` for the next frame, which says whether the light of this one is unconfirmed.
 
     It is where the contrast of the previous frames does not explain that of this frame, and in one more such
     frame: an unshaded one may be extrapolated from it.
@@ -337,13 +337,16 @@ def flash_of(light: Tensor, before: Tensor, change: Tensor) -> tuple[Tensor, Ten
     """
     dim = 1.0 + (change - 1.0) * before[:, :1]
     slope = change / (dim * dim)
-    last, older = slope * slope * before[:, 1:2], slope * slope * before[:, 2:3]
-    contrast, flashes = light[:, 1:2], before[:, 3:4]
-    known = torch.where(flashes == 1.0, older, torch.maximum(last, older))
-    flash = (known > 0.0) & (flashes < 2.0) & (contrast > FLASH * known + LEAST_FLASH)
-    unconfirmed = flash.float()
-    faded = torch.maximum(last, FLASH_MEMORY * older)
-    return unconfirmed, torch.cat([light, faded, unconfirmed * (flashes + 1.0)], dim=1)
+    contrasts, flashes = slope * slope * before[:, 1:3], before[:, 3:4]
+    last, older = contrasts[:, :1], contrasts[:, 1:2]
+    known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
+    flash = (known > 0.0) & (flashes < 2.0) & exceeds(light[:, 1:2], known)
+    return torch.cat([light, torch.maximum(last, FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
+
+
+def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
+    """Whether a square deviation is more than that of previous frames explains."""
+    return contrast > FLASH * before + LEAST_FLASH
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

@@ -28,12 +28,10 @@ from supersampler.backends.plan import held_bytes
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.model_file import ModelInfo
 from supersampler.methods.spec import constants_array
-from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
-FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
-"""See `supersampler_model.ops.color`."""
 
 
 @dataclass(eq=False)
@@ -137,9 +135,9 @@ class TaauCpu(CpuExecutor):
             self._preprocess.read(inputs, abs(exposure), space.samples)
             self._write_surface(space, next_history)
             change = abs(exposure / history.exposure) if history.exposure else 1.0
-            flash = self._flash(space, history, next_history, change)
+            self._write_light(space, history, next_history, change)
             next_history.glares = bool(space.samples.glares.any()) or (history.glares and not tiles.all)
-            self._compute(space, history, next_history, image, weight, tiles, change, flash)
+            self._compute(space, history, next_history, image, weight, tiles, change)
 
     def _keep_frame_state(self, history: TaauHistory, next_history: TaauHistory) -> None:
         """See `CpuExecutor`."""
@@ -196,17 +194,18 @@ class TaauCpu(CpuExecutor):
 
         self.pool.run_rows("read", space.samples.height, shade)
 
-    def _flash(self, space: _Space, history: TaauHistory, next_history: TaauHistory, change: float) -> bool:
-        """Return whether the light of this frame is unconfirmed: twin of `flash_of` of the torch method."""
+    def _write_light(
+        self, space: _Space, history: TaauHistory, next_history: TaauHistory, change: float
+    ) -> None:
+        """Write `history.light`: twin of `light_after` of the torch method."""
         mean, *contrasts, flashes = history.light
         slope = change / (1.0 + (change - 1.0) * mean) ** 2
         last, older = slope * slope * np.array(contrasts)
         (w, h), light = next_history.render, next_history.light
         light[:2] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
-        known = older if flashes == 1.0 else max(last, older)
+        known = older if flashes > 0.0 else max(last, older)
         flash = known > 0.0 and flashes < 2.0 and light[1] > FLASH * known + LEAST_FLASH
         light[2:] = max(last, FLASH_MEMORY * older), flash * (flashes + 1.0)
-        return bool(flash)
 
     def _compute(
         self,
@@ -217,13 +216,13 @@ class TaauCpu(CpuExecutor):
         weight: Weight,
         tiles: Tiles,
         change: float,
-        flash: bool,
     ) -> None:
+        flash = next_history.light[3]
         (old_w, old_h), (w, h), (big_h, big_w) = history.render, next_history.render, image.shape[:2]
         numbers = np.array(
             [
                 *self._constants, abs(next_history.exposure), w, h, big_w, big_h, old_w, old_h,
-                *history.jitter, change, flash or next_history.glares or history.glares, flash,
+                *history.jitter, change, flash > 0.0 or next_history.glares or history.glares, flash,
             ],
             np.float32,
         )  # fmt: skip

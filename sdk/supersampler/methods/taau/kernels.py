@@ -59,17 +59,17 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
 from supersampler.methods.spec import constant_indices
-from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.spec import FLASH, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 C = constant_indices(TAAU)
 (
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, FLASH,
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
 ) = range(len(C), len(C) + 12)  # fmt: skip
 """Of `numbers`, after the constants of `taau`: exposure; sizes of this frame, the display and the previous
-frame, and its jitter; by how much the exposure has changed; whether any light may be unconfirmed; whether all
-light of this frame is."""
+frame, and its jitter; by how much the exposure has changed; whether any light may be unconfirmed; whether
+light of this frame is: 1 where it raises contrast, 2 everywhere."""
 
 
 @device_function
@@ -173,11 +173,11 @@ def clipped(color, mean, spread, gamma, floor_):
 
 
 @device_function
-def blend(numbers, present, past, light, count, power, surface, unchanged, glare, speed, blur):
+def blend(numbers, present, past, light, count, power, surface, unchanged, glare, flash, speed, blur):
     """`Taau.network` and `finish` of sixteen pixels.
 
     Linear RGB, the same as it is left, count, power, and the past's weight. `glare`: 1 where this frame has
-    light over GLARING near.
+    light over GLARING near; `flash`: 1 where its light is unconfirmed.
     """
     n = numbers
     frame, sample, confidence, mean, spread = present
@@ -209,7 +209,7 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
         unconfirmed = select(glared < CONFIRMED - 1.0, glare, 0.0)
         trusted = select(unconfirmed > 0.0, surface, holds)
         kept = minimum(count * trusted, limit)
-        adds = select(maximum(unconfirmed, n[FLASH]) > 0.0, kept, 0.0) <= UNKNOWN
+        adds = select(maximum(unconfirmed, flash) > 0.0, kept, 0.0) <= UNKNOWN
         lit = (
             select(adds, color[0], light[0]),
             select(adds, color[1], light[1]),
@@ -281,15 +281,18 @@ def step_rows(
             _, now, spread_now, glare = gather4(
                 surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * wide + PAD)
             )
-            changed = light_changed(
-                numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
-            )
+            mean, spread = mean * change * dim, spread * change * dim * dim
+            changed = light_changed(numbers, now, spread_now, mean, spread)
+            flash = depth * 0.0 + numbers[UNCONFIRMED]
+            if numbers[UNCONFIRMED] == 1.0:
+                risen = spread_now * spread_now > spread * spread * FLASH + LEAST_FLASH
+                flash = select(risen, 1.0, depth * 0.0)
             tx, ty = px - floor(px), py - floor(py)
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
             color, lit, count, power, kept = blend(
                 numbers, present_of(sums, sample, numbers[C.frame_sharpness]), past, light, q[6], q[7],
-                same, 1.0 - changed, glare, square_root(mx * mx + my * my),
+                same, 1.0 - changed, glare, flash, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if output.has_weight:

@@ -4,6 +4,11 @@ from dataclasses import dataclass
 
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
+FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
+"""The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
+frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
+smoother than the shaded ones that they alternate with."""
+
 
 @dataclass(frozen=True)
 class TaauConfig:
