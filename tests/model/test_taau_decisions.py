@@ -4,7 +4,7 @@ import pytest
 import torch
 from torch import Tensor
 
-from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory
+from supersampler_model.methods.taau.model import Blend, CurrentFrame, Taau, WarpedHistory, light_after
 from supersampler_model.ops.color import inverse_tone
 
 RULES = Taau()
@@ -46,9 +46,13 @@ def remembered(
     )
 
 
+def decided(current: CurrentFrame, warped: WarpedHistory, flash: float = 0.0) -> Blend:
+    return RULES.network(current, warped, plane(flash))
+
+
 def counted(**past: float) -> float:
     """Samples of the history that count."""
-    return float(RULES.network(present(), remembered(**past)).samples)
+    return float(decided(present(), remembered(**past)).samples)
 
 
 def test_a_history_like_the_frame_counts_whole_up_to_a_limit() -> None:
@@ -70,9 +74,9 @@ def test_what_another_surface_hid_counts_by_its_share() -> None:
 
 
 def test_a_sample_weighs_its_confidence_among_the_samples_that_count() -> None:
-    blend = RULES.network(present(confidence=0.5), remembered(samples=10.0))
+    blend = decided(present(confidence=0.5), remembered(samples=10.0))
     assert float(blend.weight) == pytest.approx(0.5 / 10.5)
-    assert float(RULES.network(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
+    assert float(decided(present(confidence=0.5), remembered(samples=0.0)).weight) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize(("mean", "change"), [(0.4, 0.0), (0.37, 0.3306), (0.63, 0.1282), (0.2, 1.0)])
@@ -94,14 +98,14 @@ def test_a_mean_that_moves_beyond_deviation_and_its_own_share_is_a_change_of_lig
 def test_the_box_is_narrower_in_motion(speed: float, gamma: float | None) -> None:
     """Without spread over time; the history of luma 0.9 is cut towards the mean, 0.4."""
     half = 0.2 * (gamma if gamma is not None else 0.5 * (C.gamma_still + C.gamma_moving))
-    blend = RULES.network(present(), remembered(luma=0.9, speed=speed, power=0.0))
+    blend = decided(present(), remembered(luma=0.9, speed=speed, power=0.0))
     assert float(blend.history[0, 0]) == pytest.approx(0.4 + half, rel=1e-3)
 
 
 def test_the_box_is_wider_by_the_spread_over_time_where_light_has_not_changed() -> None:
-    wide = RULES.network(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
+    wide = decided(present(), remembered(luma=2.0, power=0.16)).history[0, 0]
     assert float(wide) == pytest.approx(0.4 + C.gamma_still * 0.2 + C.gamma_time * 0.4, rel=1e-3)
-    changed = RULES.network(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
+    changed = decided(present(), remembered(luma=2.0, power=0.16, mean=0.1)).history[0, 0]
     assert float(changed) == pytest.approx(0.4 + C.gamma_still * 0.2, rel=1e-3)
 
 
@@ -109,6 +113,47 @@ def test_samples_are_forgotten_as_the_history_lies_outside_the_box() -> None:
     half = C.gamma_still * 0.2
     for out, kept in ((1.0, 1.0), (1.5, 1.0 - 0.5 * C.forget), (2.0, 1.0 - C.forget), (9.0, 0.0)):
         assert counted(luma=0.4 + out * half, power=0.0) == pytest.approx(10.0 * kept, abs=0.02)
+
+
+def test_a_flash_keeps_the_history_where_contrast_rises_and_light_has_not_changed() -> None:
+    """Deviation is 0.05 in the history."""
+    risen = present(shade=(0.5, 0.1))
+    past = remembered(samples=10.0, surface=0.5)
+    assert not decided(risen, past).unconfirmed
+    blend = decided(risen, past, flash=1.0)
+    assert blend.unconfirmed
+    assert float(blend.kept) == pytest.approx(5.0)
+    assert not decided(present(shade=(0.5, 0.05)), past, flash=1.0).unconfirmed
+    assert decided(present(shade=(0.5, 0.05)), past, flash=2.0).unconfirmed, "of a frame like the last one"
+    assert not decided(risen, remembered(mean=0.1), flash=1.0).unconfirmed
+
+
+def lights(*contrasts: float) -> list[bool]:
+    """Whether each of these frames, of so much mean square deviation, is a flash."""
+    light, found = torch.zeros(1, 4), []
+    for contrast in contrasts:
+        light = light_after(torch.tensor([[0.3, contrast]]), light, torch.ones(1))
+        found.append(bool(light[0, 3]))
+    return found
+
+
+def test_contrast_over_that_of_previous_frames_is_a_flash_for_two_frames_at_most() -> None:
+    assert lights(0.01, 0.013, 0.016) == [False] * 3
+    assert lights(0.01, 0.01, 0.02, 0.01, 0.01) == [False, False, True, False, False]
+    assert lights(0.01, 0.01, 0.02, 0.02, 0.02, 0.02) == [False, False, True, True, False, False]
+
+
+def test_smooth_extrapolated_frames_between_shaded_ones_make_no_flash_of_these() -> None:
+    assert lights(*[0.01, 0.004] * 3, 0.004, 0.01) == [False] * 8
+
+
+def test_contrast_is_compared_at_the_exposure_of_this_frame() -> None:
+    """Luma 0.3 toned, at twice the exposure: the curve's slope there is 2 / 1.3^2."""
+    light = torch.tensor([[0.3, 0.01, 0.01, 0.0]])
+    at_twice = 0.01 * (2.0 / 1.3**2) ** 2
+    for factor, flash in ((1.2, 0.0), (1.4, 1.0)):
+        now = torch.tensor([[0.4, factor * at_twice]])
+        assert float(light_after(now, light, torch.full((1,), 2.0))[0, 3]) == flash
 
 
 def finished(
@@ -119,6 +164,7 @@ def finished(
         plane(0.2, 0.0, 0.0),
         plane(weight),
         plane(samples),
+        plane(spreads),
         plane(spreads),
         plane(samples),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),
@@ -166,6 +212,7 @@ def test_the_image_is_exposed_back_and_never_negative(
         plane(*ycocg),
         plane(0.0),
         plane(4.0),
+        plane(1.0),
         plane(1.0),
         plane(4.0),
         torch.zeros(1, 1, 1, 1, dtype=torch.bool),

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -16,7 +17,9 @@ from supersampler.backends.cpu.workspaces import KEPT, Workspaces
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.model import ExecutorName
+from supersampler_bench.stress.scenes import still
 
+EXECUTORS: tuple[ExecutorName, ...] = ("onnx", "cpu")
 METHODS = ["taa", "taau", "classifier", "classifier-small"]
 SIZES = [
     ((32, 18), (64, 36)),
@@ -32,8 +35,7 @@ BYTES, ROUNDING = (3e-3, 0.03), (1e-5, 1e-3)
 
 @pytest.fixture(scope="module")
 def models() -> dict[tuple[str, str], Model]:
-    names: tuple[ExecutorName, ...] = ("onnx", "cpu")
-    return {(m, e): Model.load(m, threads=2, executor=e) for m in METHODS for e in names}
+    return {(m, e): Model.load(m, threads=2, executor=e) for m in METHODS for e in EXECUTORS}
 
 
 def step_both(
@@ -42,6 +44,12 @@ def step_both(
     pair = [Upscaler(models[method, name], display_size=display, validate="off") for name in ("onnx", "cpu")]
     results = [[u.step(frame, outputs=("weight",)) for u in pair] for frame in frames]
     return [(one, other) for one, other in results]
+
+
+def history_of(upscaler: Upscaler) -> Mapping[str, Any]:
+    history = upscaler.save_state().history
+    assert history is not None
+    return history
 
 
 def compare(one: Float32, other: Float32, method: str) -> None:
@@ -85,6 +93,40 @@ def test_hostile_pixels_do_the_same_on_both(
         assert np.isfinite(other.image).all()
         assert other.image.min() >= 0
         compare(one.image, other.image, method)
+
+
+def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, str], Model]) -> None:
+    frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:8]]
+    for index in (4, 5):
+        spots = np.random.default_rng(index).random((18, 32)) < 0.1
+        frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, 100.0))
+    upscalers = [Upscaler(models["taau", name], display_size=(64, 36), validate="off") for name in EXECUTORS]
+    flashes = []
+    for frame in frames:
+        one, other = (upscaler.step(frame) for upscaler in upscalers)
+        compare(one, other, "taau")
+        light, same = (history_of(upscaler)["history.light"] for upscaler in upscalers)
+        np.testing.assert_allclose(light, same, rtol=1e-4)
+        flashes.append(light[0, 3])
+    assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
+
+
+def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
+    models: dict[tuple[str, str], Model],
+) -> None:
+    frames = [replace(frame, exposure=None) for frame in still((32, 18))[:5]]
+    frames[3] = replace(frames[3], color=np.full((18, 32, 3), 300.0, np.float32))
+    for name in EXECUTORS:
+        upscaler = Upscaler(models["classifier", name], display_size=(64, 36), validate="off")
+        counts = []
+        for frame in frames:
+            image = upscaler.step(frame)
+            counts.append(history_of(upscaler)["history.state"][0, 0])
+            if frame is frames[3]:
+                assert display_transform(image).min() > 0.9, "it is shown"
+        assert counts[2].min() > 0.0
+        assert counts[3].max() == 0.0
+        assert counts[4].min() > 0.0
 
 
 @pytest.mark.parametrize("method", METHODS)

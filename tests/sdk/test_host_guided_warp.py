@@ -13,6 +13,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.extrapolation import Extrapolator
 from supersampler.frame import Float32
 from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
+from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
@@ -101,6 +102,21 @@ def test_hostile_pixels_do_the_same_on_both(
     color = spoilt(frames[index].color, spots[::-1], bad)
     frames[index] = replace(frames[index], gbuffer=gbuffer, color=color, **fields)
     check_alike(drawn(graph, frames, "suuu"), drawn(host, frames, "suuu"))
+
+
+def test_without_any_depth_in_the_shaded_frame_its_samples_are_told_apart_by_their_other_features(
+    graph: Extrapolator, host: Extrapolator
+) -> None:
+    frames = [surfaces(seed) for seed in range(3)]
+    assert frames[0].gbuffer is not None
+    lit = frames[0].gbuffer["base_color"] + np.float32(GUIDED_WARP.config().least)  # light of one everywhere
+    lit[:, :16] *= 3.0 * frames[0].gbuffer["base_color"][:, :16]  # or of the surface itself
+    frames[0] = replace(frames[0], color=lit, depth=np.full((18, 32), np.nan, np.float32))
+    images = drawn(host, frames, "suu")
+    check_alike(drawn(graph, frames, "suu"), images)
+    known = replace(frames[0], depth=np.ones((18, 32), np.float32))
+    flat = [known, *(replace(frame, depth=known.depth) for frame in frames[1:])]
+    check_alike(drawn(host, flat, "suu"), images)
 
 
 def spoilt(image: Any, spots: Any, bad: float) -> Float32:

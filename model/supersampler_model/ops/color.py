@@ -106,6 +106,20 @@ def exposure_for(color: Tensor, usable: Tensor, given: Tensor, before: Tensor) -
     return torch.where(has_history, confirmed, -followed)
 
 
+def is_flash(followed: Tensor, given: Tensor, before: Tensor) -> Tensor:
+    """(1,) whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
+
+    Args:
+        followed: (1,) result of `exposure_for`.
+        given: (1,) from the engine; 0: measure.
+        before: (1,) result of `exposure_for` for the previous frame; 0 without one.
+    """
+    known, used = before.abs(), followed.abs()
+    is_outlier = (followed < 0.0) | (used > known * OUTLIER) | (used * OUTLIER < known)
+    is_given = (given >= LEAST_EXPOSURE) & (given <= MOST_EXPOSURE)
+    return is_outlier & (torch.where(is_given, torch.zeros_like(known), known) > 0.0)
+
+
 def largest(color: Tensor) -> Tensor:
     """(1, 1, h, w) largest of three channels."""
     return torch.maximum(torch.maximum(color[:, :1], color[:, 1:2]), color[:, 2:3])

@@ -140,6 +140,19 @@ def followed_exposure(given: float | None, target: float | None, before: float) 
     return float(known ** (1.0 - _ADAPTATION) * target**_ADAPTATION)
 
 
+def is_flash(given: float | None, followed: float, before: float) -> bool:
+    """Return whether a measured exposure is an outlier: the light of the whole frame is unconfirmed.
+
+    Args:
+        given: by the frame, in EXPOSURES; None: it is measured.
+        followed: what `followed_exposure` returned.
+        before: what it returned for the frame before; 0 where there was none.
+    """
+    known, used = abs(before), abs(followed)
+    is_outlier = followed < 0.0 or not known / _OUTLIER <= used <= known * _OUTLIER
+    return given is None and known > 0.0 and is_outlier
+
+
 class ExposureMeter:
     """The exposure of each frame of a sequence: the engine's, or measured and smoothed as the models do.
 

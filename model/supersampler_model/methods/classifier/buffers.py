@@ -46,6 +46,7 @@ class Gathered(NamedTuple):
     surfaces: Tensor  # (1, 2, h, w) depth, and depth after a morphological opening
     exposure: Tensor  # (1,) > 0
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
+    flash: Tensor  # (1,) bool, see `is_flash`
 
 
 class History(NamedTuple):

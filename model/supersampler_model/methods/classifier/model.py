@@ -8,7 +8,8 @@ upsampled, and this frame under a learned kernel. With a network output of zeros
 mean of all samples.
 
 Light ten stops over white (GLARING) that was not there before is shown, but not accumulated: the running mean
-restarts after it, until such light is there for a third frame in a row.
+restarts after it, until such light is there for a third frame in a row. So does it after a frame whose
+measured exposure is an outlier (`is_flash`).
 """
 
 from collections.abc import Mapping
@@ -42,6 +43,7 @@ from supersampler_model.ops.color import (
     exposure_for,
     from_ycocg,
     glaring,
+    is_flash,
     luminance,
     sanitize,
     valid,
@@ -161,6 +163,7 @@ class Classifier(LearnedMethod):
         """Resample this frame and the history at the display pixels."""
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history.exposure)
+        flash = is_flash(followed, exposure, history.exposure)
         exposure = followed.abs()
         depth = usable_depth(depth)
         surfaces = torch.cat([depth, morphological_opening(depth)], dim=1)
@@ -172,7 +175,7 @@ class Classifier(LearnedMethod):
         glare = pick(extreme(glaring(exposed, usable), torch.maximum), grid)
         current = self.gather_current(self.toned(exposed) * usable, usable, depth, glare, now, grid)
         warped = self.gather_history(history, front, own, closest[:, :1], before, exposure)
-        return Gathered(current, warped, front, closest[:, :1], surfaces, exposure, followed)
+        return Gathered(current, warped, front, closest[:, :1], surfaces, exposure, followed, flash)
 
     def toned(self, color: Tensor) -> Tensor:
         """Exposed linear RGB to the space in which colours are blended."""
@@ -308,7 +311,7 @@ class Classifier(LearnedMethod):
         range_ = luma + trust * (torch.cat([low, high], dim=1) - luma)
         unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
         unconfirmed = unconfirmed & ((warped.samples > 0.0) | (warped.glare > 0.0))
-        count = torch.where(unconfirmed, torch.zeros_like(count), count)
+        count = torch.where(unconfirmed | gathered.flash, torch.zeros_like(count), count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
         return Finished(image, state, classes, history_weight / total)

@@ -94,6 +94,9 @@ def guided_light(now: Surface, then: Shaded, x: Tensor, y: Tensor, config: Guide
 def _guide(now: Surface, then: Shaded, x: Tensor, y: Tensor, config: GuidedWarpConfig) -> Guide:
     size = render_size_of(then.color)
     x, y = x.clamp(0.0, size.width - 1.0), y.clamp(0.0, size.height - 1.0)
+    # where the shaded frame has no depth at all, the other features alone tell its samples apart
+    has_depth = (then.surface.depth >= 0.0).float().sum() > 0.0
+    now = now._replace(depth=torch.where(has_depth, now.depth, torch.full_like(now.depth, UNKNOWN_DEPTH)))
     own, samples = _columns(now, config), _columns(then.surface, config)
     return Guide(own, samples, size, x.reshape(-1), y.reshape(-1))
 

@@ -15,7 +15,9 @@ that Salvi names.
 
 Light ten stops over white (GLARING) that was not there before is shown, but accumulated only from its third
 consecutive frame on. Until then the warped history is kept. A single bright frame, and an unshaded frame
-extrapolated from it, therefore leave no trace.
+extrapolated from it, therefore leave no trace. The same holds for less light, where it raises the contrast of
+the whole frame (FLASH) and that around a pixel, but not the mean around it so far that light counts as
+changed: there the history restarts.
 """
 
 from typing import ClassVar, NamedTuple
@@ -23,7 +25,7 @@ from typing import ClassVar, NamedTuple
 import torch
 from torch import Tensor
 
-from supersampler.methods.taau.spec import TAAU, TaauConfig
+from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU, TaauConfig
 from supersampler_model.methods.base import (
     Method,
     Size,
@@ -112,7 +114,8 @@ class Blend(NamedTuple):
     weight: Tensor  # (1, 1, H, W) of this frame's sample
     samples: Tensor  # (1, 1, H, W) effective number in the history
     spreads: Tensor  # (1, 1, H, W) 1 where the spread of the history is still valid
-    kept: Tensor  # (1, 1, H, W) number in the history where this frame adds no sample
+    trusted: Tensor  # (1, 1, H, W) fraction of the history that is kept where this frame adds no sample
+    kept: Tensor  # (1, 1, H, W) number in the history there
     unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
 
 
@@ -125,6 +128,7 @@ class Step(NamedTuple):
     history_surface: Tensor
     history_jitter: Tensor
     history_exposure: Tensor
+    history_light: Tensor
     weight: Tensor
 
 
@@ -150,6 +154,7 @@ class Taau(Method):
         history_surface: Tensor,  # (1, 3, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
+        history_light: Tensor,  # (1, 4)
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -171,11 +176,12 @@ class Taau(Method):
             history_surface, history_jitter, reprojection, closest[:, :1], display, change
         )
         warped = self.gather_history(history_color, history_samples, reprojection, before, exposure)
-        blend = self.network(current, warped)
+        next_light = light_after(light_of(surface[:, 1:3]), history_light, change)
+        blend = self.network(current, warped, next_light[:, 3:4])
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        return Step(image, next_color, samples, surface, jitter * 1.0, followed, weight)
+        return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
 
     def gather_current(
         self,
@@ -254,8 +260,8 @@ class Taau(Method):
             blur=2.0 * (across * (1.0 - across) + down * (1.0 - down)),
         )
 
-    def network(self, current: CurrentFrame, warped: WarpedHistory) -> Blend:
-        """Compute the blend parameters by rules, in place of a network."""
+    def network(self, current: CurrentFrame, warped: WarpedHistory, flash: Tensor) -> Blend:
+        """Compute the blend parameters by rules, in place of a network; `flash`: last of `light_after`."""
         c = self.config
         unchanged = 1.0 - self.change_of_light(current.shade, warped.shade)
         unknown = (warped.glare > 0.0) & (
@@ -273,9 +279,13 @@ class Taau(Method):
         holds = warped.surface * unchanged
         samples = torch.minimum(warped.samples * holds * inside, limit)
         weight = current.confidence / (samples + current.confidence).clamp(min=1e-6)
-        kept = torch.minimum(warped.samples * warped.surface, limit)
-        unconfirmed = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0) & (kept > MIN_SAMPLES)
-        return Blend(clip_to_center(warped.color, box), weight, samples, holds, kept, unconfirmed)
+        glares = (current.glare > 0.0) & (warped.glare < CONFIRMED - 1.0)
+        trusted = torch.where(glares, warped.surface, holds)
+        kept = torch.minimum(warped.samples * trusted, limit)
+        now, before = current.shade[:, 1:2], warped.shade[:, 1:2]
+        flashes = (flash > 1.0) | ((flash > 0.0) & exceeds(now * now, before * before))
+        unconfirmed = (glares | flashes) & (kept > MIN_SAMPLES)
+        return Blend(clip_to_center(warped.color, box), weight, samples, holds, trusted, kept, unconfirmed)
 
     def change_of_light(self, now: Tensor, before: Tensor) -> Tensor:
         """(1, 1, H, W) 1 where the mean luma of a neighbourhood changed by more than jitter explains."""
@@ -302,8 +312,41 @@ class Taau(Method):
         known = (blend.samples > MIN_SAMPLES).float() * blend.spreads
         power = known * (warped.power + rate * (error * error - warped.power) - DARKNESS).clamp(min=0.0)
         now = [blend.samples + current.confidence, power + GLARE * CONFIRMED * current.glare]
-        before = [blend.kept, warped.surface * warped.power + GLARE * (warped.glare + 1.0)]
+        glare = (warped.glare + current.glare).clamp(max=CONFIRMED)
+        before = [blend.kept, blend.trusted * warped.power + GLARE * glare]
         return image, torch.where(blend.unconfirmed, torch.cat(before, dim=1), torch.cat(now, dim=1))
+
+
+def light_of(shade: Tensor) -> Tensor:
+    """(1, 2) mean luma and mean square deviation over all samples of `shade_of`."""
+    size = render_size_of(shade)
+    planes = torch.cat([shade[:, :1], shade[:, 1:2] * shade[:, 1:2]], dim=1)
+    return planes.sum(dim=(2, 3)) / (size.width * size.height)
+
+
+def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
+    """(1, 4) `history.light` for the next frame, which says whether the light of this one is unconfirmed.
+
+    It is where the contrast of the previous frames does not explain that of this frame, and in one more such
+    frame: an unshaded one may be extrapolated from it.
+
+    Args:
+        light: (1, 2) `light_of` this frame.
+        before: (1, 4) `history.light`.
+        change: (1,) ratio of the exposures.
+    """
+    dim = 1.0 + (change - 1.0) * before[:, :1]
+    slope = change / (dim * dim)
+    contrasts, flashes = slope * slope * before[:, 1:3], before[:, 3:4]
+    last, older = contrasts[:, :1], contrasts[:, 1:2]
+    known = torch.where(flashes > 0.0, older, torch.maximum(last, older))
+    flash = (known > 0.0) & (flashes < 2.0) & exceeds(light[:, 1:2], known)
+    return torch.cat([light, torch.maximum(last, FLASH_MEMORY * older), flash * (flashes + 1.0)], dim=1)
+
+
+def exceeds(contrast: Tensor, before: Tensor) -> Tensor:
+    """Whether a square deviation is more than that of previous frames explains."""
+    return contrast > FLASH * before + LEAST_FLASH
 
 
 def shade_of(luma: Tensor, usable: Tensor) -> Tensor:

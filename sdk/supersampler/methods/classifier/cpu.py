@@ -13,6 +13,7 @@ from supersampler.backends.cpu.threads import Rect, RectTask, ThreadPool
 from supersampler.backends.cpu.workspaces import Workspaces
 from supersampler.backends.plan import held_bytes
 from supersampler.frame import Size
+from supersampler.io.display import is_flash, usable_exposure
 from supersampler.methods.classifier.int8_network import LEVEL, ByteNetwork, Encoder
 from supersampler.methods.classifier.spec import CLASSIFIER
 from supersampler.methods.classifier.structs import (
@@ -150,11 +151,13 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
 
     def _compose(self, step: Step, view: ResampledFrame, space: _Space) -> None:
         """Run the last layers; compose the image and the next history from what was gathered."""
+        given, before = usable_exposure(step.frame.exposure), step.history.exposure
+        flash = is_flash(given, step.next_history.exposure, before)
         n, c, encoder, big_w = self.network, self._config, space.encoder, step.display[0]
         streams = (big_w % 2 == 0) + 2 * (big_w % LANES == 0 and address(step.output.image) % LINE == 0)
         constants = FinishConstants(
             n.logits, n.logits_scale, step.inputs.exposure, c["samples"], c["contraction"],
-            step.next_history.glares or step.history.glares, streams,
+            step.next_history.glares or step.history.glares, flash, streams,
         )  # fmt: skip
         structs = (
             encoder.levels, n.layers, encoder.inputs, space.gathered, view.samples, view.current_tables(),

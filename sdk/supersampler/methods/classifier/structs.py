@@ -175,6 +175,7 @@ class FinishConstants(NamedTuple):
         exposure: of the frame.
         most_samples, contraction: see ClassifierConfig.
         glares: 1 where the frame or the history may have light over GLARING, else 0.
+        flash: 1 where the light of the whole frame is unconfirmed, see `is_flash`, else 0.
         streams: what is written past the caches; see `compose`.
     """
 
@@ -184,6 +185,7 @@ class FinishConstants(NamedTuple):
     most_samples: float
     contraction: float
     glares: int
+    flash: int
     streams: int
 
 

@@ -78,7 +78,7 @@ class GuidedWarpCpu:
         jitters = (frame.jitter, past["history.jitter"][0], past["history.motion_jitter"][0])
         sizes = (then_w, then_h, *before.shape[:1:-1])
         offsets = [offset for jitter in jitters for offset in jitter]
-        numbers = np.array([*self._constants, *sizes, *offsets, before.any()], np.float32)
+        numbers = np.array([*self._constants, *sizes, *offsets, before.any(), _has_depth(past)], np.float32)
         base_color, normal, depth, motion = (
             np.ascontiguousarray(image_of(frame, name), np.float32)
             for name in ("gbuffer_base_color", "gbuffer_normal", "depth", "motion")
@@ -102,3 +102,8 @@ class GuidedWarpCpu:
             self._pool.run_rows("draw", h, extrapolate)
         left = {"history.motion": total, "history.motion_jitter": np.array([frame.jitter], np.float32)}
         return image, {**past, **left}
+
+
+def _has_depth(past: Mapping[str, NDArray[Any]]) -> bool:
+    """Whether the shaded frame has usable depth anywhere."""
+    return any(((row >= 0.0) & (row <= 1e30)).any() for row in past["history.depth"][0, 0])

@@ -39,11 +39,11 @@ from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Ring
 from supersampler.methods.spec import constant_indices
 
 C = constant_indices(GUIDED_WARP)
-THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, _, THEN_JITTER, _, BEFORE_JITTER, _, MOVED = range(
-    len(C), len(C) + 11
+THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, _, THEN_JITTER, _, BEFORE_JITTER, _, MOVED, HAS_DEPTH = range(
+    len(C), len(C) + 12
 )
 """Of `numbers`, after the constants of `guided-warp`; two for each jitter, across and down; MOVED: 0 where
-`before` is zeros."""
+`before` is zeros; HAS_DEPTH: 0 where the shaded frame has no depth at all."""
 FARTHEST, NOWHERE = 1e-30, 1e4
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
 SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
@@ -308,7 +308,7 @@ def extrapolate_rows(
             px = led_to(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
             py = led_to(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
             px, py = clamped(px, 0.0, n[THEN_W] - 1.0), clamped(py, 0.0, n[THEN_H] - 1.0)
-            every = at >= np.int32(0)
+            every = spread16(n[HAS_DEPTH]) > 0.0
             own, share = told_at(base, normal, depth, at, 3, 1, every, n)
             least = four_least(
                 own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings.rings,

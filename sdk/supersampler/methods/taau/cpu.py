@@ -15,7 +15,7 @@ from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
 from supersampler.methods.model_file import ModelInfo
 from supersampler.methods.spec import constants_array
-from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 KERNELS = "methods.taau.kernels"
@@ -33,6 +33,7 @@ class _Space(ResampledFrame):
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
         self.shade_lines = aligned((threads, 3, self.wide))
+        self.sums = aligned((render[1], 2))
         self.scratch = [
             TaauScratch(
                 line,
@@ -71,26 +72,41 @@ class TaauCpu(CpuExecutor[_Space]):
     def _compute_tiles(self, step: Step, space: _Space) -> None:
         self._resample(step, space)
         self._write_surface(step, space)
-        self._blend(step, space)
+        before = step.history.exposure
+        change = abs(step.inputs.exposure / before) if before else 1.0
+        self._write_light(step, space, change)
+        self._blend(step, space, change)
 
     def _write_surface(self, step: Step, space: _Space) -> None:
         """Write the surface that the next frame compares with."""
         samples, surface = pack(space.samples), address(step.next_history.arrays["surface"])
+        sums = address(space.sums)
         shade, lines = self.kernels[SHADE], [address(line) for line in space.shade_lines]
         self.pool.run_rows(
             "read",
             space.samples.height,
-            lambda y0, y1, worker: shade(samples, lines[worker], surface, y0, y1),
+            lambda y0, y1, worker: shade(samples, lines[worker], surface, sums, y0, y1),
         )
 
-    def _blend(self, step: Step, space: _Space) -> None:
+    def _write_light(self, step: Step, space: _Space, change: float) -> None:
+        """Write `history.light`: twin of `light_after` of the torch method."""
+        mean, *contrasts, flashes = step.history.values["light"]
+        slope = change / (1.0 + (change - 1.0) * mean) ** 2
+        last, older = slope * slope * np.array(contrasts)
+        (w, h), light = step.frame.size, step.next_history.values["light"]
+        light[:2] = space.sums.sum(axis=0, dtype=np.float64) / (w * h)
+        known = older if flashes > 0.0 else max(last, older)
+        flash = known > 0.0 and flashes < 2.0 and light[1] > FLASH * known + LEAST_FLASH
+        light[2:] = max(last, FLASH_MEMORY * older), flash * (flashes + 1.0)
+
+    def _blend(self, step: Step, space: _Space, change: float) -> None:
         """Compute the image and the pixels of the next history."""
-        history, exposure, before = step.history, step.inputs.exposure, abs(step.history.exposure)
-        change = exposure / before if before > 0.0 else 1.0
+        history, flash = step.history, step.next_history.values["light"][3]
         numbers = np.array(
             [
-                *self._constants, exposure, *step.frame.size, *step.display, *history.render, *history.jitter,
-                change, step.next_history.glares or history.glares,
+                *self._constants, step.inputs.exposure, *step.frame.size, *step.display, *history.render,
+                *history.jitter,
+                change, flash > 0.0 or step.next_history.glares or history.glares, flash,
             ],
             np.float32,
         )  # fmt: skip

@@ -54,19 +54,22 @@ from supersampler.backends.cpu.simd.vector import (
     select,
     square_root,
     store,
+    sum_of_lanes,
     to_float,
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, Output, ResampleTables
 from supersampler.methods.spec import constant_indices
-from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.taau.spec import FLASH, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 
 NOTICEABLE, UNKNOWN, UNSEEN, SEEN = 0.004, 1e-3, 1e-3, 0.5
 C = constant_indices(TAAU)
-EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES = range(len(C), len(C) + 11)
+(
+    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
+) = range(len(C), len(C) + 12)  # fmt: skip
 """Of `numbers`, after the constants of `taau`: exposure; sizes of this frame, the display and the previous
-frame, and its jitter; by how much the exposure has changed; whether this frame or the history may have light
-over GLARING."""
+frame, and its jitter; by how much the exposure has changed; whether any light may be unconfirmed; whether
+light of this frame is: 1 where it raises contrast, 2 everywhere."""
 
 
 @device_function
@@ -75,11 +78,11 @@ def sum3(line, at):
     return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
 
 
-def shade(read: FrameSamples, line: Floats, surface: Floats, y0: int, y1: int):
+def shade(read: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
     """Write what the next frame compares with: opened depth, mean and deviation of luma, glare.
 
     line: (3, PAD + stride + PAD) scratch; surface: (height, PAD + stride + PAD, 4), the padding repeats the
-    border.
+    border; sums: (height, 2) of means and of squared deviations of each row.
     """
     samples, own, glares, eroded = read.color, read.own, read.glares, read.eroded_depth
     w, h, stride = read.width, read.height, read.stride
@@ -100,6 +103,7 @@ def shade(read: FrameSamples, line: Floats, surface: Floats, y0: int, y1: int):
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
         here = y * wide + PAD
         glares_near = glares[above] + glares[y] + glares[below] > 0.0
+        light = contrast = load16(eroded, 0) * 0.0
         for x in range(0, w, 16):
             seen = sum3(line, 2 * wide + PAD + x)
             scale = 1.0 / maximum(seen, 9e-6)
@@ -111,6 +115,10 @@ def shade(read: FrameSamples, line: Floats, surface: Floats, y0: int, y1: int):
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
             deviation = select(seen > 9.0 * UNSEEN, deviation, 1.0)
             fours(surface, 4 * (here + x), opened, mean, deviation, glare)
+            inside = ramp16() + np.int32(x) < np.int32(w)
+            light = light + select(inside, mean, 0.0)
+            contrast = contrast + select(inside, deviation * deviation, 0.0)
+        sums[2 * y], sums[2 * y + 1] = sum_of_lanes(light), sum_of_lanes(contrast)
         repeat_ends(surface, here, w, 4)
 
 
@@ -165,11 +173,11 @@ def clipped(color, mean, spread, gamma, floor_):
 
 
 @device_function
-def blend(numbers, present, past, light, count, power, surface, unchanged, glare, speed, blur):
+def blend(numbers, present, past, light, count, power, surface, unchanged, glare, flash, speed, blur):
     """`Taau.network` and `finish` of sixteen pixels.
 
     Linear RGB, the same as it is left, count, power, and the past's weight. `glare`: 1 where this frame has
-    light over GLARING near.
+    light over GLARING near; `flash`: 1 where its light is unconfirmed.
     """
     n = numbers
     frame, sample, confidence, mean, spread = present
@@ -198,14 +206,20 @@ def blend(numbers, present, past, light, count, power, surface, unchanged, glare
     left = select(known, holds * left, 0.0)
     lit, counted = color, samples + confidence
     if n[GLARES] > 0.0:
-        kept = minimum(count * surface, limit)
-        adds = select(glared < CONFIRMED - 1.0, kept * glare, 0.0) <= UNKNOWN
+        unconfirmed = select(glared < CONFIRMED - 1.0, glare, 0.0)
+        trusted = select(unconfirmed > 0.0, surface, holds)
+        kept = minimum(count * trusted, limit)
+        adds = select(maximum(unconfirmed, flash) > 0.0, kept, 0.0) <= UNKNOWN
         lit = (
             select(adds, color[0], light[0]),
             select(adds, color[1], light[1]),
             select(adds, color[2], light[2]),
         )
-        left = select(adds, left + glare * (GLARE * CONFIRMED), surface * power + (glared + 1.0) * GLARE)
+        left = select(
+            adds,
+            left + glare * (GLARE * CONFIRMED),
+            trusted * power + minimum(glared + glare, CONFIRMED) * GLARE,
+        )
         counted = select(adds, counted, kept)
     return color, lit, counted, left, select(known, 1.0 - weight, 0.0)
 
@@ -267,15 +281,18 @@ def step_rows(
             _, now, spread_now, glare = gather4(
                 surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * wide + PAD)
             )
-            changed = light_changed(
-                numbers, now, spread_now, mean * change * dim, spread * change * dim * dim
-            )
+            mean, spread = mean * change * dim, spread * change * dim * dim
+            changed = light_changed(numbers, now, spread_now, mean, spread)
+            flash = depth * 0.0 + numbers[UNCONFIRMED]
+            if numbers[UNCONFIRMED] == 1.0:
+                risen = spread_now * spread_now > spread * spread * FLASH + LEAST_FLASH
+                flash = select(risen, 1.0, depth * 0.0)
             tx, ty = px - floor(px), py - floor(py)
             sums = filter_all_across(line, wide, starts, across, width, x)
             sample = filter_across(line, FILTERED * wide, wide, starts, across, 12, width, x)
             color, lit, count, power, kept = blend(
                 numbers, present_of(sums, sample, numbers[C.frame_sharpness]), past, light, q[6], q[7],
-                same, 1.0 - changed, glare, square_root(mx * mx + my * my),
+                same, 1.0 - changed, glare, flash, square_root(mx * mx + my * my),
                 (tx * (1.0 - tx) + ty * (1.0 - ty)) * 2.0,
             )  # fmt: skip
             if output.has_weight:

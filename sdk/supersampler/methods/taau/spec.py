@@ -4,6 +4,11 @@ from dataclasses import dataclass
 
 from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, MethodSpec, Number, Sigma
 
+FLASH, LEAST_FLASH, FLASH_MEMORY = 1.25, 1e-3, 0.9
+"""The light of a frame is unconfirmed where its mean local variance is over FLASH times that of the previous
+frames plus LEAST_FLASH. Of these the largest counts, reduced by FLASH_MEMORY a frame: extrapolated frames are
+smoother than the shaded ones that they alternate with."""
+
 
 @dataclass(frozen=True)
 class TaauConfig:
@@ -64,6 +69,7 @@ TAAU = MethodSpec(
         "surface": (1, 3, *PREVIOUS),  # depth after a morphological opening, mean and deviation of toned luma
         "jitter": (1, 2),  # of `surface`
         "exposure": (1,),  # as `followed_exposure` returns it; 0 where there is none
+        "light": (1, 4),  # mean luma, mean square deviation; the latter of frames before; flashes in a row
     },
     aux_outputs=("weight",),
     maps={"weight": MapOf("weight", 0, 1), "count": MapOf("next.samples", 0, 1)},

@@ -135,6 +135,7 @@ def make_compose_row(variant: Variant):
         columns_near, row_near = tables.nearest_column, tables.nearest_row[y]
         across, down = tables.column_windows, tables.row_windows
         exposure, glares, streams = constants.exposure, constants.glares, constants.streams
+        flash = constants.flash
         big_w, big_h, history, image = output.width, output.height, output.next_history, output.image
         zero = spread16(np.float32(0.0))
         above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
@@ -244,6 +245,8 @@ def make_compose_row(variant: Variant):
             if glares:
                 most, glared = without_glare(most)
                 worth = select((glared > 0.0) & (glared < CONFIRMED), 0.0, worth)
+            if flash:
+                worth = zero
             least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
             most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
             least, most = luma + held * (least - luma), luma + held * (most - luma)
