@@ -159,8 +159,8 @@ def _lights(rng: Rng, stage: Stage, strength: float) -> None:
         stage.spot = lighting.spotlight(place, table, color, outer=42.0, pulsing=pulsing)
     for _ in range(int(rng.integers(3, 6))):
         middle = (rng.uniform(-0.6, 0.6), rng.uniform(1.3, 2.2), 0.2)
-        extent = (rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0))
-        path = paths.circuit(rng, middle, extent, rng.uniform(1.5, 7.0))
+        axes = (rng.uniform(0.8, 1.8), rng.uniform(0.5, 1.0))
+        path = paths.circuit(rng, middle, axes, rng.uniform(1.5, 7.0))
         lamp = lighting.tint(rng, strength * rng.uniform(1.5, 5.0))
         flickers = lighting.nervous(rng) if rng.random() < 0.6 else lighting.steady
         bulb(stage, path, lamp, size=0.035, glow=6.0, reach=5.0, pulsing=flickers)
