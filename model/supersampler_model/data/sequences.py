@@ -120,7 +120,7 @@ def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
 
 def _exposure_path(random: np.random.Generator, level: float, seconds: float) -> Callable[[float], float]:
     """Return the exposure over time: mostly constant, sometimes adapting to another level."""
-    bias = 2.0 ** float(random.uniform(-0.4, 0.4))
+    bias = 2.0 ** random.uniform(-0.4, 0.4)
     stops = float(random.uniform(0.5, 1.5) * random.choice([-1.0, 1.0]) * (random.random() < 0.35))
-    middle, width = float(random.uniform(0.2, 0.8)) * seconds, float(random.uniform(0.1, 0.5))
+    middle, width = random.uniform(0.2, 0.8) * seconds, random.uniform(0.1, 0.5)
     return lambda t: float(level * bias * 2.0 ** (0.5 * stops * np.tanh((t - middle) / width)))

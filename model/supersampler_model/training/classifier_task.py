@@ -1,8 +1,6 @@
 """Training of the classifiers: crops are gathered one by one, as ratios differ, and classified as a batch."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
-from typing import Any
 
 import torch
 from torch import Tensor
@@ -24,11 +22,6 @@ class ClassifierTask(Task[Sample]):
     def __init__(self, method: Classifier, losses: ClassifierWeights | None = None) -> None:
         self.method: Classifier = method
         self.losses: ClassifierWeights = losses or ClassifierWeights()
-
-    @property
-    def config(self) -> dict[str, Any]:
-        """Config of the classifier."""
-        return asdict(self.method.config)
 
     def stream(self, datasets: Sequence[Dataset], *, size: int, seed: Sequence[int]) -> Stream:
         """Stream crops at any position and ratio."""

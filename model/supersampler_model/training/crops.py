@@ -253,13 +253,11 @@ def sequences_of(
     Raises:
         ArgumentError: there are none.
     """
-    slack = 0.02  # sizes are whole pixels
     found = [
         (dataset, entry, count)
         for dataset in datasets
         for entry in dataset.entries("train")
-        if ratios[0] - slack <= entry.ratio <= ratios[1] + slack
-        and (count := dataset.complete(entry)) >= least
+        if entry.within(ratios) and (count := dataset.complete(entry)) >= least
     ]
     if not found:
         want = f"{least} frames in a row to train on, at a ratio from {ratios[0]} to {ratios[1]}"

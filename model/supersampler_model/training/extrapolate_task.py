@@ -22,9 +22,9 @@ from supersampler_model.ops.sampling import sum_of
 from supersampler_model.training.class_loss import ClassifierWeights
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.crops import Sample, Stream
+from supersampler_model.training.gbuffer_crops import UnshadedStream, unshaded_set
 from supersampler_model.training.sequence_runner import AlternatingRunner, SequenceRunner
 from supersampler_model.training.task import State, Stepped
-from supersampler_model.training.unshaded_crops import UnshadedStream, draw_render_region, unshaded_set
 
 EXTRAPOLATED = 3
 """Crops with unshaded frames per crop of the data set's own frames, which may have other ratios."""
@@ -83,7 +83,7 @@ class ExtrapolateTask(ClassifierTask):
         """Stream crops; those of the sets' own frames, without G-buffers of render size, are all shaded."""
         own = [dataset.own for dataset in datasets if dataset.own is not None]
         every, ratios = [*(EXTRAPOLATED * list(datasets)), *own], self.method.ratios
-        return UnshadedStream(every, ratios=ratios, size=size, seed=seed, draw=draw_render_region)
+        return UnshadedStream(every, ratios=ratios, size=size, seed=seed)
 
     def runner(self, method: Method, display: Size) -> SequenceRunner:
         """Every second frame is unshaded and extrapolated."""

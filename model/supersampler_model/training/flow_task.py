@@ -5,8 +5,7 @@ the network from moving anything.
 """
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import torch
 
@@ -46,11 +45,6 @@ class FlowTask(Task[LightSample]):
         self.method: GuidedFlow = method
         self.losses: FlowWeights = losses or FlowWeights()
         self._lights = Lights(method)
-
-    @property
-    def config(self) -> dict[str, Any]:
-        """Config of the method."""
-        return asdict(self.method.config)
 
     @property
     def ratios(self) -> tuple[float, float]:

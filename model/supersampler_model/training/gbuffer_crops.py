@@ -1,16 +1,16 @@
-"""Crops for methods of one whole ratio that read G-buffers, at render size and at display size.
+"""Crops of training frames with G-buffers.
 
-Such a crop consists of whole render pixels and is a small frame: it has the frame's jitter, each render pixel
-covers the same square of display pixels, and nothing is read around it.
+Methods of one whole ratio (`gbuffer`) read G-buffers of render and of display size. Their crops consist of
+whole render pixels and are small frames: a crop has the frame's jitter, each render pixel covers the same
+square of display pixels, and nothing is read around it (`aligned`).
+Methods of any ratio (`extrapolate`) read G-buffers of render size, to extrapolate unshaded frames.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field, replace
+from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
-from torch import Tensor
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32
@@ -20,6 +20,9 @@ from supersampler_model.data.dataset.description import SequenceEntry
 from supersampler_model.training.crops import CropRegion, Sample, Stream, draw_region
 from supersampler_model.training.frame_inputs import gbuffers, planes
 
+TWO_UNSHADED = 0.25
+"""Fraction of the crops with two unshaded frames after each shaded one; the others have one."""
+
 
 @dataclass(frozen=True, eq=False)
 class GBufferRegion(CropRegion):
@@ -27,49 +30,45 @@ class GBufferRegion(CropRegion):
 
     Attributes:
         world: (3, 3) orthogonal matrix applied to normals: methods may only use their differences.
+        aligned: whether corner and size are multiples of the ratio, a whole number equal on both axes. The
+            crop then has all G-buffers; otherwise those of render size.
     """
 
     world: Float32 = field(default_factory=lambda: np.eye(3, dtype=np.float32))
-
-    def _surfaces(self, frame: TrainingFrame, across: slice, down: slice) -> dict[str, Tensor]:
-        """Cut out all G-buffers of the frame; those of render size with these columns and rows."""
-        parts = {
-            name: image[self.display if GBUFFERS[name].of_display else (down, across)]
-            for name, image in gbuffers(frame).items()
-        }
-        return {name: planes(self.turn(self._varied(name, part))) for name, part in parts.items()}
-
-    def _varied(self, name: str, image: NDArray[Any]) -> NDArray[Any]:
-        if name.endswith("base_color"):
-            return image[..., list(self.colors)]
-        if name.endswith("normal"):
-            return image.astype(np.float32) @ self.world.T
-        return image
-
-
-class AlignedGBufferRegion(GBufferRegion):
-    """Region of which corner and size are multiples of its ratio, a whole number equal on both axes."""
+    aligned: bool = False
 
     def sample(self, frame: TrainingFrame, *, reset: bool) -> Sample:
-        """Cut the crop out of one frame, with all G-buffers that it has."""
-        ratio = round(self.ratio[0])
-        across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
-        gbuffer = self._surfaces(frame, across, down)
-        return self._part(frame, across, down, reset=reset)._replace(gbuffer=gbuffer)
+        """Cut the crop out of one frame, with the G-buffers that the frame has."""
+        across, down = self._visible(frame)
+        if self.aligned:
+            ratio = round(self.ratio[0])
+            across, down = (slice(c // ratio, (c + self.size) // ratio) for c in (self.left, self.top))
+        found = {}
+        for name, image in gbuffers(frame).items():
+            of_display = GBUFFERS[name].of_display
+            if of_display and not self.aligned:
+                continue
+            part = image[self.display if of_display else (down, across)]
+            if name.endswith("base_color"):
+                part = part[..., list(self.colors)]
+            elif name.endswith("normal"):
+                part = part.astype(np.float32) @ self.world.T
+            found[name] = planes(self.turn(part))
+        return self._part(frame, across, down, reset=reset)._replace(gbuffer=found)
 
 
-def draw_aligned_region(
-    random: np.random.Generator, entry: SequenceEntry, display_size: tuple[int, int], size: int
-) -> AlignedGBufferRegion:
-    """Draw a random region at a whole ratio, with augmentation and rotated normals."""
-    cut = draw_region(random, entry, display_size, size, step=round(entry.ratio))
-    return AlignedGBufferRegion(**vars(cut), world=draw_rotation(random))
-
-
-def draw_rotation(random: np.random.Generator) -> Float32:
-    """Draw a (3, 3) orthogonal matrix from the uniform distribution (Mezzadri 2007)."""
-    q, r = np.linalg.qr(random.normal(size=(3, 3)))
-    return (q * np.sign(np.diag(r))).astype(np.float32)
+def draw_gbuffer_region(
+    random: np.random.Generator,
+    entry: SequenceEntry,
+    display_size: tuple[int, int],
+    size: int,
+    *,
+    aligned: bool,
+) -> GBufferRegion:
+    """Return a random region with augmentation, normals rotated."""
+    region = draw_region(random, entry, display_size, size, step=round(entry.ratio) if aligned else 1)
+    q, r = np.linalg.qr(random.normal(size=(3, 3)))  # uniform over orthogonal matrices (Mezzadri 2007)
+    return GBufferRegion(**vars(region), world=(q * np.sign(np.diag(r))).astype(np.float32), aligned=aligned)
 
 
 def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: Sequence[int]) -> Stream:
@@ -80,7 +79,29 @@ def gbuffer_stream(datasets: Sequence[Dataset], *, ratio: int, size: int, seed: 
     """
     if size % ratio:
         raise ArgumentError("size", got=size, want=f"a multiple of {ratio}, the ratio of the method")
-    return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw_aligned_region)
+    draw = partial(draw_gbuffer_region, aligned=True)
+    return Stream(datasets, ratios=(ratio, ratio), size=size, seed=seed, draw=draw)
+
+
+class UnshadedStream(Stream):
+    """Crops with every second frame unshaded, or two of three; crops without G-buffers are all shaded.
+
+    Args: see `Stream`.
+    """
+
+    def __init__(
+        self, datasets: Sequence[Dataset], *, ratios: tuple[float, float], size: int, seed: Sequence[int]
+    ) -> None:
+        draw = partial(draw_gbuffer_region, aligned=False)
+        super().__init__(datasets, ratios=ratios, size=size, seed=seed, draw=draw)
+
+    def __iter__(self) -> Iterator[Sample]:
+        for sample in super().__iter__():
+            random = np.random.default_rng([*self._seed, self.place.crop, 0, 1])
+            unshaded = 2 if random.random() < TWO_UNSHADED else 1
+            number = self.place.frame - 1  # the place already counts this frame
+            unshaded_here = number % (unshaded + 1) > 0 and bool(sample.gbuffer) and not sample.reset
+            yield sample._replace(unshaded=unshaded_here)
 
 
 def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
@@ -93,11 +114,27 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
     if size[0] % ratio or size[1] % ratio:
         want = f"a set whose display size is a multiple of {ratio}, the ratio of the method"
         raise ArgumentError("data", got=f"{dataset.folder}, of {size[0]}x{size[1]}", want=want)
-    rendered = any(at.complete(entry) for entry in at.entries())
-    if not dataset.description.gbuffers or not rendered:
-        missing = (
-            f"anything at ratio {ratio}" if dataset.description.gbuffers else "G-buffers of display size"
-        )
+    missing = "" if any(map(at.complete, at.entries())) else f"anything at ratio {ratio}"
+    missing = missing if dataset.description.gbuffers else "G-buffers of display size"
+    if missing:
         want = f"a set made by `supersampler render --gbuffers --also {ratio}`"
         raise ArgumentError("data", got=f"{dataset.folder}, without {missing}", want=want)
     return at
+
+
+def unshaded_set(dataset: Dataset, ratios: tuple[float, float]) -> Dataset:
+    """Return a data set with the sequences at each ratio within `ratios` of their second renderings.
+
+    Raises:
+        ArgumentError: there is none, so that no frame has G-buffers of render size.
+    """
+    own = dataset.entries()
+    names = (path.name for entry in own for path in dataset.path(entry, 0).parent.glob("0000.*x.safetensors"))
+    rendered = {float(name.removeprefix("0000.").removesuffix("x.safetensors")) for name in names}
+    sequences = tuple(replace(entry, ratio=ratio) for ratio in sorted(rendered) for entry in own)
+    sequences = tuple(entry for entry in sequences if entry.within(ratios))
+    if not sequences:
+        want = "a set made by `supersampler render --gbuffers --also 2`"
+        got = f"{dataset.folder}, without G-buffers of render size at a ratio from {ratios[0]} to {ratios[1]}"
+        raise ArgumentError("data", got=got, want=want)
+    return Dataset(dataset.folder, replace(dataset.description, sequences=sequences), own=dataset)

@@ -1,8 +1,7 @@
 """Training of `gbuffer`: image error, larger on reflective surfaces (Wang et al. 2025, section III.E)."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
@@ -46,11 +45,6 @@ class GBufferTask(Task[Sample]):
     def __init__(self, method: GBuffer, losses: GBufferWeights | None = None) -> None:
         self.method: GBuffer = method
         self.losses: GBufferWeights = losses or GBufferWeights()
-
-    @property
-    def config(self) -> dict[str, Any]:
-        """Config of the method."""
-        return asdict(self.method.config)
 
     def data(self, dataset: Dataset) -> Dataset:
         """See `gbuffer_set`."""

@@ -2,6 +2,7 @@
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict
 from types import MappingProxyType
 from typing import Any, Generic, NamedTuple, Protocol, Self, TypeVar
 
@@ -76,9 +77,10 @@ class Task(ABC, Generic[CropT]):
     losses: ImageWeights
 
     @property
-    @abstractmethod
     def config(self) -> dict[str, Any]:
         """Config of the method, plain data."""
+        config: Any = self.method.config
+        return asdict(config)
 
     @property
     def ratios(self) -> tuple[float, float]:

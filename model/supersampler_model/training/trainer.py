@@ -16,6 +16,7 @@ from typing import Any, NamedTuple, cast
 import torch
 from torch import Tensor
 from torch import distributed as dist
+from torch.nn.utils import parameters_to_vector, vector_to_parameters
 from torch.optim.swa_utils import AveragedModel
 
 from supersampler.errors import ArgumentError
@@ -223,18 +224,13 @@ class Trainer:
     def _average_gradients(self) -> None:
         if self.world == 1:
             return
-        gradients = []
         for parameter in self.method.parameters():
             if parameter.grad is None:  # the crops of one process may not use all weights
                 parameter.grad = torch.zeros_like(parameter)
-            gradients.append(parameter.grad)
-        flat = torch.cat([g.flatten() for g in gradients])
+        gradients = [cast(Tensor, parameter.grad) for parameter in self.method.parameters()]
+        flat = parameters_to_vector(gradients)
         dist.all_reduce(flat)
-        flat /= self.world
-        start = 0
-        for g in gradients:
-            g.copy_(flat[start : start + g.numel()].view_as(g))
-            start += g.numel()
+        vector_to_parameters(flat / self.world, gradients)
 
 
 def _running_mean(length: int, mean: Tensor, value: Tensor, count: Tensor | int) -> Tensor:

@@ -51,7 +51,7 @@ def validation_entries(
         (d, e)
         for d in datasets
         for e in d.entries("validation")
-        if ratios[0] - 0.02 <= e.ratio <= ratios[1] + 0.02 and d.complete(e) == e.spec.frames
+        if e.within(ratios) and d.complete(e) == e.spec.frames
     ]
 
 

@@ -24,11 +24,11 @@ from supersampler_model.methods.extrapolation.joint import Extrapolate
 from supersampler_model.methods.weights_file import Trained, load_trained, shipped_weights
 from supersampler_model.training.crops import Place, Sample
 from supersampler_model.training.extrapolate_task import ExtrapolateTask
+from supersampler_model.training.gbuffer_crops import GBufferRegion, unshaded_set
 from supersampler_model.training.sequence_runner import SequenceRunner
 from supersampler_model.training.task import State, Stepped
 from supersampler_model.training.tasks import TASKS
 from supersampler_model.training.trainer import Plan, Trainer
-from supersampler_model.training.unshaded_crops import RenderGBufferRegion, unshaded_set
 from supersampler_model.training.validate import validate, validation_entries
 
 SMALL = ClassifierConfig(network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8))
@@ -52,7 +52,7 @@ def frames(dataset: Dataset) -> list[TrainingFrame]:
 
 def samples(data: Dataset, hidden: int) -> list[Sample]:
     """A crop of which so many frames are hidden after each shaded one."""
-    cut = RenderGBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
+    cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0))
     every = [cut.sample(f, reset=i == 0) for i, f in enumerate(frames(unshaded_set(data, (1.0, 3.0))))]
     return [sample._replace(unshaded=i % (hidden + 1) > 0) for i, sample in enumerate(every)]
 
@@ -68,7 +68,7 @@ def stepped(task: ExtrapolateTask, sequence: Sequence[Sample]) -> list[Stepped]:
 
 def test_a_crop_has_the_g_buffers_of_its_own_samples(data: Dataset) -> None:
     frame = frames(unshaded_set(data, (1.0, 3.0)))[2]
-    cut = RenderGBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
+    cut = GBufferRegion(left=9, top=3, size=SIZE, ratio=(2.0, 2.0), flip=(True, False), turned=True)
     sample = cut.sample(frame, reset=False)
     assert all(not name.startswith("gbuffer_display") for name in sample.gbuffer)
     assert sample.gbuffer["gbuffer_base_color"].shape == sample.color.shape
@@ -94,7 +94,7 @@ def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> N
         image = runner.step(frame)
         hidden.append(runner.unshaded)
     assert hidden == [False, True, False, True]
-    cut = RenderGBufferRegion(0, 0, 36, (2.0, 2.0))
+    cut = GBufferRegion(0, 0, 36, (2.0, 2.0))
     crop = [
         cut.sample(f, reset=i == 0)._replace(unshaded=hides)
         for i, (f, hides) in enumerate(zip(sequence, hidden, strict=True))

@@ -2,6 +2,7 @@
 
 import itertools
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -15,13 +16,15 @@ from supersampler.errors import ArgumentError
 from supersampler_model.data.dataset import Dataset, TrainingFrame
 from supersampler_model.training.crops import Place, Sample
 from supersampler_model.training.gbuffer_crops import (
-    AlignedGBufferRegion,
-    draw_aligned_region,
+    GBufferRegion,
+    draw_gbuffer_region,
     gbuffer_set,
     gbuffer_stream,
 )
 
 RATIO = 2
+aligned_region = partial(GBufferRegion, aligned=True)
+draw_aligned = partial(draw_gbuffer_region, aligned=True)
 ACROSS = torch.tensor([-1.0, 1.0])
 NAMES = ("base_color", "normal", "roughness", "metallic", "specular")
 
@@ -39,7 +42,7 @@ def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(datase
     frame = frames(dataset)[3]
     assert frame.gbuffer is not None
     assert frame.gbuffer_display is not None
-    cut = AlignedGBufferRegion(left=8, top=4, size=24, ratio=(RATIO, RATIO))
+    cut = aligned_region(left=8, top=4, size=24, ratio=(RATIO, RATIO))
     sample = cut.sample(frame, reset=False)
     inner, outer = np.s_[2:14, 4:16], np.s_[4:28, 8:32]
     for got, whole in (
@@ -70,7 +73,7 @@ def test_a_crop_is_the_slice_of_the_frame_and_looks_at_it_with_its_jitter(datase
 def test_jitter_motion_and_buffers_agree_however_a_crop_is_turned(
     dataset: Dataset, across: bool, down: bool, turned: bool
 ) -> None:
-    cut = AlignedGBufferRegion(
+    cut = aligned_region(
         left=8, top=6, size=30, ratio=(RATIO, RATIO), flip=(across, down), turned=turned, colors=(2, 0, 1)
     )
     before, now = (cut.sample(frames(dataset)[index], reset=False) for index in (1, 2))
@@ -105,10 +108,10 @@ def off(now: Sample, then: Sample, jitter: Tensor, motion: Tensor) -> float:
 
 def test_the_world_of_normals_is_turned_as_one_and_the_sky_stays_nothing(dataset: Dataset) -> None:
     frame, entry = frames(dataset)[3], dataset.entries("train")[0]
-    drawn = draw_aligned_region(np.random.default_rng(0), entry, DISPLAY, 28)
+    drawn = draw_aligned(np.random.default_rng(0), entry, DISPLAY, 28)
     np.testing.assert_allclose(drawn.world @ drawn.world.T, np.eye(3), atol=1e-6)
-    plain = AlignedGBufferRegion(left=8, top=0, size=28, ratio=(RATIO, RATIO))
-    turned = AlignedGBufferRegion(**{**vars(plain), "world": drawn.world})
+    plain = aligned_region(left=8, top=0, size=28, ratio=(RATIO, RATIO))
+    turned = GBufferRegion(**{**vars(plain), "world": drawn.world})
     found = []
     for cut in (plain, turned):
         sample = cut.sample(frame, reset=False)
@@ -124,7 +127,7 @@ def test_the_world_of_normals_is_turned_as_one_and_the_sky_stays_nothing(dataset
 
 def test_worlds_are_mirrored_as_often_as_not_and_differ(dataset: Dataset) -> None:
     random, entry = np.random.default_rng(0), dataset.entries("train")[0]
-    cuts = [draw_aligned_region(random, entry, DISPLAY, 28) for _ in range(100)]
+    cuts = [draw_aligned(random, entry, DISPLAY, 28) for _ in range(100)]
     assert all(cut.left % RATIO == cut.top % RATIO == 0 for cut in cuts)
     assert {cut.left for cut in cuts} == set(range(0, DISPLAY[0] - 28 + 1, RATIO))
     mirrored = [np.linalg.det(cut.world) < 0.0 for cut in cuts]
@@ -135,7 +138,7 @@ def test_worlds_are_mirrored_as_often_as_not_and_differ(dataset: Dataset) -> Non
 def test_base_colours_have_the_order_of_the_colours(dataset: Dataset) -> None:
     random, entry = np.random.default_rng(0), dataset.entries("train")[0]
     for frame in frames(dataset):
-        cut = draw_aligned_region(random, entry, DISPLAY, 28)
+        cut = draw_aligned(random, entry, DISPLAY, 28)
         sample = cut.sample(frame, reset=False)
         shining = cut.gain * sample.gbuffer["gbuffer_base_color"]  # everything shines by itself
         torch.testing.assert_close(sample.color, shining, rtol=0.0, atol=0.005 * cut.gain)

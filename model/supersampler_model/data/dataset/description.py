@@ -37,6 +37,10 @@ class SequenceEntry:
         """Folder of its frames, relative to the data set."""
         return f"{self.split}/{self.spec.family}-{self.spec.seed}"
 
+    def within(self, ratios: tuple[float, float]) -> bool:
+        """Whether its ratio is in [minimum, maximum], as far as sizes of whole pixels can be."""
+        return ratios[0] - 0.02 <= self.ratio <= ratios[1] + 0.02
+
     def render_size(self, display_size: tuple[int, int]) -> tuple[int, int]:
         """(width, height) of its frames."""
         return round(display_size[0] / self.ratio), round(display_size[1] / self.ratio)

@@ -217,7 +217,7 @@ def _floor() -> Instance:
 def _add_floor(rng: np.random.Generator, stage: Stage) -> None:
     """Add a floor up to the horizon, and a skyline or hills."""
     if rng.random() < 0.5:
-        stage.put(shapes.plane(70.0, 70.0, 0.5), materials.tiles(rng, 8, float(rng.random())))
+        stage.put(shapes.plane(70.0, 70.0, 0.5), materials.tiles(rng, 8, rng.random()))
         skyline(rng, stage)
     else:
         stage.put(shapes.plane(70.0, 70.0, 0.35), materials.ground(rng, (0.36, 0.36, 0.28), 0.7))

@@ -47,10 +47,10 @@ def _frame(sun: Sun) -> Matrix:
 
 def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     """The blades of a windmill or a fan before the sun."""
-    length, count = radius * float(rng.uniform(0.3, 0.55)), int(rng.integers(3, 6))
-    blade = shapes.wall(length * float(rng.uniform(0.16, 0.34)), length)
+    length, count = radius * rng.uniform(0.3, 0.55), int(rng.integers(3, 6))
+    blade = shapes.wall(length * rng.uniform(0.16, 0.34), length)
     turns = np.linspace(0.0, 2.0 * np.pi, count, endpoint=False)
-    mesh = shapes.merged((blade, turned_by(2, float(angle))) for angle in turns)
+    mesh = shapes.merged((blade, turned_by(2, angle)) for angle in turns)
     hub = frame @ placed(*(radius * rng.uniform((-0.3, -0.2), (0.3, 0.2))).tolist())
     rate = float(rng.uniform(1.5, 5.0) * rng.choice([-1.0, 1.0]))
     return mesh, lambda t: np.asarray(hub @ turned_by(2, rate * t))
@@ -58,8 +58,8 @@ def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
 
 def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     """Wagons of an elevated railway with gaps between them, without an end."""
-    period, share = float(rng.uniform(2.5, 6.0)), float(rng.uniform(0.4, 0.75))
-    tall, y = radius * float(rng.uniform(0.2, 0.6)), radius * float(rng.uniform(-0.5, 0.1))
+    period, share = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
+    tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
     wagon = shapes.wall(share * period, tall)
     count = int(np.ceil(radius / period)) + 1
     mesh = shapes.merged((wagon, placed(k * period, y)) for k in range(-count, count + 1))
@@ -71,23 +71,23 @@ def _blots(rng: Rng, count: int, radius: float, size: float) -> Mesh:
     """Return ragged spots, `size` times the radius wide on average, strewn over a square."""
     blots = []
     for x, y in rng.uniform(-0.75 * radius, 0.75 * radius, (count, 2)):
-        width = 2.0 * radius * size * float(rng.uniform(0.5, 1.5))
-        middle = placed(float(x), float(y))
+        width = 2.0 * radius * size * rng.uniform(0.5, 1.5)
+        middle = placed(x, y)
         for angle in rng.uniform(0.0, np.pi, 3):
             leaf = shapes.wall(width, 0.6 * width)
-            blots.append((leaf, middle @ turned_by(2, float(angle)) @ placed(0.0, -0.3 * width)))
+            blots.append((leaf, middle @ turned_by(2, angle) @ placed(0.0, -0.3 * width)))
     return shapes.merged(blots)
 
 
 def _clouds_way(rng: Rng, radius: float) -> Place:
-    angle, extent = float(rng.uniform(-0.5, 0.5)), 0.4 * radius
+    angle, extent = rng.uniform(-0.5, 0.5), 0.4 * radius
     end = extent * np.array([np.cos(angle), np.sin(angle), 0.0])
-    return swing(rng, (-end).tolist(), end.tolist(), float(rng.uniform(5.0, 14.0)))
+    return swing(rng, (-end).tolist(), end.tolist(), rng.uniform(5.0, 14.0))
 
 
 def _boughs_way(rng: Rng, radius: float) -> Place:
     end = radius * rng.uniform(0.04, 0.12) * np.array([1.0, 0.3, 0.0])
-    return swing(rng, (-end).tolist(), end.tolist(), float(rng.uniform(2.0, 8.0)))
+    return swing(rng, (-end).tolist(), end.tolist(), rng.uniform(2.0, 8.0))
 
 
 def _moved(frame: Matrix, way: Place) -> Pose:

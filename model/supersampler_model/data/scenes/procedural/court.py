@@ -2,18 +2,9 @@
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.fixtures import bulb, skyline
 from supersampler_model.data.scenes.procedural.particles import dust
-from supersampler_model.data.scenes.procedural.paths import (
-    Vantage,
-    bounces,
-    circuit,
-    headed,
-    spinning,
-    swing,
-    wind,
-)
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 
@@ -41,9 +32,9 @@ def court(rng: Rng) -> Stage:
     if rng.random() < 0.4:
         stage.particles.append(dust(rng, (-4, 0, -6), (4, 2, 3)))
     stage.vantages += [
-        Vantage(position=(0.8, 1.7, 4.6), target=(0.0, 1.0, -3.0), room=1.2),
-        Vantage(position=(-4.4, 1.3, 2.0), target=(1.0, 0.9, -3.5), room=1.0),
-        Vantage(position=(3.8, 2.8, 3.6), target=(-0.8, 0.4, -3.0), room=1.2),
+        paths.Vantage(position=(0.8, 1.7, 4.6), target=(0.0, 1.0, -3.0), room=1.2),
+        paths.Vantage(position=(-4.4, 1.3, 2.0), target=(1.0, 0.9, -3.5), room=1.0),
+        paths.Vantage(position=(3.8, 2.8, 3.6), target=(-0.8, 0.4, -3.0), room=1.2),
     ]
     return stage
 
@@ -59,91 +50,71 @@ def _ground(rng: Rng, stage: Stage) -> None:
     lines += [(shapes.plane(8.0, line), placed(0, 0.061, z)) for z in (-8.5, -6.0, 0.0, 2.5)]
     circle = shapes.lathe([(1.26, 0.0), (1.2, 0.0005)], 48)
     lines.append((circle, placed(0, 0.06, -3.0)))
-    stage.put(shapes.merged(lines), materials.ground(rng, (0.9, 0.9, 0.88), 0.5, 0.5))
+    stage.put(lines, materials.ground(rng, (0.9, 0.9, 0.88), 0.5, 0.5))
 
 
 def _nets(rng: Rng, stage: Stage) -> None:
-    cord = materials.net(rng, 16, 0.16)
-    stage.put(
-        shapes.wall(9.0, 1.0, 0.6), materials.net(rng, 16, 0.14, (0.1, 0.1, 0.1)), placed(0, 0.05, -3.0)
-    )
+    cord, dark = materials.net(rng, 16, 0.16), materials.net(rng, 16, 0.14, (0.1, 0.1, 0.1))
+    stage.put(shapes.wall(9.0, 1.0, 0.6), dark, placed(0, 0.05, -3.0))
     band, steel = shapes.box(9.0, 0.07, 0.02), materials.metal(rng, (0.75, 0.75, 0.75), 0.3)
     stage.put(band, materials.cloth(rng, (0.9, 0.9, 0.9)), placed(0, 1.03, -3.0))
-    posts = [(shapes.cylinder(0.05, 1.12), placed(x, 0, -3.0)) for x in (-4.5, 4.5)]
+    posts: list[shapes.Part] = [(shapes.cylinder(0.05, 1.12), placed(x, 0, -3.0)) for x in (-4.5, 4.5)]
     for x in (-2.6, 2.6):
-        posts += [
-            (
-                shapes.tube(
-                    [(x - 1, 0, -7.5), (x - 1, 1.8, -7.5), (x + 1, 1.8, -7.5), (x + 1, 0, -7.5)], 0.04
-                ),
-                np.eye(4),
-            )
-        ]
+        goal = [(x - 1, 0, -7.5), (x - 1, 1.8, -7.5), (x + 1, 1.8, -7.5), (x + 1, 0, -7.5)]
+        posts.append(shapes.tube(goal, 0.04))
         stage.put(shapes.wall(2.0, 1.8, 0.8), cord, placed(x, 0, -8.2))
         for side in (-1.0, 1.0):
             stage.put(shapes.wall(0.7, 1.8, 0.8), cord, placed(x + side, 0, -7.85, yaw=np.pi / 2.0))
-    stage.put(shapes.merged(posts), steel)
+    stage.put(posts, steel)
     fence = materials.fence(rng, 10)
     stage.put(shapes.wall(16.0, 3.2, 0.6), fence, placed(0, 0, -10.2))
-    frame = [(shapes.cylinder(0.04, 3.4, 8), placed(x, 0, -10.2)) for x in np.arange(-8.0, 8.1, 2.0)]
-    frame += [(shapes.tube([(-8, y, -10.2), (8, y, -10.2)], 0.03), np.eye(4)) for y in (0.1, 3.2)]
-    stage.put(shapes.merged(frame), steel)
+    posts = [(shapes.cylinder(0.04, 3.4, 8), placed(x, 0, -10.2)) for x in np.arange(-8.0, 8.1, 2.0)]
+    rails = [shapes.tube([(-8, y, -10.2), (8, y, -10.2)], 0.03) for y in (0.1, 3.2)]
+    stage.put([*posts, *rails], steel)
 
 
 def _stands(rng: Rng, stage: Stage) -> None:
     steps = [(shapes.box(1.0, 0.45 * k, 12.0, 0.5), placed(6.2 + 1.0 * k, 0, -3.0)) for k in range(1, 5)]
-    stage.put(shapes.merged(steps), materials.concrete(rng))
+    stage.put(steps, materials.concrete(rng))
     seat, rows = shapes.box(0.4, 0.35, 0.42), np.arange(-8.5, 2.6, 0.62)
     for cover in (materials.paint(rng), materials.paint(rng)):
-        chosen = [
-            (seat, placed(6.3 + 1.0 * k, 0.45 * k, float(z)))
-            for k in range(1, 5)
-            for z in rows
-            if rng.random() < 0.45
-        ]
-        stage.put(shapes.merged(chosen), cover)
+        places = [placed(6.3 + k, 0.45 * k, z) for k in range(1, 5) for z in rows if rng.random() < 0.45]
+        stage.put([(seat, at) for at in places], cover)
     for z in (-8.0, -4.8, -1.6, 1.4):
         board = materials.poster(rng, 0.9 if rng.random() < 0.4 else 0.0)
         pulsing = lighting.pulse(rng) if rng.random() < 0.4 else lighting.steady
         stage.put(shapes.panel(3.0, 0.8), board, placed(-6.2, 0, z, yaw=np.pi / 2.0), emission=pulsing)
     tops = np.stack([np.full(6, -6.4), np.full(6, 3.2), np.linspace(-8, 2, 6)], axis=1)
-    flags = shapes.cards(
-        rng, np.repeat(tops, 2, axis=0), np.repeat(np.arange(6), 2), 0.7, np.array([-20.0, 3.0, -3.0])
-    )
-    stage.put(flags, materials.striped(rng, 2), palette=wind(rng, tops, 0.2))
+    groups, middle = np.repeat(np.arange(6), 2), np.array([-20.0, 3.0, -3.0])
+    flags = shapes.cards(rng, tops[groups], groups, 0.7, middle)
+    stage.put(flags, materials.striped(rng, 2), palette=paths.wind(rng, tops, 0.2))
     poles = [(shapes.cylinder(0.025, 3.6, 8), placed(float(top[0]), 0, float(top[2]))) for top in tops]
-    stage.put(shapes.merged(poles), materials.paint(rng, (0.85, 0.85, 0.85)))
+    stage.put(poles, materials.paint(rng, (0.85, 0.85, 0.85)))
 
 
 def _balls(rng: Rng, stage: Stage) -> None:
     for _ in range(int(rng.integers(4, 8))):
-        radius, x = float(rng.uniform(0.1, 0.18)), float(rng.uniform(-3.5, 3.5))
-        across = swing(
-            rng, (x, 0.06, -8.0), (float(rng.uniform(-3.5, 3.5)), 0.06, 2.2), float(rng.uniform(4, 16))
-        )
-        path = bounces(rng, across, float(rng.uniform(0.6, 2.2)), radius)
+        radius, x = rng.uniform(0.1, 0.18), rng.uniform(-3.5, 3.5)
+        across = paths.swing(rng, (x, 0.06, -8.0), (rng.uniform(-3.5, 3.5), 0.06, 2.2), rng.uniform(4, 16))
+        path = paths.bounces(rng, across, rng.uniform(0.6, 2.2), radius)
         panels = materials.striped(rng, 4) if rng.random() < 0.5 else materials.tiles(rng, 4, 0.3, 0.9)
-        stage.put(
-            shapes.ball(radius, 12), panels, spinning(path, rng.normal(size=3), float(rng.uniform(5, 15)))
-        )
+        pose = paths.spinning(path, rng.normal(size=3), rng.uniform(5, 15))
+        stage.put(shapes.ball(radius, 12), panels, pose)
     for _ in range(9):
-        at = placed(float(rng.uniform(-5.5, -4.4)), 0.15, float(rng.uniform(-7, 1.5)))
+        at = placed(rng.uniform(-5.5, -4.4), 0.15, rng.uniform(-7, 1.5))
         stage.put(shapes.ball(0.12, 10), materials.paint(rng), at)
 
 
 def _players(rng: Rng, stage: Stage) -> None:
     body = shapes.lathe([(0.1, 0.06), (0.14, 0.5), (0.17, 0.9), (0.23, 1.35), (0.08, 1.5)], 16, smooth=True)
-    limbs = [(shapes.tube([(0.22, 1.3, 0), (0.38, 1.0, 0.15), (0.36, 1.15, 0.4)], 0.05, 8), np.eye(4))]
-    limbs += [(shapes.tube([(-0.22, 1.3, 0), (-0.36, 0.95, 0.0), (-0.3, 0.8, 0.2)], 0.05, 8), np.eye(4))]
+    limbs = [shapes.tube([(0.22, 1.3, 0), (0.38, 1.0, 0.15), (0.36, 1.15, 0.4)], 0.05, 8)]
+    limbs += [shapes.tube([(-0.22, 1.3, 0), (-0.36, 0.95, 0.0), (-0.3, 0.8, 0.2)], 0.05, 8)]
     for z in (-6.5, -5.0, -1.2, 0.6):
-        home = (float(rng.uniform(-2, 2)), 0.03, z + float(rng.uniform(-0.4, 0.4)))
-        pose = headed(circuit(rng, home, (float(rng.uniform(0.8, 2.0)), 0.6), float(rng.uniform(1.5, 5.0))))
-        stage.put(shapes.merged([(body, np.eye(4)), *limbs]), materials.striped(rng, 5), pose)
-        stage.put(
-            shapes.merged([(shapes.ball(0.12, 10), placed(0, 1.64, 0))]),
-            materials.plaster(rng, (0.7, 0.5, 0.38)),
-            pose,
-        )
+        home = (rng.uniform(-2, 2), 0.03, z + rng.uniform(-0.4, 0.4))
+        pose = paths.headed(paths.circuit(rng, home, (rng.uniform(0.8, 2.0), 0.6), rng.uniform(1.5, 5.0)))
+        stage.put([body, *limbs], materials.striped(rng, 5), pose)
+        skin = materials.plaster(rng, (0.7, 0.5, 0.38))
+        stage.put([(shapes.ball(0.12, 10), placed(0, 1.64, 0))], skin, pose)
 
 
 def _lights(rng: Rng, stage: Stage, night: bool) -> None:
@@ -151,22 +122,11 @@ def _lights(rng: Rng, stage: Stage, night: bool) -> None:
     strength = 60.0 if night else 12.0
     for x, z in ((-5.5, -9.0), (5.5, -9.0), (-5.5, 2.0), (5.5, 2.0)):
         stage.put(shapes.cylinder(0.08, 5.6, 10), steel, placed(x, 0, z))
-        pulsing = (
-            lighting.pulse(rng, str(rng.choice(["flicker", "throb"])))
-            if rng.random() < 0.5
-            else lighting.steady
-        )
-        bulb(
-            stage,
-            lighting.at_rest((x, 5.7, z)),
-            lighting.tint(rng, strength, 0.0),
-            size=0.2,
-            glow=9.0,
-            reach=16.0,
-            pulsing=pulsing,
-        )
-    chase = swing(rng, (-3.0, 0.0, -6.0), (3.0, 0.0, 0.0), float(rng.uniform(3.0, 7.0)))
+        pulsing = lighting.pulse(rng, "flicker", "throb") if rng.random() < 0.5 else lighting.steady
+        color = lighting.tint(rng, strength, 0.0)
+        bulb(stage, (x, 5.7, z), color, size=0.2, glow=9.0, reach=16.0, pulsing=pulsing)
+    chase = paths.swing(rng, (-3.0, 0.0, -6.0), (3.0, 0.0, 0.0), rng.uniform(3.0, 7.0))
     stage.spot = lighting.spotlight(
-        lighting.at_rest((float(rng.uniform(-5, 5)), 6.5, 3.0)), chase, lighting.tint(rng, 220.0, 0.1),
+        (rng.uniform(-5, 5), 6.5, 3.0), chase, lighting.tint(rng, 220.0, 0.1),
         outer=22.0, reach=26.0, pulsing=lighting.pulse(rng, "throb"),
     )  # fmt: skip

@@ -2,21 +2,10 @@
 
 import numpy as np
 
-from supersampler_model.data.scenes.procedural import lighting, materials, shapes
+from supersampler_model.data.scenes.procedural import lighting, materials, paths, shapes
 from supersampler_model.data.scenes.procedural.casters import CASTERS, caster
 from supersampler_model.data.scenes.procedural.fixtures import bulb, hills
 from supersampler_model.data.scenes.procedural.particles import dust, fireflies
-from supersampler_model.data.scenes.procedural.paths import (
-    Pose,
-    Vantage,
-    carried,
-    circuit,
-    drift,
-    headed,
-    swing,
-    together,
-    wind,
-)
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
@@ -35,11 +24,11 @@ def foliage(rng: Rng) -> Stage:
     soil = (green[0] * 0.6 + 0.1, green[1] * 0.55 + 0.06, green[2] * 0.5 + 0.05)
     stage.put(shapes.plane(70.0, 70.0, 0.35), materials.ground(rng, soil, 0.7))
     _grass_about_a_path(rng, stage, green)
-    strength = float(rng.uniform(0.05, 0.16))
+    strength = rng.uniform(0.05, 0.16)
     for x in (-4.2, -1.6, 2.2, 4.8):
-        tree(rng, stage, (x + float(rng.uniform(-0.6, 0.6)), float(rng.uniform(-7.0, -3.5))), green, strength)
+        tree(rng, stage, (x + rng.uniform(-0.6, 0.6), rng.uniform(-7.0, -3.5)), green, strength)
     for _ in range(4):
-        bush(rng, stage, (float(rng.uniform(-5, 5)), float(rng.uniform(-3.0, 0.5))), strength)
+        bush(rng, stage, (rng.uniform(-5, 5), rng.uniform(-3.0, 0.5)), strength)
     hills(rng, stage, (0.8 * green[0], 0.8 * green[1], green[2]))
     _ruins(rng, stage)
     if rng.random() < 0.75:
@@ -49,12 +38,12 @@ def foliage(rng: Rng) -> Stage:
     if not weather.dark and rng.random() < 0.85:
         caster(rng, stage, weather.sun, str(rng.choice(CASTERS, p=(0.2, 0.1, 0.35, 0.35))))
     stage.vantages += [
-        Vantage(position=(0.3, 1.3, 4.6), target=(0.0, 1.1, -3.0), room=1.0, brisk=True),
-        Vantage(position=(-3.2, 0.8, 3.2), target=(1.0, 1.0, -3.0), room=0.8, brisk=True),
-        Vantage(position=(3.0, 2.2, 4.2), target=(-0.6, 0.5, -2.0), room=1.2, brisk=True),
-        Vantage(position=(-0.6, 1.6, -0.6), target=(0.8, 1.0, -7.0), room=0.6, brisk=True),
-        Vantage(position=(4.8, 1.5, -0.4), target=(-2.5, 0.7, -5.5), room=0.8, brisk=True),
-        Vantage(position=(-1.5, 3.6, 4.4), target=(0.6, 0.0, -2.0), room=1.0, brisk=True),
+        paths.Vantage(position=(0.3, 1.3, 4.6), target=(0.0, 1.1, -3.0), room=1.0, brisk=True),
+        paths.Vantage(position=(-3.2, 0.8, 3.2), target=(1.0, 1.0, -3.0), room=0.8, brisk=True),
+        paths.Vantage(position=(3.0, 2.2, 4.2), target=(-0.6, 0.5, -2.0), room=1.2, brisk=True),
+        paths.Vantage(position=(-0.6, 1.6, -0.6), target=(0.8, 1.0, -7.0), room=0.6, brisk=True),
+        paths.Vantage(position=(4.8, 1.5, -0.4), target=(-2.5, 0.7, -5.5), room=0.8, brisk=True),
+        paths.Vantage(position=(-1.5, 3.6, 4.4), target=(0.6, 0.0, -2.0), room=1.0, brisk=True),
     ]
     return stage
 
@@ -64,7 +53,7 @@ def _grass_about_a_path(rng: Rng, stage: Stage, green: Color) -> None:
     if rng.random() < 0.2:
         meadow(rng, stage, green, (-5.0, -6.0), (5.0, 4.0), 2600)
         return
-    middle, width = float(rng.uniform(-1.2, 1.2)), float(rng.uniform(1.4, 3.6))
+    middle, width = rng.uniform(-1.2, 1.2), rng.uniform(1.4, 3.6)
     left, right = middle - 0.5 * width, middle + 0.5 * width
     meadow(rng, stage, green, (-5.0, -6.0), (left, 4.0), int(260 * (left + 5.0)))
     meadow(rng, stage, green, (right, -6.0), (5.0, 4.0), int(260 * (5.0 - right)))
@@ -88,29 +77,25 @@ def meadow(
     anchors = np.zeros((columns * rows, 3))
     np.add.at(anchors, group, roots)
     anchors /= np.maximum(np.bincount(group, minlength=columns * rows), 1)[:, None]
-    height = float(rng.uniform(0.22, 0.5))
-    sway = wind(rng, anchors, 0.5 * height)
-    stage.put(
-        shapes.blades(rng, roots, group, height, 0.035),
-        materials.grass(rng, green),
-        palette=sway,
-        shadow=False,
-    )
+    height = rng.uniform(0.22, 0.5)
+    sway = paths.wind(rng, anchors, 0.5 * height)
+    grass = shapes.blades(rng, roots, group, height, 0.035)
+    stage.put(grass, materials.grass(rng, green), palette=sway, shadow=False)
 
 
 def tree(rng: Rng, stage: Stage, at: tuple[float, float], green: Color, strength: float) -> None:
     """Add a tree whose twigs sway by `strength` metres at (x, z)."""
-    tall, bark = float(rng.uniform(2.0, 3.2)), materials.ground(rng, (0.32, 0.25, 0.19), 0.7, 6.0)
+    tall, bark = rng.uniform(2.0, 3.2), materials.ground(rng, (0.32, 0.25, 0.19), 0.7, 6.0)
     root = np.array([at[0], 0.0, at[1]])
     lean = rng.normal(0.0, 0.2, 3) * (1.0, 0.0, 1.0)
     trunk = root + np.array([0.0, 0.5, 1.0])[:, None] * (lean + np.array([0.0, tall, 0.0]))
     crown, count = trunk[-1], int(rng.integers(18, 30))
     tips = crown + rng.normal((0.0, 1.0, 0.0), 1.0, (count, 3)) * (0.75, 0.5, 0.75)
-    limbs = [(shapes.tube(trunk, 0.13, 9), np.eye(4))]
+    limbs = [shapes.tube(trunk, 0.13, 9)]
     for tip in tips:
         branch = np.stack([trunk[1] + 0.3 * lean, 0.5 * (crown + tip), tip])
-        limbs.append((shapes.tube(branch, 0.03, 5), np.eye(4)))
-    stage.put(shapes.merged(limbs), bark)
+        limbs.append(shapes.tube(branch, 0.03, 5))
+    stage.put(limbs, bark)
     _crown(rng, stage, tips, crown, materials.foliage(rng, green), strength, 0.34)
 
 
@@ -118,9 +103,8 @@ def bush(rng: Rng, stage: Stage, at: tuple[float, float], strength: float) -> No
     """Add a bush at (x, z), some with flowers' colours."""
     tips = np.array([at[0], 0.35, at[1]]) + rng.normal(0.0, 1.0, (14, 3)) * (0.35, 0.14, 0.35)
     hue = GREENS[int(rng.integers(len(GREENS)))] if rng.random() < 0.7 else (0.7, 0.3, 0.35)
-    _crown(
-        rng, stage, tips, np.array([at[0], 0.0, at[1]]), materials.foliage(rng, hue, 5), 0.5 * strength, 0.22
-    )
+    leaves, root = materials.foliage(rng, hue, 5), np.array([at[0], 0.0, at[1]])
+    _crown(rng, stage, tips, root, leaves, 0.5 * strength, 0.22)
 
 
 def _crown(
@@ -130,34 +114,32 @@ def _crown(
     centers = np.repeat(tips, each, axis=0) + rng.normal(0.0, 0.55 * size, (each * len(tips), 3))
     centers[:, 1] = np.maximum(centers[:, 1], 0.4 * size)
     mesh = shapes.cards(rng, centers, np.repeat(np.arange(len(tips)), each), size, middle)
-    stage.put(mesh, leaves, palette=wind(rng, tips, strength))
+    stage.put(mesh, leaves, palette=paths.wind(rng, tips, strength))
 
 
 def _ruins(rng: Rng, stage: Stage) -> None:
     stone = materials.brick(rng) if rng.random() < 0.6 else materials.concrete(rng)
     for x in rng.uniform(-5.0, 5.0, 3):
-        wall = shapes.box(float(rng.uniform(1, 3)), float(rng.uniform(0.5, 1.8)), 0.4, 0.6)
-        stage.put(
-            wall, stone, placed(float(x), 0, float(rng.uniform(-8.5, -5)), yaw=float(rng.normal(0, 0.4)))
-        )
+        wall = shapes.box(rng.uniform(1, 3), rng.uniform(0.5, 1.8), 0.4, 0.6)
+        stage.put(wall, stone, placed(x, 0, rng.uniform(-8.5, -5), yaw=rng.normal(0, 0.4)))
     for x, z in rng.uniform((-4, -4), (4, 2), (5, 2)):
-        size = float(rng.uniform(0.15, 0.45))
+        size = rng.uniform(0.15, 0.45)
         stage.put(shapes.rock(rng, size), materials.ground(rng, (0.5, 0.48, 0.45)), placed(x, 0.2 * size, z))
     rails = [(shapes.box(12.0, 0.1, 0.05, 0.8), placed(0, y, -4.4)) for y in (0.35, 0.75)]
     posts = [(shapes.box(0.12, 1.0, 0.12, 0.8), placed(x, 0, -4.45)) for x in np.arange(-6.0, 6.1, 1.2)]
-    stage.put(shapes.merged(rails + posts), materials.planks(rng))
+    stage.put(rails + posts, materials.planks(rng))
 
 
 def _cottage(rng: Rng, stage: Stage) -> None:
     """Add a plastered house or a garden wall behind the trees, on which their shadows play."""
     plaster = materials.plaster(rng, (0.78, 0.74, 0.66))
-    x, width, tall = float(rng.uniform(-3, 3)), float(rng.uniform(4.0, 9.0)), float(rng.uniform(1.8, 3.2))
-    at = placed(x, 0.0, float(rng.uniform(-9.5, -8.0)), yaw=float(rng.normal(0.0, 0.15)))
+    x, width, tall = rng.uniform(-3, 3), rng.uniform(4.0, 9.0), rng.uniform(1.8, 3.2)
+    at = placed(x, 0.0, rng.uniform(-9.5, -8.0), yaw=rng.normal(0.0, 0.15))
     stage.put(shapes.box(width, tall, 2.0, 0.4), plaster, at)
     if tall > 2.4:
         stage.put(shapes.box(width + 0.5, 0.25, 2.6, 0.6), materials.planks(rng), at @ placed(0.0, tall))
         panes = [(shapes.box(0.7, 0.9, 0.06), placed(k, 1.0, 1.0)) for k in np.arange(-0.3, 0.4, 0.3) * width]
-        stage.put(shapes.merged(panes), materials.metal(rng, (0.3, 0.34, 0.38), 0.08), at)
+        stage.put(panes, materials.metal(rng, (0.3, 0.34, 0.38), 0.08), at)
 
 
 def _wildlife(rng: Rng, stage: Stage, dark: bool) -> None:
@@ -172,25 +154,26 @@ def _wildlife(rng: Rng, stage: Stage, dark: bool) -> None:
 def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
     """Add lanterns that wander, and at night the headlights of a car that passes behind the camera."""
     for _ in range(int(rng.integers(3, 6)) if dark else int(rng.integers(1, 3))):
-        home = (float(rng.uniform(-4, 4)), float(rng.uniform(0.9, 1.9)), float(rng.uniform(-6.5, 0)))
-        lantern, color = together(home, drift(rng, 1.2, 0.9)), lighting.tint(rng, 6.0 if dark else 20.0, 0.7)
+        home = (rng.uniform(-4, 4), rng.uniform(0.9, 1.9), rng.uniform(-6.5, 0))
+        lantern = paths.together(home, paths.drift(rng, 1.2, 0.9))
+        color = lighting.tint(rng, 6.0 if dark else 20.0, 0.7)
         pulsing = lighting.nervous(rng) if rng.random() < 0.85 else lighting.steady
         bulb(stage, lantern, color, size=0.08, reach=8.0, pulsing=pulsing)
     if dark:
-        car = swing(rng, (-6.0, 1.2, 6.5), (6.0, 1.2, 7.0), float(rng.uniform(3.0, 9.0)))
-        beam = swing(rng, (-5.0, 0.8, -6.0), (5.0, 0.8, -6.0), float(rng.uniform(5.0, 16.0)))
-        color = lighting.tint(rng, float(rng.uniform(150.0, 350.0)), 0.15)
+        car = paths.swing(rng, (-6.0, 1.2, 6.5), (6.0, 1.2, 7.0), rng.uniform(3.0, 9.0))
+        beam = paths.swing(rng, (-5.0, 0.8, -6.0), (5.0, 0.8, -6.0), rng.uniform(5.0, 16.0))
+        color = lighting.tint(rng, rng.uniform(150.0, 350.0), 0.15)
         stage.spot = lighting.spotlight(car, beam, color, outer=26.0, reach=26.0)
 
 
 def _butterfly(rng: Rng, stage: Stage) -> None:
-    home = (float(rng.uniform(-2, 2)), float(rng.uniform(0.7, 1.7)), float(rng.uniform(-2, 2.5)))
-    path = circuit(rng, home, (float(rng.uniform(0.5, 1.5)), 0.8), 2.0)
-    pose, beat = headed(together(path, drift(rng, 0.15, 2.0))), float(rng.uniform(20, 35))
+    home = (rng.uniform(-2, 2), rng.uniform(0.7, 1.7), rng.uniform(-2, 2.5))
+    path = paths.circuit(rng, home, (rng.uniform(0.5, 1.5), 0.8), 2.0)
+    pose, beat = paths.headed(paths.together(path, paths.drift(rng, 0.15, 2.0))), rng.uniform(20, 35)
     wing, cover = shapes.plane(0.16, 0.1), materials.striped(rng, 4)
 
-    def flap(side: float) -> Pose:
+    def flap(side: float) -> paths.Pose:
         return lambda t: turned_by(2, side * (0.3 + 0.8 * np.sin(beat * t))) @ placed(0.08 * side)
 
     for side in (-1.0, 1.0):
-        stage.put(wing, cover, carried(pose, flap(side)))
+        stage.put(wing, cover, paths.carried(pose, flap(side)))

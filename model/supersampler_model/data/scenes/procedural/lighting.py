@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.environment import Environment, directions
 from supersampler_model.data.scenes.lights import Point, Spot, Sun
-from supersampler_model.data.scenes.procedural.paths import Place, pendulum, vector
+from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
 from supersampler_model.data.values import Color, Vector
 
 Values = NDArray[np.float64]
@@ -16,6 +16,7 @@ Rng = np.random.Generator
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""
 PULSES = ("throb", "flicker", "strobe", "fade")
+_COMMON = (0.4, 0.25, 0.15, 0.2)  # probability of each
 HEIGHT = 128  # of panoramas
 
 
@@ -24,13 +25,11 @@ def steady(_: float) -> float:
     return 1.0
 
 
-def pulse(rng: Rng, kind: str | None = None) -> Pulse:
-    """Return one of the PULSES, a random one by default."""
-    kind = kind or str(rng.choice(PULSES, p=(0.4, 0.25, 0.15, 0.2)))
-    phase, depth = float(rng.uniform(0.0, 6.3)), float(rng.uniform(0.5, 0.95))
-    rate = (
-        2.0 * np.pi * float(rng.uniform(*{"throb": (0.6, 2.5), "strobe": (1.5, 4.0)}.get(kind, (0.25, 0.6))))
-    )
+def pulse(rng: Rng, *kinds: str) -> Pulse:
+    """Return a pulse of one of these kinds; of any of the PULSES by default."""
+    kind = kinds[0] if len(kinds) == 1 else str(rng.choice(kinds or PULSES, p=None if kinds else _COMMON))
+    phase, depth = rng.uniform(0.0, 6.3), rng.uniform(0.5, 0.95)
+    rate = 2.0 * np.pi * rng.uniform(*{"throb": (0.6, 2.5), "strobe": (1.5, 4.0)}.get(kind, (0.25, 0.6)))
     if kind == "flicker":
         levels, steps = rng.choice([0.1, 0.5, 1.0, 1.6], 97, p=(0.2, 0.15, 0.45, 0.2)), rng.uniform(8.0, 15.0)
         return lambda t: float(levels[int(np.floor(t * steps)) % len(levels)])
@@ -48,13 +47,13 @@ def nervous(rng: Rng) -> Pulse:
 def clouds(rng: Rng) -> Pulse:
     """Return the factor of a sun behind broken clouds: one or two edges a second, soft or abrupt."""
     rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
-    sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), float(rng.uniform(0.5, 0.9))
+    sharp, depth = float(np.exp(rng.uniform(0.8, 3.3))), rng.uniform(0.5, 0.9)
     return lambda t: float(1.15 - depth * (0.5 + 0.5 * np.tanh(sharp * np.sin(rates * t + phases).sum())))
 
 
 def lightning(rng: Rng) -> Pulse:
     """Return the factor of a moon in a thunderstorm: bursts of a few frames, many times its light."""
-    gap, first, strength = float(rng.uniform(0.4, 0.9)), float(rng.random()), float(rng.uniform(12.0, 30.0))
+    gap, first, strength = rng.uniform(0.4, 0.9), rng.random(), rng.uniform(12.0, 30.0)
     bursts = rng.choice((0.0, 0.25, 0.6, 1.0), (7, 6), p=(0.3, 0.25, 0.25, 0.2))
 
     def at(t: float) -> float:
@@ -100,8 +99,8 @@ def sunlight(
         center: of the shadow map.
         azimuth: range of where its light goes, radians: 0 is +x, pi / 2 is +z.
     """
-    color, turn = tint(rng, strength, warmth), float(rng.uniform(*azimuth))
-    height, creep = np.radians(float(rng.uniform(*elevation))), float(rng.normal(0.0, 0.08))
+    color, turn = tint(rng, strength, warmth), rng.uniform(*azimuth)
+    height, creep = np.radians(rng.uniform(*elevation)), rng.normal(0.0, 0.08)
 
     def at(t: float) -> Sun:
         angle = turn + creep * t
@@ -118,18 +117,14 @@ def sunlight(
 
 
 def spotlight(
-    place: Place,
-    target: Place,
-    color: Color,
-    *,
-    outer: float = 32.0,
-    reach: float = 20.0,
-    pulsing: Pulse = steady,
-) -> Callable[[float], Spot]:
-    """Return a spot that moves along `place` and looks at `target`."""
+    place: Place | Point3, target: Place | Point3, color: Color, *, outer: float = 32.0,
+    reach: float = 20.0, pulsing: Pulse = steady,
+) -> Callable[[float], Spot]:  # fmt: skip
+    """Return a spot light that looks from one place, fixed or moving, to another."""
+    eye, aim = place_of(place), place_of(target)
     return lambda t: Spot(
-        position=vector(place(t)),
-        target=vector(target(t)),
+        position=vector(eye(t)),
+        target=vector(aim(t)),
         color=vector(np.multiply(color, pulsing(t))),
         inner=0.55 * outer,
         outer=outer,
@@ -147,18 +142,13 @@ def hanging(
 
 
 def lamp(
-    place: Place, color: Color, *, reach: float = 8.0, pulsing: Pulse = steady
+    place: Place | Point3, color: Color, *, reach: float = 8.0, pulsing: Pulse = steady
 ) -> Callable[[float], Point]:
-    """Return a point light that moves along `place`."""
+    """Return a point light at a place, fixed or moving."""
+    position = place_of(place)
     return lambda t: Point(
-        position=vector(place(t)), color=vector(np.multiply(color, pulsing(t))), reach=reach
+        position=vector(position(t)), color=vector(np.multiply(color, pulsing(t))), reach=reach
     )
-
-
-def at_rest(position: Sequence[float]) -> Place:
-    """Return a place that does not change."""
-    fixed = np.asarray(position, np.float64)
-    return lambda _: fixed
 
 
 def outdoors(rng: Rng, zenith: Color, horizon: Color, ground: Color, *, clouds: float = 0.5) -> Environment:
@@ -185,11 +175,11 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
     azimuth = np.arctan2(around[..., 0], -around[..., 2])
     image = np.array(ambient) * (0.6 + 0.4 * up)[..., None]
     for _ in range(panels):
-        middle, height = float(rng.uniform(-np.pi, np.pi)), float(rng.uniform(0.15, 0.85))
-        wide, tall = float(rng.uniform(0.08, 0.5)), float(rng.uniform(0.04, 0.18))
+        middle, height = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 0.85)
+        wide, tall = rng.uniform(0.08, 0.5), rng.uniform(0.04, 0.18)
         apart = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
         inside = (apart < wide) & (np.abs(up - height) < tall)
-        image = image + inside[..., None] * np.array(tint(rng, strength, float(rng.uniform(-0.5, 0.5))))
+        image = image + inside[..., None] * np.array(tint(rng, strength, rng.uniform(-0.5, 0.5)))
     return Environment(pixels=image.astype(np.float32))
 
 
@@ -239,8 +229,8 @@ def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weathe
         pulsing = clouds(rng) if rng.random() < 0.85 else steady
     zenith, horizon, ground = _SKIES[hour]
     return Weather(
-        environment=outdoors(rng, zenith, horizon, ground, clouds=float(rng.uniform(0.5, 1.1))),
-        exposure=exposure * float(rng.uniform(0.9, 1.15)),
+        environment=outdoors(rng, zenith, horizon, ground, clouds=rng.uniform(0.5, 1.1)),
+        exposure=exposure * rng.uniform(0.9, 1.15),
         sun=sunlight(
             rng, strength, radius, elevation=elevation, pulsing=pulsing, warmth=warmth, center=center,
             azimuth=(3.9, 5.5),

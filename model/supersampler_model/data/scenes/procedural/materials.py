@@ -88,7 +88,7 @@ def facade(rng: Rng) -> Material:
 
 def concrete(rng: Rng) -> Material:
     """Return cast concrete."""
-    return ground(rng, _scaled((0.55, 0.54, 0.52), float(rng.uniform(0.6, 1.1))), 1.1, 1.5)
+    return ground(rng, _scaled((0.55, 0.54, 0.52), rng.uniform(0.6, 1.1)), 1.1, 1.5)
 
 
 def metal(rng: Rng, hue: Color, roughness: float, worn: float = 0.15) -> Material:
@@ -161,7 +161,7 @@ def cloth(rng: Rng, hue: Color | None = None) -> Material:
 
 def fence(rng: Rng, meshes: int = 8) -> Material:
     """Return chain-link, `meshes` diamonds on one texture."""
-    opacity = textures.chain_link(meshes, float(rng.uniform(0.12, 0.2)))
+    opacity = textures.chain_link(meshes, rng.uniform(0.12, 0.2))
     rust = textures.fractal(rng, 1.3)
     return _cut_out(shade(rust, (0.45, 0.42, 0.38), (0.85, 0.86, 0.88), opacity), 0.4, 0.7)
 
@@ -181,7 +181,7 @@ def net(rng: Rng, cells: int, width: float, hue: Color = (0.9, 0.9, 0.88)) -> Ma
 
 def foliage(rng: Rng, hue: Color, count: int = 7) -> Material:
     """Return leaves on a card; `hue` is sRGB."""
-    opacity, tone = textures.leaves(rng, count, float(rng.uniform(1.6, 3.5)))
+    opacity, tone = textures.leaves(rng, count, rng.uniform(1.6, 3.5))
     return _cut_out(shade(tone, _scaled(hue, 0.45), _scaled(hue, 1.35), opacity), 0.6, 0.0)
 
 

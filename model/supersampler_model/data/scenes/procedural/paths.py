@@ -14,6 +14,8 @@ Rng = np.random.Generator
 Pose = Callable[[float], Matrix]
 Place = Callable[[float], Values]
 """Seconds to (x, y, z), metres."""
+Point3 = Sequence[float] | Values
+"""(x, y, z), metres."""
 MOTIONS = ("still", "orbit", "dolly", "truck", "crane", "pan")
 _SHARES = (0.08, 0.22, 0.2, 0.22, 0.1, 0.18)
 _BRISK_SHARES = (0.05, 0.2, 0.15, 0.22, 0.1, 0.28)
@@ -23,6 +25,14 @@ def vector(values: Values | Sequence[float]) -> Vector:
     """Return three floats."""
     x, y, z = (float(value) for value in values)
     return x, y, z
+
+
+def place_of(place: Place | Point3) -> Place:
+    """Return a place as a function of time; a point does not move."""
+    if callable(place):
+        return place
+    fixed = np.asarray(place, np.float64)
+    return lambda _: fixed
 
 
 def drift(rng: Rng, amount: float, rate: float) -> Place:
@@ -55,7 +65,7 @@ def pendulum(rng: Rng, pivot: Sequence[float], length: float, extent: float) -> 
 
 def circuit(rng: Rng, center: Sequence[float], extent: tuple[float, float], speed: float) -> Place:
     """Return a level ellipse with half axes `extent` in x and z, at about `speed` metres a second."""
-    middle, turn = np.asarray(center, np.float64), float(rng.uniform(0.0, 6.3))
+    middle, turn = np.asarray(center, np.float64), rng.uniform(0.0, 6.3)
     rate = speed / max(extent) * float(rng.choice([-1.0, 1.0]))
 
     def at(t: float) -> Values:
@@ -67,7 +77,7 @@ def circuit(rng: Rng, center: Sequence[float], extent: tuple[float, float], spee
 
 def bounces(rng: Rng, path: Place, height: float, radius: float) -> Place:
     """Return `path` with a ball's hops of `height` on the level of the path; `radius` is the ball's."""
-    phase, period = float(rng.random()), 2.0 * float(np.sqrt(2.0 * height / 9.8))
+    phase, period = rng.random(), 2.0 * float(np.sqrt(2.0 * height / 9.8))
 
     def at(t: float) -> Values:
         x = (t / period + phase) % 1.0
@@ -147,9 +157,9 @@ def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matric
         anchors: (n, 3), at most 127.
         strength: how far tips move, metres.
     """
-    angle = float(rng.uniform(0.0, 6.3))
+    angle = rng.uniform(0.0, 6.3)
     ahead = np.array([np.cos(angle), 0.0, np.sin(angle)])
-    speed, length = float(rng.uniform(2.0, 5.0)), float(rng.uniform(3.0, 7.0))
+    speed, length = rng.uniform(2.0, 5.0), rng.uniform(3.0, 7.0)
     along = anchors @ ahead
     flutter, phases = rng.uniform(1.5, 4.0, (len(anchors), 3)), rng.uniform(0.0, 6.3, (len(anchors), 3))
 
@@ -185,22 +195,17 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
     right = np.cross((0.0, 1.0, 0.0), back)
     right /= np.linalg.norm(right)
     way = {"orbit": right, "dolly": back, "truck": right, "crane": np.array([0.0, 0.6, 0.0])}.get(kind)
-    room, speed = (
-        vantage.room * float(rng.uniform(0.5, 1.0)),
-        float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2))),
-    )
+    room = vantage.room * rng.uniform(0.5, 1.0)
+    speed = float(np.exp(rng.uniform(-0.4 if vantage.brisk else -1.0, 1.2)))
     rate, phase = speed / room, float(rng.uniform(-0.9, 0.4) + rng.choice([0.0, np.pi]))
-    sweep, sweep_rate = (
-        float(rng.uniform(0.15, 0.5)),
-        float(rng.uniform(1.5, 5.0)),
-    )  # radians, radians a second
+    sweep, sweep_rate = (rng.uniform(0.15, 0.5), rng.uniform(1.5, 5.0))  # radians, radians a second
     if vantage.brisk:
         sweep, wave = _steady_turn(rng)
     else:
         wave = _sine(sweep_rate, phase)
     shaky = float(rng.random() < 0.5 and kind != "still")
     hand, gaze = drift(rng, 0.02 * shaky, 1.2), drift(rng, 0.03 * shaky, 1.5)
-    fov = float(rng.uniform(*vantage.fov_y))
+    fov = rng.uniform(*vantage.fov_y)
 
     def camera(t: float) -> Camera:
         offset = 0.0 if way is None else way * room * np.sin(rate * t + phase)
@@ -219,7 +224,7 @@ def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) 
 
 def _steady_turn(rng: Rng) -> tuple[float, Callable[[float], float]]:
     """Return how far a camera turns, and its way to and fro in [-1, 1], at an even speed but for the ends."""
-    extent, speed = float(rng.uniform(0.3, 0.55)), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
+    extent, speed = rng.uniform(0.3, 0.55), float(np.exp(rng.uniform(-1.0, 0.6)))  # radians a second
     rate, phase = 0.5 * np.pi * speed / extent, float(rng.uniform(-1.3, 0.2) + rng.choice([0.0, np.pi]))
     return extent, lambda t: float(np.arcsin(0.97 * np.sin(rate * t + phase)) / np.arcsin(0.97))
 

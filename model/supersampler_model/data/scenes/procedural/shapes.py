@@ -10,6 +10,8 @@ from supersampler_model.data.values import Matrix
 
 Values = NDArray[np.float64]
 Rng = np.random.Generator
+Part = Mesh | tuple[Mesh, Matrix]
+"""A mesh as it is, or moved by a matrix."""
 
 
 def mesh_of(
@@ -26,10 +28,11 @@ def mesh_of(
     )
 
 
-def merged(parts: Iterable[tuple[Mesh, Matrix]]) -> Mesh:
-    """Return rigid meshes, each moved by its matrix, as one: a single draw."""
+def merged(parts: Iterable[Part]) -> Mesh:
+    """Return rigid meshes as one, so that the renderer draws them in one call."""
     positions, normals, uv, faces, count = [], [], [], [], 0
-    for mesh, matrix in parts:
+    for part in parts:
+        mesh, matrix = (part, np.eye(4)) if isinstance(part, Mesh) else part
         positions.append(mesh.positions @ matrix[:3, :3].T + matrix[:3, 3])
         turned = mesh.normals @ np.linalg.inv(matrix[:3, :3])
         normals.append(turned / np.linalg.norm(turned, axis=1, keepdims=True))

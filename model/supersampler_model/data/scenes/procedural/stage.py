@@ -1,6 +1,6 @@
 """The stage that a family builds: all content of a scene as functions of time in seconds."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -11,6 +11,7 @@ from supersampler_model.data.scenes.lights import Point, Spot, Sun
 from supersampler_model.data.scenes.mesh import Mesh
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
 from supersampler_model.data.scenes.procedural.paths import Pose, Vantage
+from supersampler_model.data.scenes.procedural.shapes import Part, merged
 from supersampler_model.data.scenes.scene import Instance, Material, Particles, Scene
 from supersampler_model.data.values import Matrices, Matrix
 
@@ -60,15 +61,15 @@ class Stage:
     particles: list[Callable[[float], Particles]] = field(default_factory=list)
 
     def put(
-        self, mesh: Mesh, material: Material, at: Matrix | Pose | None = None, *,
+        self, mesh: Mesh | Iterable[Part], material: Material, at: Matrix | Pose | None = None, *,
         palette: Callable[[float], Matrices] | None = None, emission: Pulse = steady, shadow: bool = True,
     ) -> None:  # fmt: skip
-        """Add a thing, at the origin unless said where."""
+        """Add a thing, at the origin by default; several parts become one mesh."""
         fixed = np.eye(4) if at is None else at
         pose = fixed if callable(fixed) else _at(fixed)
         self.props.append(
             Prop(
-                mesh=mesh,
+                mesh=mesh if isinstance(mesh, Mesh) else merged(mesh),
                 material=material,
                 pose=pose,
                 palette=palette,

@@ -135,6 +135,6 @@ def picture(rng: Rng, size: int = SIZE) -> Texture:
 
 def color(rng: Rng, saturation: float, value: float) -> Color:
     """Return a colour of any hue, about as saturated and as bright as asked."""
-    s = saturation * float(rng.uniform(0.45, 1.1))
-    v = value * float(rng.uniform(0.7, 1.15))
-    return colorsys.hsv_to_rgb(float(rng.random()), min(s, 1.0), min(v, 1.0))
+    s = saturation * rng.uniform(0.45, 1.1)
+    v = value * rng.uniform(0.7, 1.15)
+    return colorsys.hsv_to_rgb(rng.random(), min(s, 1.0), min(v, 1.0))
