@@ -11,7 +11,6 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator, ShadedHistory
@@ -19,8 +18,19 @@ from supersampler.frame import Float32, Frame
 from supersampler.io.display import auto_exposure, decibels, display_transform
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
-from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    listed,
+    opened_shots,
+    publish,
+)
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.extrapolation import EVERY_SECOND, Alternation, check_gbuffers
 from supersampler_bench.quality.score_record import shot_record
 from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
@@ -86,7 +96,7 @@ def measure_colors(
     models: Sequence[str],
     *,
     origin: dict[str, Any] | None = None,
-    on_frame: Callable[[int], None] = lambda _: None,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> ExtrapolatedScores:
     """Extrapolate every second frame of a shot, and score its colour.
 
@@ -94,7 +104,7 @@ def measure_colors(
         shot: all of its frames are shaded and have the G-buffers that the models read.
         models: that extrapolate: their names, or folders.
         origin: see `ExtrapolatedScores`.
-        on_frame: called with the number of frames done, after each.
+        on_frame: called after each frame.
 
     Raises:
         ShotError: G-buffers are missing.
@@ -112,7 +122,7 @@ def measure_colors(
             color = way.show(item.frame, unshaded=unshaded)
             if unshaded and item.index >= WARM_UP_FRAMES:
                 found[name].append(_psnr(color, item))
-        on_frame(item.index + 1)
+        on_frame()
     return ExtrapolatedScores(shot, origin or {}, {name: float(np.mean(s)) for name, s in found.items() if s})
 
 
@@ -143,20 +153,16 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown: a column a shot, with its caption."""
     shots = record["shots"]
     names = [shot["name"] for shot in shots]
-    rows = [
-        f"| PSNR dB | {' | '.join(names)} | mean |",
-        f"| --- | {' | '.join('---:' for _ in names)} | ---: |",
-    ]
+    rows = []
     for way in shots[0]["psnr"]:
         scores = [shot["psnr"][way] for shot in shots]
-        cells = [f"{score:.2f}" for score in (*scores, float(np.mean(scores)))]
-        rows.append(f"| {way} | {' | '.join(cells)} |")
-    w, h = shots[0]["render_size"]
+        rows.append([way, *(f"{score:.2f}" for score in (*scores, float(np.mean(scores))))])
+    size = size_text(shots[0]["render_size"])
     caption = (
-        f"Every second frame is unshaded: its colour at {w}x{h}, against that of the same samples shaded; "
+        f"Every second frame is unshaded: its colour at {size}, against that of the same samples shaded; "
         f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels."
     )
-    return "\n".join([*rows, "", caption])
+    return table(["PSNR dB", *(f"{name}:" for name in names), "mean:"], rows, caption)
 
 
 def main(
@@ -174,12 +180,8 @@ def main(
     tables = {f"study extrapolated colors {name}": markdown_table}
     check_page(update, tables)
     names = listed(models)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=sum(len(one) for one, _ in opened))
-        measured = [
-            measure_colors(one, names, origin=origin, on_frame=lambda _: progress.advance(task))
-            for one, origin in opened
-        ]
+    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
+        measured = [measure_colors(one, names, origin=origin, on_frame=advance) for one, origin in opened]
     publish(colors_record(measured, names), tables, json, update)
 
 
