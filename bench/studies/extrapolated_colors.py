@@ -15,7 +15,7 @@ import typer
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame
-from supersampler.io.display import auto_exposure, decibels, display_transform
+from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.cli.options import (
@@ -32,6 +32,7 @@ from supersampler_bench.cli.options import (
 )
 from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.extrapolation import EVERY_SECOND, Alternation, check_gbuffers
+from supersampler_bench.quality.metrics import crop, psnr
 from supersampler_bench.quality.score_record import shot_record
 from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
 from supersampler_bench.quality.warping import warped
@@ -129,8 +130,8 @@ def measure_colors(
 def _psnr(color: Float32, item: ShotFrame) -> float:
     truth = np.asarray(item.frame.color, np.float32)
     exposure = item.frame.exposure or auto_exposure(truth)
-    off = display_transform(color, exposure) - display_transform(truth, exposure)
-    return decibels(float(np.square(off[BORDER:-BORDER, BORDER:-BORDER], dtype=np.float64).mean()))
+    image, reference = (crop(display_transform(c, exposure), BORDER) for c in (color, truth))
+    return psnr(image, reference)
 
 
 def colors_record(measured: Sequence[ExtrapolatedScores], models: Sequence[str]) -> dict[str, Any]:

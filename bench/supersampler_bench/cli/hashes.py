@@ -13,8 +13,7 @@ from supersampler_bench.record import read_record, setting
 
 def hashes(
     methods: Annotated[
-        str | None,
-        typer.Option(help="Names of shipped models, with commas between.", show_default="all"),
+        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
     ] = None,
     json: JSON = None,
     check: Annotated[

@@ -179,14 +179,7 @@ def _compare_speed(
     counts = [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
     with counted("rounds", len(methods) * rounds.total(len(displays) * len(counts))) as advance:
         sides, results = bench.measure_against(
-            python,
-            methods,
-            displays,
-            counts,
-            ratio=ratio,
-            rounds=rounds,
-            on_round=advance,
-            on_left_out=warn,
+            python, methods, displays, counts, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
         )
     publish(bench.against_record(sides, results, ratio, rounds), tables, json, update)
 

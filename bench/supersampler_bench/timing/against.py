@@ -195,12 +195,7 @@ def _steps(
 
 
 def _first_images(
-    sides: Versions,
-    method: str,
-    display: Size,
-    ratio: float,
-    rounds: Rounds,
-    on_round: Callable[[], None],
+    sides: Versions, method: str, display: Size, ratio: float, rounds: Rounds, on_round: Callable[[], None]
 ) -> Iterator[Compared]:
     render = render_size(display, ratio)
     for what, count, fresh in ((FIRST_FRESH, rounds.fresh, True), (FIRST, rounds.starts, False)):
