@@ -86,6 +86,6 @@ VARIANTS: Mapping[str, Callable[[], Task[Any]]] = {
     "without weights in the loss": lambda: GBufferTask(
         SmallGBuffer4(), GBufferWeights(reflective=0.0, reflective_structure=0.0)
     ),
-    "past not blended, features alone": changed(blended=False),
+    "history not blended, features alone": changed(blended=False),
     "all of it, from another seed": changed(),
 }

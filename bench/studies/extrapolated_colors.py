@@ -11,17 +11,28 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame
-from supersampler.io.display import auto_exposure, decibels, display_transform
+from supersampler.io.display import auto_exposure, display_transform
 from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.model_file import find_model, read_model_info
-from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
-from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    listed,
+    opened_shots,
+    publish,
+)
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.extrapolation import EVERY_SECOND, Alternation, check_gbuffers
+from supersampler_bench.quality.metrics import crop, psnr
 from supersampler_bench.quality.score_record import shot_record
 from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
 from supersampler_bench.quality.warping import warped
@@ -86,7 +97,7 @@ def measure_colors(
     models: Sequence[str],
     *,
     origin: dict[str, Any] | None = None,
-    on_frame: Callable[[int], None] = lambda _: None,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> ExtrapolatedScores:
     """Extrapolate every second frame of a shot, and score its colour.
 
@@ -94,7 +105,7 @@ def measure_colors(
         shot: all of its frames are shaded and have the G-buffers that the models read.
         models: that extrapolate: their names, or folders.
         origin: see `ExtrapolatedScores`.
-        on_frame: called with the number of frames done, after each.
+        on_frame: called after each frame.
 
     Raises:
         ShotError: G-buffers are missing.
@@ -112,15 +123,15 @@ def measure_colors(
             color = way.show(item.frame, unshaded=unshaded)
             if unshaded and item.index >= WARM_UP_FRAMES:
                 found[name].append(_psnr(color, item))
-        on_frame(item.index + 1)
+        on_frame()
     return ExtrapolatedScores(shot, origin or {}, {name: float(np.mean(s)) for name, s in found.items() if s})
 
 
 def _psnr(color: Float32, item: ShotFrame) -> float:
     truth = np.asarray(item.frame.color, np.float32)
     exposure = item.frame.exposure or auto_exposure(truth)
-    off = display_transform(color, exposure) - display_transform(truth, exposure)
-    return decibels(float(np.square(off[BORDER:-BORDER, BORDER:-BORDER], dtype=np.float64).mean()))
+    image, reference = (crop(display_transform(c, exposure), BORDER) for c in (color, truth))
+    return psnr(image, reference)
 
 
 def colors_record(measured: Sequence[ExtrapolatedScores], models: Sequence[str]) -> dict[str, Any]:
@@ -143,20 +154,16 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown: a column a shot, with its caption."""
     shots = record["shots"]
     names = [shot["name"] for shot in shots]
-    rows = [
-        f"| PSNR dB | {' | '.join(names)} | mean |",
-        f"| --- | {' | '.join('---:' for _ in names)} | ---: |",
-    ]
+    rows = []
     for way in shots[0]["psnr"]:
         scores = [shot["psnr"][way] for shot in shots]
-        cells = [f"{score:.2f}" for score in (*scores, float(np.mean(scores)))]
-        rows.append(f"| {way} | {' | '.join(cells)} |")
-    w, h = shots[0]["render_size"]
+        rows.append([way, *(f"{score:.2f}" for score in (*scores, float(np.mean(scores))))])
+    size = size_text(shots[0]["render_size"])
     caption = (
-        f"Every second frame is unshaded: its colour at {w}x{h}, against that of the same samples shaded; "
+        f"Every second frame is unshaded: its colour at {size}, against that of the same samples shaded; "
         f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels."
     )
-    return "\n".join([*rows, "", caption])
+    return table(["PSNR dB", *(f"{name}:" for name in names), "mean:"], rows, caption)
 
 
 def main(
@@ -174,12 +181,8 @@ def main(
     tables = {f"study extrapolated colors {name}": markdown_table}
     check_page(update, tables)
     names = listed(models)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=sum(len(one) for one, _ in opened))
-        measured = [
-            measure_colors(one, names, origin=origin, on_frame=lambda _: progress.advance(task))
-            for one, origin in opened
-        ]
+    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
+        measured = [measure_colors(one, names, origin=origin, on_frame=advance) for one, origin in opened]
     publish(colors_record(measured, names), tables, json, update)
 
 

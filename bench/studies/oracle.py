@@ -10,14 +10,23 @@ from typing import Annotated
 import numpy as np
 import torch
 import typer
-from rich.progress import Progress
 from torch import Tensor
 
 from supersampler.backends.onnx.session import frame_inputs, planes_of
 from supersampler.frame import Float32, Size
 from supersampler.io.shot import ShotFrame
-from supersampler_bench.cli.options import ERRORS, JSON, UPDATE, check_page, listed, publish
-from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    listed,
+    opened_shots,
+    publish,
+)
 from supersampler_bench.quality.measure import (
     StepImage,
     Stepper,
@@ -25,9 +34,8 @@ from supersampler_bench.quality.measure import (
     reference_size,
     stepper_of,
 )
-from supersampler_bench.quality.score_record import Measured, quality_record
-from supersampler_bench.quality.score_report import Report
-from supersampler_bench.quality.score_table import Summaries
+from supersampler_bench.quality.score_record import quality_record, shot_scores
+from supersampler_bench.quality.score_table import Rows, tables_of
 from supersampler_bench.quality.score_table import markdown_table as score_table
 from supersampler_bench.record import Record
 from supersampler_model.methods import base as method
@@ -83,9 +91,9 @@ def best_weight(present: Tensor, warped: Tensor, truth: Tensor) -> Tensor:
     return (along / (change * change).sum(dim=1, keepdim=True).clamp(min=1e-8)).clamp(0.0, 1.0)
 
 
-def gap_closed(results: Summaries) -> list[str]:
+def gap_closed(rows: Rows) -> list[str]:
     """Say how much of the PSNR gap from `taau` to the oracle each better method closes."""
-    psnr = {result.method: result.summary()["psnr"] for result in results}
+    psnr = {row["method"]: row["summary"]["warm_cropped"]["psnr"] for row in rows}
     start, gap = psnr["taau"], psnr["oracle"] - psnr["taau"]
     return [
         f"Of the gap from taau to the oracle, {name} closes {(value - start) / gap:.0%}."
@@ -96,10 +104,8 @@ def gap_closed(results: Summaries) -> list[str]:
 
 def markdown_table(record: Record) -> str:
     """Return the tables of a record as Markdown: of the mean at each ratio, or of the only shot."""
-    report = Report(record)
     return "\n\n".join(
-        "\n".join([score_table(title, scores), "", *gap_closed(scores)])
-        for title, scores in report.mean_tables() or report.shot_tables()
+        "\n".join([score_table(title, rows), "", *gap_closed(rows)]) for title, rows in tables_of(record)
     )
 
 
@@ -118,14 +124,13 @@ def main(
     tables = {f"study oracle {name}": markdown_table}
     check_page(update, tables)
     measured = []
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=sum(len(one) for one, _ in opened))
+    with counted("frames", sum(len(one) for one, _ in opened)) as advance:
         for one, origin in opened:
             display = reference_size(one)
             steppers = [stepper_of(method, display) for method in ("taau", *listed(methods))]
             steppers.append(oracle_stepper(display))
-            scores = measure_steppers(one, steppers, on_frame=lambda _: progress.advance(task))
-            measured.append(Measured(one, scores, origin))
+            scores = measure_steppers(one, steppers, on_frame=advance)
+            measured.append(shot_scores(one, scores, origin))
     publish({**quality_record(measured), "bench": "oracle"}, tables, json, update)
 
 

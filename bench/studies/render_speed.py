@@ -13,11 +13,10 @@ from typing import Annotated, Any
 
 import numpy as np
 import typer
-from rich.progress import Progress
 
 from supersampler.cli.arguments import parse_size
 from supersampler.frame import Size
-from supersampler_bench.cli.options import ERRORS, JSON, publish
+from supersampler_bench.cli.options import JSON, counted, publish
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.render_test_shots import driver_name
 from supersampler_model.data.dataset import (
@@ -202,9 +201,8 @@ def main(
 ) -> None:
     """Time `supersampler render --gbuffers` into a temporary folder; keep the machine idle otherwise."""
     load = RenderLoad(display_size=parse_size(size), samples=samples, workers=workers, frames=frames)
-    with Progress(console=ERRORS, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("rendering", total=load.plan().sequences * frames)
-        record = measure_render(load, lambda: progress.advance(task))
+    with counted("rendering", load.plan().sequences * frames) as advance:
+        record = measure_render(load, advance)
     publish(record, {"render": markdown_table}, json, None)
 
 

@@ -1,6 +1,6 @@
 """Which methods run on which frames, and default G-buffers for frames that lack them."""
 
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from dataclasses import replace
 from functools import lru_cache
 
@@ -11,6 +11,7 @@ from supersampler.errors import FrameError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.gbuffers import GBUFFERS, Place, grouped, listed
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler_bench.quality.masks import to_display
 
 MATTE = {
     "base_color": (0.5, 0.5, 0.5),
@@ -19,17 +20,17 @@ MATTE = {
     "metallic": (0.0,),
     "specular": (0.5,),
 }
-"""Values of default G-buffers, the same in every pixel."""
+"""Values of default G-buffers in every pixel, by name."""
 
 
 def incompatibility(model: str, render: Size, display: Size, gbuffers: Collection[str] | None = None) -> str:
     """Return why a method does not run on some frames; "" where it does.
 
     Args:
-        model: name of a shipped one, or a folder.
+        model: name of a shipped model, or a model folder.
         render: (width, height) of the frames.
-        display: of the images.
-        gbuffers: names of those that the frames have; None where default ones may be added.
+        display: (width, height) of the images.
+        gbuffers: names of the G-buffers that the frames have; None where default ones may be added.
 
     Raises:
         ModelError: there is no such model.
@@ -45,15 +46,25 @@ def incompatibility(model: str, render: Size, display: Size, gbuffers: Collectio
     return f"{model} is left out: the frames have no {listed(lacking)}." if lacking else ""
 
 
+def compatible(
+    models: Sequence[str], render: Size, display: Size, on_left_out: Callable[[str], None]
+) -> list[str]:
+    """Return those of some methods that run at these sizes; `on_left_out` gets the reason for each other."""
+    reasons = {model: incompatibility(model, render, display) for model in models}
+    for reason in filter(None, reasons.values()):
+        on_left_out(reason)
+    return [model for model in models if not reasons[model]]
+
+
 def gbuffers_of(models: Iterable[str]) -> set[str]:
-    """Names of the G-buffers that any of these methods reads."""
+    """Return the names of the G-buffers that any of these methods reads."""
     return {name for model in models for name in read_model_info(find_model(model)).gbuffers}
 
 
 def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> Frame:
-    """Return a frame with the G-buffers of these tensors: its own, and for those it lacks a matte surface's.
+    """Return a frame with the G-buffers of these tensor names; those it lacks are of a matte surface.
 
-    Depth of display size is the nearest sample of the frame's, 0 where that is no depth.
+    Missing depth of display size is the nearest sample of the frame's depth, and 0 where that is not valid.
     """
     found = {name: GBUFFERS[name].find(frame) for name in names}
     if all(array is not None for array in found.values()):
@@ -67,19 +78,12 @@ def with_default_gbuffers(frame: Frame, names: Iterable[str], display: Size) -> 
 
 
 def _default_gbuffer(place: Place, frame: Frame, display: Size) -> Float32:
-    if place.key == "depth":
-        return _nearest_depth(frame, display)
-    return _matte(place.key, place.shape(frame.size, display))
+    if place.key != "depth":
+        return _matte(place.key, place.shape(frame.size, display))
+    depth = to_display(frame.depth, frame.jitter, display)
+    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))
 
 
-@lru_cache(maxsize=len(GBUFFERS))  # of one size: those of large images are large
+@lru_cache(maxsize=len(GBUFFERS))  # buffers of one size; a 4K one takes 100 MB
 def _matte(key: str, shape: tuple[int, ...]) -> Float32:
     return np.full((*shape[:2], len(MATTE[key])), MATTE[key], np.float32).reshape(shape)
-
-
-def _nearest_depth(frame: Frame, display: Size) -> Float32:
-    (width, height), (x, y) = frame.size, frame.jitter
-    columns = np.floor((np.arange(display[0]) + 0.5) * width / display[0] - x).astype(np.intp)
-    rows = np.floor((np.arange(display[1]) + 0.5) * height / display[1] - y).astype(np.intp)
-    depth = frame.depth[rows.clip(0, height - 1)[:, None], columns.clip(0, width - 1)]
-    return np.where(np.isfinite(depth) & (depth > 0.0), depth, np.float32(0.0))

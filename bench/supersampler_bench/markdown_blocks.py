@@ -8,12 +8,6 @@ from supersampler.errors import ArgumentError
 from supersampler.io.atomic import replacing
 
 
-def update_blocks(path: Path, texts: Mapping[str, str]) -> None:
-    """Replace each of the named blocks that a Markdown file has; see `update_block`."""
-    for name in find_blocks(path, list(texts)):
-        update_block(path, name, texts[name])
-
-
 def find_blocks(path: Path, names: Sequence[str]) -> list[str]:
     """Return those of the blocks `names` that a Markdown file has.
 
@@ -25,6 +19,12 @@ def find_blocks(path: Path, names: Sequence[str]) -> list[str]:
     for name in found or names[:1]:
         find_block(path, name)
     return found
+
+
+def update_blocks(path: Path, texts: Mapping[str, str]) -> None:
+    """Replace each of the named blocks that a Markdown file has; see `update_block`."""
+    for name in find_blocks(path, list(texts)):
+        update_block(path, name, texts[name])
 
 
 def update_block(path: Path, name: str, text: str) -> None:
@@ -49,15 +49,13 @@ def find_block(path: Path, name: str) -> tuple[str, int, int]:
     """
     opening, closing = f"<!-- bench:{name} -->", "<!-- /bench -->"
     try:
-        with path.open(encoding="utf-8", newline="") as file:  # line ends stay as they are
+        with path.open(encoding="utf-8", newline="") as file:  # newline="": line ends stay as they are
             content = file.read()
     except OSError as error:
         raise ArgumentError("update", got=f"{path} ({error})", want="a Markdown file") from error
-    found = re.findall(re.escape(opening) + r".*?" + re.escape(closing), content, re.DOTALL)
+    found = list(re.finditer(f"(?<={re.escape(opening)}).*?(?={re.escape(closing)})", content, re.DOTALL))
     if len(found) != 1:
+        got = f"{path} with {len(found)} blocks of {name!r}"
         hint = f"Write the lines {opening} and {closing} where the table should stand."
-        raise ArgumentError(
-            "update", got=f"{path} with {len(found)} blocks of {name!r}", want="one", hint=hint
-        )
-    start = content.index(found[0]) + len(opening)
-    return content, start, start + len(found[0]) - len(opening) - len(closing)
+        raise ArgumentError("update", got=got, want="one", hint=hint)
+    return content, *found[0].span()

@@ -23,7 +23,7 @@ _PACKAGES = ("supersampler", "numpy", "onnxruntime", "flip-evaluator")
 
 
 def setting() -> dict[str, Any]:
-    """Return what any measurement depends on besides what it measures, and its date."""
+    """Return what every measurement depends on: versions, machine and command; and the date."""
     return {
         "versions": {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}},
         "machine": machine(),
@@ -33,7 +33,7 @@ def setting() -> dict[str, Any]:
 
 
 def machine_name(record: Record) -> str:
-    """Return what a record was measured on, in a few words."""
+    """Return the processor and the number of cores that a record was measured on."""
     return f"{record['machine']['cpu']}, {record['machine']['cores']} cores"
 
 
@@ -41,15 +41,16 @@ def read_record(path: Path) -> dict[str, Any]:
     """Return a record that a bench command wrote with `--json`.
 
     Raises:
-        ArgumentError: it is none.
+        ArgumentError: the file is no such record.
     """
+    reason = ""
     try:
         record = json.loads(path.read_text(encoding="utf-8"))
         if isinstance(record["bench"], str):
             return dict(record)
     except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:
-        raise ArgumentError("record", got=f"{path} ({error})", want="a file of `bench ... --json`") from error
-    raise ArgumentError("record", got=str(path), want="a file of `bench ... --json`")
+        reason = f" ({error})"
+    raise ArgumentError("record", got=f"{path}{reason}", want="a file of `bench ... --json`")
 
 
 def is_record(path: Path) -> bool:
@@ -62,7 +63,7 @@ def is_record(path: Path) -> bool:
 
 
 def write_json(record: Record, path: Path) -> None:
-    """Write a record, whole or not at all; NaN becomes null, as JSON has none.
+    """Write a record, whole or not at all; NaN becomes null, because JSON has no NaN.
 
     Raises:
         ShotError: the file cannot be written.
@@ -76,12 +77,12 @@ def _version(package: str) -> str | None:
     try:
         return version(package)
     except PackageNotFoundError:
-        return None  # onnxruntime, say, goes by other names too
+        return None  # such as onnxruntime, which has several distributions
 
 
 def _without_nan(value: Any) -> Any:
     if isinstance(value, Mapping):
         return {key: _without_nan(item) for key, item in value.items()}
-    if isinstance(value, list):
+    if isinstance(value, list | tuple):
         return [_without_nan(item) for item in value]
     return None if isinstance(value, float) and math.isnan(value) else value

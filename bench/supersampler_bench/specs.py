@@ -1,5 +1,6 @@
 """A method with precision and skip as text: "classifier", "classifier:fp32", "taau:exact"."""
 
+from contextlib import suppress
 from dataclasses import dataclass
 
 from supersampler.model import Precision, Skip
@@ -9,11 +10,11 @@ _PRECISIONS: dict[str, Precision] = {"fp32": "fp32", "fp16": "fp16", "int8": "in
 
 @dataclass(frozen=True)
 class Spec:
-    """What `Upscaler` is made with.
+    """The arguments of an `Upscaler`.
 
     Attributes:
         model: name of a shipped model, or a model folder.
-        precision: of what is learned.
+        precision: see `Upscaler`.
         skip: see `Upscaler`.
     """
 
@@ -27,9 +28,9 @@ class Spec:
 
 
 def parse_spec(text: str) -> Spec:
-    """Parse a setting: a model, then, after colons, a precision, "exact" or a number to skip by.
+    """Parse a model name, followed by a precision, "exact" or a skip tolerance, each after a colon.
 
-    A colon may be part of a path: what is none of these belongs to the model.
+    A path may contain colons: whatever follows one and is none of these belongs to the model.
     """
     precision: Precision = "auto"
     skip: Skip = "auto"
@@ -40,7 +41,7 @@ def parse_spec(text: str) -> Spec:
             precision = _PRECISIONS[last]
         elif last == "exact":
             skip = "exact"
-        elif _is_number(last):
+        elif _is_tolerance(last):
             skip = float(last)
         else:
             break
@@ -48,8 +49,7 @@ def parse_spec(text: str) -> Spec:
     return Spec(model, precision, skip)
 
 
-def _is_number(text: str) -> bool:
-    try:
+def _is_tolerance(text: str) -> bool:
+    with suppress(ValueError):
         return 0.0 <= float(text) <= 1.0
-    except ValueError:
-        return False
+    return False

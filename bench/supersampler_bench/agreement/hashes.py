@@ -310,7 +310,7 @@ def other_setting(before: Record, after: Record) -> str:
 
 
 def markdown_table(record: Record) -> str:
-    """Return one row for each subject: a hash of all that it drew at all sizes."""
+    """Return a table with one hash of all images and histories for each subject."""
     digests: dict[Subject, Any] = {}
     for result in hashed_of(record):
         digest = digests.setdefault(result.subject, hashlib.sha256())

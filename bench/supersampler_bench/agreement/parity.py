@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import torch
 
-from supersampler import Frame, Model, Upscaler, halton_jitter
+from supersampler import Frame, Model, Upscaler
 from supersampler.backends.onnx.session import frame_inputs
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import ArgumentError
@@ -16,12 +16,10 @@ from supersampler.io.display import display_transform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import ExecutorName, Precision
 from supersampler_bench.compatibility import gbuffers_of
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record
-from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_bench.shots.rendered_frame import rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import make_sequence
-from supersampler_model.data.specs import SequenceSpec
 from supersampler_model.methods import LEARNED, METHODS
 from supersampler_model.methods.base import Method
 from supersampler_model.methods.base import Size as Extent
@@ -32,6 +30,9 @@ SIZES: Sequence[tuple[Size, Size]] = (((160, 90), (320, 180)), ((107, 61), (160,
 RENDERS: Sequence[Size] = ((80, 45), (53, 31))
 """Render sizes of methods of one ratio."""
 FAMILY = "market"
+"""Of the test shot, made longer."""
+RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
+"""Executors and precisions that are compared with torch."""
 Step = Callable[[Frame], Float32]
 
 
@@ -41,13 +42,13 @@ class Agreement:
 
     Attributes:
         method: the model's name.
-        runs: how it runs: executor and precision.
+        runs: executor and precision.
         render, display: (width, height).
-        frames: stepped.
+        frames: number of frames.
         first: mean difference over the first tenth of the frames.
-        last: over the last tenth.
-        psnr: of the images of the last tenth, dB, against torch's.
-        p999: at 99.9 % of all values, over all frames.
+        last: mean difference over the last tenth.
+        psnr: of the images of the last tenth against torch's, dB.
+        p999: largest 99.9th percentile of the differences of a frame.
     """
 
     method: str
@@ -77,7 +78,8 @@ def measure_parity(
         found: dict[tuple[str, str], list[tuple[float, float, float]]] = {
             key: [] for key in steppers if key[1] != "torch"
         }
-        for frame in _sequence(render, display, frames, gbuffers=bool(gbuffers_of(names))):
+        renderer, gbuffers = Renderer(display, samples=1), bool(gbuffers_of(names))
+        for frame, _, _ in rendered_sequence(renderer, FAMILY, frames, render, gbuffers=gbuffers):
             images = {
                 key: display_transform(step(frame), frame.exposure or 1.0) for key, step in steppers.items()
             }
@@ -103,31 +105,21 @@ def methods_by_size(methods: Sequence[str]) -> Mapping[tuple[Size, Size], Sequen
 
 def _agreement(method: str, runs: str, render: Size, display: Size, found: Any) -> Agreement:
     tenth = max(len(found) // 10, 1)
-    return Agreement(
-        method=method,
-        runs=runs,
-        render=render,
-        display=display,
-        frames=len(found),
-        first=float(found[:tenth, 0].mean()),
-        last=float(found[-tenth:, 0].mean()),
-        psnr=float(-10.0 * np.log10(max(found[-tenth:, 1].mean(), 1e-12))),
-        p999=float(found[:, 2].max()),
-    )
+    mean, squared, p999 = found.T
+    psnr = float(-10.0 * np.log10(max(squared[-tenth:].mean(), 1e-12)))
+    first, last = float(mean[:tenth].mean()), float(mean[-tenth:].mean())
+    return Agreement(method, runs, render, display, len(found), first, last, psnr, float(p999.max()))
 
 
 def _steppers(method: str, render: Size, display: Size) -> Iterator[tuple[str, Step]]:
     yield "torch", _torch(method, render, display)
-    for executor, precision in _RUNS:
+    for executor, precision in RUNS:
         try:
             model = Model.load(method, providers="cpu", executor=executor, precision=precision)
         except ArgumentError:  # the method has no such executor, or not in this precision
             continue
         upscaler = Upscaler(model, display_size=display, skip="exact", validate="off")
         yield f"{executor}, {model.precision}", upscaler.step
-
-
-_RUNS: Sequence[tuple[ExecutorName, Precision]] = (("onnx", "fp32"), ("onnx", "fp16"), ("cpu", "auto"))
 
 
 def _torch(name: str, render: Size, display: Size) -> Step:
@@ -146,15 +138,6 @@ def _torch(name: str, render: Size, display: Size) -> Step:
     return step
 
 
-def _sequence(render: Size, display: Size, frames: int, *, gbuffers: bool) -> Iterator[Frame]:
-    spec = SequenceSpec(family=FAMILY, seed=TEST_SHOTS.seeds[FAMILY], frames=frames)
-    sequence = make_sequence(spec)
-    renderer = Renderer(display, samples=1)
-    for index in range(frames):
-        jitter = halton_jitter(index, display[0] / render[0])
-        yield rendered_frame(renderer, sequence.scene(index), render, jitter, gbuffers=gbuffers)
-
-
 def parity_record(results: Sequence[Agreement]) -> dict[str, Any]:
     """Return all values, ready for JSON."""
     return {"bench": "parity", "results": [asdict(r) for r in results]}
@@ -164,15 +147,17 @@ def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     results = [Agreement(**row) for row in record["results"]]
     rows = [
-        "| method | runs | display | first | last | PSNR dB, last | at 99.9 % |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: |",
-        *(
-            f"| {r.method} | {r.runs} | {r.display[0]}x{r.display[1]} | {r.first:.1e} | {r.last:.1e} "
-            f"| {r.psnr:.1f} | {r.p999:.1e} |"
-            for r in results
-        ),
-        "",
-        "Difference from the images of torch, in [0, 1] after the display transform, over "
-        f"{results[0].frames} consecutive frames: means over the first and the last tenth.",
+        [
+            r.method,
+            r.runs,
+            size_text(r.display),
+            *(f"{r.first:.1e}", f"{r.last:.1e}", f"{r.psnr:.1f}", f"{r.p999:.1e}"),
+        ]
+        for r in results
     ]
-    return "\n".join(rows)
+    caption = (
+        "Difference from the images of torch, in [0, 1] after the display transform, over "
+        f"{results[0].frames} consecutive frames: means over the first and the last tenth."
+    )
+    headings = ["method", "runs", "display", "first:", "last:", "PSNR dB, last:", "at 99.9 %:"]
+    return table(headings, rows, caption)

@@ -5,43 +5,31 @@ from dataclasses import dataclass
 from typing import Any
 
 from supersampler.errors import ArgumentError
+from supersampler_bench.markdown_table import table
 from supersampler_bench.record import Record
 
 HIGHER, LOWER = 1.0, -1.0
 OF_BOUND, BROKEN = "share of the bound", "out of bounds"
-"""What a figure of stress is compared by, and a scenario."""
+"""Value of a figure of stress over its bound; 1 for a scenario out of bounds, else 0."""
 DIRECTIONS: Mapping[str, float] = {
-    **dict.fromkeys(("psnr", "ssim", "tpsnr"), HIGHER),
+    **dict.fromkeys(("psnr", "ssim", "tpsnr", "samples_per_hour"), HIGHER),
     **dict.fromkeys(("flip", "warped_error_difference", "strred"), LOWER),
     **dict.fromkeys(("median", "p95", "processor", "milliseconds", "resident", "work", "last"), LOWER),
     **dict.fromkeys(("cold_seconds", "warm_seconds", "cache_bytes"), LOWER),
     **dict.fromkeys(("multiply_adds", "parameters", "operators"), LOWER),
     **dict.fromkeys((OF_BOUND, BROKEN), LOWER),
-    "samples_per_hour": HIGHER,
 }
 """By the name of a value, or the first part of it ("psnr" of "psnr_moving"): which way is better."""
 DECIBELS = ("psnr", "tpsnr")
 IGNORED = ("frames", "all_cropped", "all_full", "warm_full", "classes", "machine", "limits", "stages")
-"""Parts of records that are not compared: single frames, other ways to count the same, what is no score."""
+"""Parts of records that are not compared: single frames, the other three summaries, and no scores."""
 _NO_NAMES = ("moved", "shot_json_sha256", "pixels_sha256", "passed", "error", "bound")
-"""Keys that do not identify a row, as their values change from run to run."""
+"""Keys that do not identify a row, because their values change from run to run."""
 CONTAINERS = (
-    "shots",
-    "means",
-    "alternations",
-    "methods",
-    "summary",
-    "warm_cropped",
-    "timed",
-    "first_frames",
-    "results",
-    "rows",
-    "scenes",
-    "networks",
-    "outcomes",
-    "figures",
+    *("shots", "means", "alternations", "methods", "summary", "warm_cropped", "timed", "first_frames"),
+    *("results", "rows", "scenes", "networks", "outcomes", "figures"),
 )
-"""Parts whose names say nothing of a value."""
+"""Keys that are left out of the name of a value."""
 
 
 @dataclass(frozen=True)
@@ -49,10 +37,10 @@ class Change:
     """One value in both records.
 
     Attributes:
-        what: which.
-        before: its value in the first.
-        after: in the second.
-        worse: by how much it is worse, dB where that is its unit, else a share of `before`, or of a figure's
+        what: its name.
+        before: its value in the first record.
+        after: its value in the second.
+        worse: by how much it is worse, dB where that is its unit, else relative to `before`, or to a figure's
             bound; below 0: better.
     """
 
@@ -77,7 +65,7 @@ def changes(before: Record, after: Record) -> list[Change]:
 
 
 def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], float]]:
-    """All scores under a node, each by what it is a score of."""
+    """Yield all scores under a node, each with its path."""
     if isinstance(node, dict) and "bound" in node:
         yield (*path, OF_BOUND), node["value"] / (node["bound"] or 1.0)
     elif isinstance(node, dict):
@@ -95,7 +83,7 @@ def _values(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, 
 
 
 def _identity(item: Mapping[str, Any]) -> str:
-    """The identity of a row: all of its values that are no scores."""
+    """Return the identity of a row: all of its values that are no scores."""
     words = []
     for name, value in item.items():
         if isinstance(value, dict) and name == "setting":
@@ -104,14 +92,9 @@ def _identity(item: Mapping[str, Any]) -> str:
             continue
         elif isinstance(value, (str, int)) or (name == "ratio" and isinstance(value, float)):
             words.append(str(value))
-        elif _is_size(value):
-            words.append("x".join(map(str, value)))
+        elif isinstance(value, list) and len(value) == 2 and all(isinstance(part, int) for part in value):
+            words.append("x".join(map(str, value)))  # a size; longer lists do not identify a row
     return " ".join(words)
-
-
-def _is_size(value: Any) -> bool:
-    """Whether it is (width, height): longer lists, as of frames, do not identify a row."""
-    return isinstance(value, list) and len(value) == 2 and all(isinstance(part, int) for part in value)
 
 
 def _direction(path: Sequence[str]) -> float:
@@ -124,15 +107,15 @@ def _direction(path: Sequence[str]) -> float:
 
 def _change(path: tuple[str, ...], before: float, after: float) -> Change:
     lost = _direction(path) * (before - after)
-    as_it_is = path[-1] in (OF_BOUND, BROKEN) or any(name.startswith(DECIBELS) for name in path)
+    absolute = path[-1] in (OF_BOUND, BROKEN) or any(name.startswith(DECIBELS) for name in path)
     what = ", ".join(name for name in path if name not in CONTAINERS)
-    return Change(what, before, after, lost if as_it_is else lost / max(abs(before), 1e-12))
+    return Change(what, before, after, lost if absolute else lost / max(abs(before), 1e-12))
 
 
 def markdown_table(found: Sequence[Change]) -> str:
     """Return changes as Markdown."""
-    rows = ["| what | before | after | worse by |", "| --- | ---: | ---: | ---: |"]
+    rows = []
     for change in found:
         worse = f"{change.worse:+.3f} dB" if "psnr" in change.what else f"{change.worse:+.1%}"
-        rows.append(f"| {change.what} | {change.before:.5g} | {change.after:.5g} | {worse} |")
-    return "\n".join(rows)
+        rows.append([change.what, f"{change.before:.5g}", f"{change.after:.5g}", worse])
+    return table(["what", "before:", "after:", "worse by:"], rows)

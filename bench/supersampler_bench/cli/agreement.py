@@ -5,26 +5,33 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 
 from supersampler.cli.arguments import parse_size
 from supersampler.errors import ArgumentError
 from supersampler_bench.cli.options import (
-    ERRORS,
+    DISPLAY_SIZE,
     JSON,
+    METHODS,
+    ONE_RATIO,
+    SAMPLES,
+    SCENES,
     UPDATE,
     check_page,
+    counted,
     listed,
     publish,
+    say,
 )
 from supersampler_bench.record import read_record
+
+FRAMES = "That follow from one another."
 
 
 def parity(
     methods: Annotated[
         str, typer.Option(help="Names of shipped models, with commas between.")
     ] = "taa,taau,classifier-small,classifier",
-    frames: Annotated[int, typer.Option(min=10, help="That follow from one another.")] = 200,
+    frames: Annotated[int, typer.Option(min=10, help=FRAMES)] = 200,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -33,32 +40,23 @@ def parity(
     Example:
       supersampler bench parity --methods classifier --frames 300 --update docs/results/backends.md
     """
-    from supersampler_bench.agreement.parity import (
-        markdown_table,
-        measure_parity,
-        methods_by_size,
-        parity_record,
-    )
+    from supersampler_bench.agreement import parity as bench
 
-    tables = {"parity": markdown_table}
+    tables = {"parity": bench.markdown_table}
     check_page(update, tables)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=len(methods_by_size(listed(methods))) * frames)
-        results = measure_parity(listed(methods), frames, on_frame=lambda: progress.advance(task))
-    publish(parity_record(results), tables, json, update)
+    names = listed(methods)
+    with counted("frames", len(bench.methods_by_size(names)) * frames) as advance:
+        results = bench.measure_parity(names, frames, on_frame=advance)
+    publish(bench.parity_record(results), tables, json, update)
 
 
 def precision(
-    scenes: Annotated[
-        str, typer.Option(help="Families of test shots, with commas between.")
-    ] = "machine_hall,market,night_garden,gallery,court",
-    methods: Annotated[
-        str, typer.Option(help="Names of shipped models that are learned, with commas between.")
-    ] = "classifier,classifier-small",
-    display_size: Annotated[str, typer.Option(help="Of the images.")] = "320x180",
-    frames: Annotated[int, typer.Option(min=30, help="That follow from one another.")] = 300,
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
+    scenes: SCENES = "machine_hall,market,night_garden,gallery,court",
+    methods: METHODS = "classifier,classifier-small",
+    display_size: DISPLAY_SIZE = "320x180",
+    frames: Annotated[int, typer.Option(min=30, help=FRAMES)] = 300,
+    ratio: ONE_RATIO = 2.0,
+    samples: SAMPLES = 64,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -67,31 +65,23 @@ def precision(
     Example:
       supersampler bench precision --scenes court --methods classifier --update docs/results/backends.md
     """
-    from supersampler_bench.quality.precision import markdown_table, measure_precision, precision_record
+    from supersampler_bench.quality import precision as bench
 
-    tables = {"precision": markdown_table}
+    tables = {"precision": bench.markdown_table}
     check_page(update, tables)
     families, size = listed(scenes), parse_size(display_size)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=len(families) * frames)
-        results = measure_precision(
-            families,
-            listed(methods),
-            size,
-            frames,
-            ratio=ratio,
-            samples=samples,
-            on_frame=lambda: progress.advance(task),
+    with counted("frames", len(families) * frames) as advance:
+        results = bench.measure_precision(
+            families, listed(methods), size, frames, ratio=ratio, samples=samples, on_frame=advance
         )
-    publish(precision_record(results, size, frames, ratio), tables, json, update)
+    publish(bench.precision_record(results, size, frames, ratio), tables, json, update)
 
 
 def compare(
     before: Annotated[Path, typer.Argument(help="A file of `bench ... --json`.")],
     after: Annotated[Path, typer.Argument(help="One of the same bench, later.")],
     above: Annotated[
-        float,
-        typer.Option(min=0.0, help="What is worse by less is left out: dB, or a share."),
+        float, typer.Option(min=0.0, help="Leave out what is worse by less: dB, or a fraction.")
     ] = 0.01,
 ) -> None:
     """Show what got worse from one record to the next, worst first; fails where something did.
@@ -108,6 +98,6 @@ def compare(
     worse = [change for change in found if change.worse > above]
     Console().print(markdown_table(worse) if worse else "Nothing is worse.", markup=False, soft_wrap=True)
     better = sum(change.worse < -above for change in found)
-    ERRORS.print(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
+    say(f"{len(found)} values: {len(worse)} worse, {better} better, by more than {above:g}")
     if worse:
         raise typer.Exit(1)

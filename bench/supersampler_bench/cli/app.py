@@ -2,17 +2,7 @@
 
 import typer
 
-from supersampler_bench.cli import (
-    agreement,
-    extrapolation,
-    hashes,
-    pareto,
-    quality,
-    render_shots,
-    report,
-    stress,
-    timing,
-)
+from supersampler_bench.cli import agreement, hashes, quality, report, shots, stress, timing
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -24,20 +14,20 @@ def bench() -> None:
 
 for command in (
     quality.quality,
-    extrapolation.extrapolation,
+    quality.extrapolation,
     timing.cost,
     timing.speed,
     timing.startup,
     timing.device,
     timing.skip,
-    pareto.pareto,
+    timing.pareto,
     stress.stress,
     agreement.parity,
     agreement.precision,
     agreement.compare,
     hashes.hashes,
-    render_shots.shots,
-    render_shots.product_shot,
+    shots.shots,
+    shots.product_shot,
     report.tables,
     report.report,
 ):

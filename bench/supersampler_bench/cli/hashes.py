@@ -5,17 +5,15 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 
 from supersampler.errors import ArgumentError
-from supersampler_bench.cli.options import ERRORS, JSON, listed, publish, warn
+from supersampler_bench.cli.options import JSON, counted, listed, publish, say, warn
 from supersampler_bench.record import read_record, setting
 
 
 def hashes(
     methods: Annotated[
-        str | None,
-        typer.Option(help="Names of shipped models, with commas between.", show_default="all"),
+        str | None, typer.Option(help="Names of shipped models, with commas between.", show_default="all")
     ] = None,
     json: JSON = None,
     check: Annotated[
@@ -50,9 +48,8 @@ def hashes(
         )
     chosen = None if methods is None else listed(methods)
     hashed = subjects(chosen)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("runs", total=len(SIZES) * len(hashed))
-        results = measure_hashes(hashed, SIZES, on_run=lambda: progress.advance(task))
+    with counted("runs", len(SIZES) * len(hashed)) as advance:
+        results = measure_hashes(hashed, SIZES, on_run=advance)
     record = hashes_record(results)
     publish(record, {"hashes": markdown_table}, json, None)
     if before is None:
@@ -61,7 +58,7 @@ def hashes(
     found = list(differences(before, here, partly=chosen is not None))
     for text in found:
         Console().print(text, markup=False, soft_wrap=True)
-    ERRORS.print(f"{len(results)} runs: {len(found)} differ from {check}", soft_wrap=True, markup=False)
+    say(f"{len(results)} runs: {len(found)} differ from {check}")
     if found:
         if unlike := other_setting(before, here):
             warn(unlike)

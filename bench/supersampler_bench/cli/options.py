@@ -1,23 +1,30 @@
-"""Options that several commands share, and where their results are written."""
+"""Options that several commands share, progress bars, and where results are written."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, Any, TypeVar, cast
 
 import typer
 from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
+from supersampler.cli.arguments import open_shot, parse_size
 from supersampler.errors import ArgumentError
+from supersampler.frame import Size
 from supersampler.io.atomic import check_ours
+from supersampler.io.shot import Shot
 from supersampler.model import ExecutorName
 from supersampler_bench.markdown_blocks import find_block, update_blocks
 from supersampler_bench.record import Record, is_record, setting, write_json
+from supersampler_bench.shots import public_shots
 
 ERRORS = Console(stderr=True, highlight=False)
+T = TypeVar("T")
 
 
 def _checked_json(path: Path | None) -> Path | None:
-    """Fail now, not after minutes, where a file that is no record has this name."""
+    """Fail before the measurement, not after it, where this file exists and is no record."""
     if path is not None:
         check_ours(path, is_record, "a record of `bench ... --json`")
     return path
@@ -29,9 +36,37 @@ JSON = Annotated[
 UPDATE = Annotated[
     Path | None, typer.Option(help="Rewrite the tables between this Markdown file's bench marks.")
 ]
+METHODS = Annotated[str, typer.Option(help="Shipped models or model folders, with commas between.")]
+SCENES = Annotated[str, typer.Option(help="Families of test shots, with commas between.")]
+DISPLAY_SIZE = Annotated[str, typer.Option(help="Of the images.")]
+DISPLAY_SIZES = Annotated[str, typer.Option(help="Display sizes, with commas between.")]
+ONE_RATIO = Annotated[float, typer.Option(min=1.0, help="Display over render size.")]
+STEPS = Annotated[int, typer.Option(min=1, help="That count, of each setting.")]
+SAMPLES = Annotated[int, typer.Option(min=1, help="A pixel of the references.")]
+EXECUTORS = Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")]
+SHOT = Annotated[
+    str,
+    typer.Argument(
+        metavar="SHOT",
+        help=f"A shot, the name of a shipped one, or {public_shots.NAME}: the five of `bench shots`.",
+    ),
+]
+RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]
+_CACHE_SOURCE: Any = {
+    "envvar": public_shots.CACHE_VARIABLE,
+    "help": "Where the test shots are kept.",
+    "show_default": "the user's cache folder",
+}
+CACHE = Annotated[Path | None, typer.Option(**_CACHE_SOURCE)]
+CACHE_ARGUMENT = Annotated[Path | None, typer.Argument(**_CACHE_SOURCE)]
 
 Tables = Mapping[str, Callable[[Record], str]]
-"""What makes each table of a record, by the name of its block."""
+"""The function that makes each table of a record, by the name of its block."""
+
+
+def say(text: str) -> None:
+    """Print a line on the error stream."""
+    ERRORS.print(text, soft_wrap=True, markup=False)
 
 
 def warn(text: str) -> None:
@@ -39,25 +74,59 @@ def warn(text: str) -> None:
     ERRORS.print(f"warning: {text}", style="yellow", soft_wrap=True, markup=False)
 
 
+@contextmanager
+def counted(text: str, total: int, done: int = 0, *, resumes: bool = False) -> Iterator[Callable[[], None]]:
+    """Show a progress bar on a terminal; yield the function to call after each step.
+
+    Args:
+        text: what is counted.
+        total: number of steps.
+        done: steps that an earlier run has done.
+        resumes: whether the same command continues a stopped run, which is then said.
+    """
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    terminal = ERRORS.is_terminal
+    with Progress(*columns, console=ERRORS, transient=not resumes, disable=not terminal) as progress:
+        task = progress.add_task(text, total=total, completed=done)
+        try:
+            yield lambda: progress.advance(task)
+        except KeyboardInterrupt:
+            if resumes:
+                say("Stopped. The same command continues the run.")
+            raise
+
+
 def listed(text: str) -> list[str]:
     """Return the parts of a text with commas between."""
     return [part.strip() for part in text.split(",")]
 
 
-def parse_executors(text: str) -> list[ExecutorName]:
-    """Return the executors of an option.
+def sizes_of(text: str) -> list[Size]:
+    """Return the sizes of an option."""
+    return [parse_size(part) for part in listed(text)]
+
+
+def words_of(option: str, text: str, known: Sequence[T]) -> list[T]:
+    """Return the words of an option, each of which is one of `known`.
 
     Raises:
-        ArgumentError: one of them is none.
+        ArgumentError: one of them is not.
     """
-    kinds = listed(text)
-    if not set(kinds) <= {"cpu", "onnx"}:
-        raise ArgumentError("--executors", got=repr(text), want="cpu, onnx or cpu,onnx")
-    return [cast("ExecutorName", kind) for kind in kinds]
+    words = listed(text)
+    if not set(words) <= set(known):
+        want = f"{', '.join(map(str, known))}, or some with commas between"
+        raise ArgumentError(option, got=repr(text), want=want)
+    return [cast("T", word) for word in words]
+
+
+def executors_of(text: str) -> list[ExecutorName]:
+    """Return the executors of an option."""
+    kinds: Sequence[ExecutorName] = ("cpu", "onnx")
+    return words_of("--executors", text, kinds)
 
 
 def check_page(page: Path | None, names: Iterable[str]) -> None:
-    """Fail now, not after minutes, where a page lacks one of the blocks that are to be written.
+    """Fail before the measurement, not after it, where a page lacks one of the blocks.
 
     Raises:
         ArgumentError: it does.
@@ -75,13 +144,13 @@ def publish(
     *,
     page_only: Collection[str] = (),
 ) -> None:
-    """Print the tables of what was measured; write the record to `json`, the tables to the page.
+    """Print the tables of a measurement; write the record to `json`, the tables to the page.
 
     Args:
         measured: all values, ready for JSON.
         tables: of the record.
-        json: of the record; None writes none.
-        page: has the blocks of the tables; None writes none.
+        json: file of the record; None writes none.
+        page: Markdown file that has the blocks of the tables; None writes none.
         page_only: names of tables that are not printed.
     """
     record = {**measured, **setting()}
@@ -92,3 +161,25 @@ def publish(
         write_json(record, json)
     if page is not None:
         update_blocks(page, texts)
+
+
+def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
+    """Open the SHOT argument; return its name, and each shot with what else is known of its pixels.
+
+    Raises:
+        ArgumentError: the ratios are no numbers, or there is no such shot.
+        ShotError: the test shots are not there.
+    """
+    if shot != public_shots.NAME:
+        one = open_shot(shot)
+        return one.name, [(one, {})]
+    try:
+        ratios = [float(text) for text in listed(ratio)]
+    except ValueError as error:
+        raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
+    folder = cache or public_shots.default_cache()
+    found = public_shots.open_test_shots(folder, ratios, public_shots.TEST_SHOTS, public_shots.FROZEN)
+    for public in found:
+        if warning := public.warning():
+            warn(warning)
+    return shot, [(public.shot, public.origin()) for public in found]

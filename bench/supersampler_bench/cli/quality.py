@@ -1,26 +1,31 @@
-"""`supersampler bench quality`: methods against the references of a shot, or of the five test shots."""
+"""`supersampler bench quality` and `extrapolation`: methods against the references of a shot."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.progress import Progress
 
 from supersampler.io.shot import Shot
-from supersampler_bench.cli.options import ERRORS, JSON, listed, warn
-from supersampler_bench.cli.shots import CACHE, RATIO, SHOT, opened_shots
+from supersampler_bench.cli.options import (
+    CACHE,
+    JSON,
+    METHODS,
+    RATIO,
+    SHOT,
+    UPDATE,
+    check_page,
+    counted,
+    listed,
+    opened_shots,
+    publish,
+    warn,
+)
 from supersampler_bench.markdown_blocks import find_blocks, update_blocks
-from supersampler_bench.quality.class_table import rich_class_table
-from supersampler_bench.quality.error_maps import ErrorMaps
-from supersampler_bench.quality.measure import measure_quality, runnable
-from supersampler_bench.quality.score_record import Measured, quality_record
-from supersampler_bench.quality.score_report import Report, block_names
-from supersampler_bench.quality.score_table import rich_table
 from supersampler_bench.record import write_json
 
 if TYPE_CHECKING:
-    from supersampler_bench.quality.figure_folder import FigureFolder
+    from supersampler_bench.record import Record
 
 
 def quality(
@@ -48,8 +53,8 @@ def quality(
     PSNR, SSIM and FLIP of frames; tPSNR, warped error and STRRED of changes from frame to frame; PSNR of
     disoccluded, relit, aliased and moving pixels; and predicted against true classes. All after the display
     transform: exposed, tone mapped, sRGB. For the test shots, a table of each and of their mean.
-    docs/quality.md has
-    what each metric is. Methods that cannot upscale a shot, at its ratio or with its G-buffers, are left out.
+    docs/quality.md describes each metric. Methods that cannot upscale a shot, at its ratio or with its
+    G-buffers, are left out.
 
     \b
     Examples:
@@ -57,45 +62,83 @@ def quality(
       supersampler bench quality my_shot -o errors
       supersampler bench quality test-shots --ratio 1.5,2,3,4 --json results.json
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    figures = None if output is None else _figure_folder(output)
+    from supersampler_bench.quality import score_table
+    from supersampler_bench.quality.confusion import rich_class_table
+    from supersampler_bench.quality.score_record import quality_record
+
     name, opened = opened_shots(shot, cache, ratio)
     for page in update or []:
-        find_blocks(page, block_names(f"quality {name}"))
-    names = listed(methods)
-    report = Report(quality_record([_measured(one, origin, names, figures) for one, origin in opened]))
-    if figures is not None:
-        figures.add_means(report)
+        find_blocks(page, score_table.block_names(f"quality {name}"))
+    record = quality_record([_measured(one, origin, listed(methods), output) for one, origin in opened])
+    if output is not None:
+        from supersampler_bench.quality.figures import draw_means  # needs matplotlib
+
+        draw_means(record, output)
     console = Console()
-    for title, scores in [*report.shot_tables(), *report.mean_tables()]:
-        console.print(rich_table(title, scores))
-        if (table := rich_class_table(title, scores)) is not None:
-            console.print(table)
+    for title, rows in [*score_table.shot_tables(record), *score_table.mean_tables(record).values()]:
+        console.print(score_table.rich_table(title, rows))
+        if (classes := rich_class_table(title, rows)) is not None:
+            console.print(classes)
     if json is not None:
-        write_json(report.record, json)
+        write_json(record, json)
     for page in update or []:
-        update_blocks(page, report.blocks(f"quality {name}"))
+        update_blocks(page, score_table.blocks(record, f"quality {name}"))
 
 
-def _measured(
-    shot: Shot, origin: dict[str, Any], methods: list[str], figures: "FigureFolder | None"
-) -> Measured:
+def _measured(shot: Shot, origin: dict[str, Any], methods: list[str], output: Path | None) -> "Record":
+    from supersampler_bench.quality.error_maps import ErrorMaps
+    from supersampler_bench.quality.measure import measure_quality, runnable
+    from supersampler_bench.quality.score_record import shot_scores
+
     methods = runnable(shot, methods, warn)
     maps = ErrorMaps(methods)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task(shot.name, total=len(shot))
-        results = measure_quality(
-            shot,
-            methods,
-            watch=(lambda _: None) if figures is None else maps,
-            on_frame=lambda n: progress.update(task, completed=n),
-        )
-    measured = Measured(shot, results, origin)
-    if figures is not None:
-        figures.add(measured, maps)
+    with counted(shot.name, len(shot)) as advance:
+        watch = maps if output is not None else (lambda _: None)
+        results = measure_quality(shot, methods, watch=watch, on_frame=advance)
+    measured = shot_scores(shot, results, origin)
+    if output is not None:
+        from supersampler_bench.quality.figures import draw_shot  # needs matplotlib
+
+        draw_shot(measured, maps, output)
     return measured
 
 
-def _figure_folder(folder: Path) -> "FigureFolder":
-    from supersampler_bench.quality.figure_folder import FigureFolder  # needs matplotlib
+def extrapolation(
+    shot: SHOT,
+    methods: METHODS = "classifier,taau",
+    models: Annotated[
+        str, typer.Option(help="That extrapolate: shipped models or model folders, likewise.")
+    ] = "guided-warp",
+    alternation: Annotated[
+        str, typer.Option(help="Unshaded frames to a shaded one, with commas between.")
+    ] = "1:1,2:1",
+    ratio: RATIO = "2",
+    cache: CACHE = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Remove the colour of every second frame, or of two of three, and score their images.
 
-    return FigureFolder(folder)
+    Compared are: extrapolation by each model, upscaled by each method; the last image warped by motion; the
+    same with disoccluded pixels filled from the background; and, as the limit, all frames shaded.
+    Scores are of the unshaded frames; tPSNR is of all. Frames need the G-buffers that the models read.
+
+    \b
+    Examples:
+      supersampler bench extrapolation test-shots --update docs/results/methods.md
+      supersampler bench extrapolation my_shot --methods taau --alternation 2:1 --json mine.json
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.quality import extrapolation as bench
+
+    name, opened = opened_shots(shot, cache, ratio)
+    tables = {f"extrapolation {name}": bench.markdown_table}
+    check_page(update, tables)
+    upscalers, extrapolators, alternations = listed(methods), listed(models), listed(alternation)
+    measured = []
+    with counted("frames", len(alternations) * sum(len(one) for one, _ in opened)) as advance:
+        for one, origin in opened:
+            scores = bench.measure_extrapolation(
+                one, upscalers, extrapolators, alternations, on_left_out=warn, on_frame=advance
+            )
+            measured.append(bench.shot_scores(one, scores, origin))
+    publish(bench.extrapolation_record(measured, extrapolators), tables, json, update)

@@ -7,7 +7,7 @@ import typer
 from rich.console import Console
 
 from supersampler.io.atomic import check_ours
-from supersampler_bench.cli.options import ERRORS
+from supersampler_bench.cli.options import ERRORS, say
 from supersampler_bench.record import SHIPPED_PARETO, read_record
 
 
@@ -21,7 +21,7 @@ def tables(
 ) -> None:
     """Rewrite every table of README.md and docs/*.md from the records in bench/results.
 
-    A table whose record is not there, or of another version, is named and left alone.
+    A table whose record is missing, or of another version, is named and left alone.
 
     Example:
       supersampler bench tables --check
@@ -32,7 +32,7 @@ def tables(
     for block in find_all(root):
         what = f"{block.page}: {block.name}"
         if block.wanted is None:
-            _print(f"{what}: left alone: {block.problem}")
+            say(f"{what}: left alone: {block.problem}")
         if block.is_recorded:
             continue
         wrong += 1
@@ -60,8 +60,8 @@ def report(
 ) -> None:
     """Make one HTML page of all records: tables, figures, machine and versions, images side by side.
 
-    The page needs no other file and no network. With --quick it is of rough numbers of this machine:
-    quality of the shipped shot, speed, one against the other, parity, stress.
+    The page needs no other file and no network. With --quick it shows rough numbers of this machine: quality
+    of the shipped shot, speed, one against the other, parity, stress.
 
     \b
     Examples:
@@ -78,7 +78,7 @@ def report(
         from supersampler_bench.report.quick_measurements import measure_quickly
 
         folder = results or output.parent / f"{output.stem}-records"
-        measure_quickly(folder, lambda name, message: _print(f"{name}: {message}"))
+        measure_quickly(folder, lambda name, message: say(f"{name}: {message}"))
     else:
         folder = results or RESULTS
     records = read_records(folder)
@@ -87,7 +87,3 @@ def report(
     with ERRORS.status("writing"):
         write_page(output, records, folder, split_view(Shot.open("plaza")))
     Console().print(f"{output}: {', '.join(records)}", soft_wrap=True, markup=False)
-
-
-def _print(text: str) -> None:
-    ERRORS.print(text, soft_wrap=True, markup=False)

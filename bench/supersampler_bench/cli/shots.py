@@ -1,62 +1,54 @@
-"""The SHOT argument and options that open it: one shot, or the five test shots."""
+"""`supersampler bench shots` and `product-shot`: render the test shots, and the shot that is shipped."""
 
-from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
+from rich.console import Console
+from rich.table import Table
 
-from supersampler.cli.arguments import open_shot
-from supersampler.errors import ArgumentError
-from supersampler.io.shot import Shot
-from supersampler_bench.cli.options import listed, warn
+from supersampler_bench.cli.options import CACHE_ARGUMENT, counted, say, warn
 from supersampler_bench.shots import public_shots
-from supersampler_bench.shots.public_shots import PublicShot
-
-SHOT = Annotated[
-    str,
-    typer.Argument(
-        metavar="SHOT",
-        help=f"A shot, the name of a shipped one, or {public_shots.NAME}: the five of `bench shots`.",
-    ),
-]
-RATIO = Annotated[str, typer.Option(help="Of the test shots: display over render size, with commas between.")]
-CACHE_HELP = "Where the test shots are kept."
-CACHE = Annotated[
-    Path | None,
-    typer.Option(envvar=public_shots.CACHE_VARIABLE, help=CACHE_HELP, show_default="the user's cache folder"),
-]
 
 
-def opened_shots(shot: str, cache: Path | None, ratio: str) -> tuple[str, list[tuple[Shot, dict[str, Any]]]]:
-    """Open what SHOT names: its name, and each shot with what else is known of its pixels.
+def shots(
+    cache: CACHE_ARGUMENT = None,
+    workers: Annotated[int, typer.Option(min=1, help="Processes.")] = 1,
+    freeze: Annotated[
+        bool, typer.Option("--freeze", help="Make these pixels the ones that figures are published for.")
+    ] = False,
+) -> None:
+    """Render the five public test shots, 40 frames each at ratios 1.5, 2, 3 and 4, and check their pixels.
 
-    Raises:
-        ArgumentError: the ratios are no numbers, or there is no such shot.
-        ShotError: the test shots are not there.
+    Each has references of 64 samples a pixel, truth classes, and G-buffers of both sizes on every frame. The
+    same command continues a stopped run. The pixels' hashes are compared with the frozen ones; another driver
+    renders slightly different pixels, which gives a warning.
     """
-    if shot != public_shots.NAME:
-        one = open_shot(shot)
-        return one.name, [(one, {})]
-    try:
-        ratios = [float(text) for text in listed(ratio)]
-    except ValueError as error:
-        raise ArgumentError("--ratio", got=repr(ratio), want="numbers with commas between: 1.5,2") from error
-    found = found_test_shots(cache or public_shots.default_cache(), ratios)
-    warn_of(found)
-    return shot, [(public.shot, public.origin()) for public in found]
+    from supersampler_bench.shots.render_test_shots import frames_there, render_test_shots
 
-
-def found_test_shots(cache: Path, ratios: Sequence[float]) -> list[PublicShot]:
-    """Return the test shots that are kept in a folder.
-
-    Raises:
-        ShotError: one of them is not there.
-    """
-    return public_shots.open_test_shots(cache, ratios, public_shots.TEST_SHOTS, public_shots.FROZEN)
-
-
-def warn_of(shots: Sequence[PublicShot]) -> None:
-    """Say which of them have other pixels than the frozen ones."""
-    for warning in filter(None, (shot.warning() for shot in shots)):
+    folder, plan = cache or public_shots.default_cache(), public_shots.TEST_SHOTS
+    total, done = plan.frames * len(plan.seeds), frames_there(folder, plan)
+    with counted("rendering", total, done, resumes=True) as advance:
+        render_test_shots(folder, plan, workers=workers, on_frame=advance)
+    found = public_shots.open_test_shots(folder, plan.ratios, plan, public_shots.FROZEN)
+    if freeze:
+        found = public_shots.freeze(found, public_shots.FROZEN)
+    table = Table("shot", "ratio", "pixels (SHA-256)", "as frozen", caption=found[0].driver)
+    for shot in found:
+        table.add_row(shot.shot.name, f"{shot.ratio:g}", shot.digest[:16], "yes" if shot.as_frozen else "no")
+    Console().print(table)
+    for warning in filter(None, (shot.warning() for shot in found)):
         warn(warning)
+    say(f"{len(found)} shots in {folder / public_shots.NAME}")
+
+
+def product_shot(
+    output: Annotated[
+        Path, typer.Argument(help="Folder to write; it ships as sdk/supersampler/shots/plaza.")
+    ],
+) -> None:
+    """Render the shot that ships with the package, from its scene in code."""
+    from supersampler_model.data.product_shot import FRAMES, render_product_shot
+
+    with counted("rendering", FRAMES, resumes=True) as advance:
+        render_product_shot(output, on_frame=advance)

@@ -4,17 +4,18 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
 from supersampler_bench.cli.options import (
-    ERRORS,
+    EXECUTORS,
     JSON,
     UPDATE,
     Tables,
     check_page,
+    counted,
+    executors_of,
     listed,
-    parse_executors,
     publish,
+    say,
     warn,
 )
 
@@ -26,9 +27,9 @@ def stress(
             help="Shipped models or model folders, or classifier:fp16, taau+guided-warp; with commas between."
         ),
     ] = "bilinear,bicubic,taa,taau,classifier,classifier-small",
-    executors: Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")] = "cpu,onnx",
+    executors: EXECUTORS = "cpu,onnx",
     only: Annotated[str, typer.Option(help="Scenarios, or families of them, with commas between.")] = "",
-    quick: Annotated[bool, typer.Option("--quick", help="A part of them, few and small frames.")] = False,
+    quick: Annotated[bool, typer.Option("--quick", help="Some of them, with few and small frames.")] = False,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", help="Folder for curves and for outcomes.")
     ] = None,
@@ -37,36 +38,30 @@ def stress(
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
-    With a folder, a run that was stopped goes on when the same command is given again.
+    With a folder, the same command continues a stopped run.
 
     \b
     Examples:
       supersampler bench stress --quick --methods classifier --executors cpu
       supersampler bench stress -o stress --json stress.json --update docs/stability.md
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
-    from supersampler_bench.stress.report import draw_sheets, markdown_table, scenario_list, stress_record
-    from supersampler_bench.stress.runner import chosen, left_out, measure, runs
+    from supersampler_bench.stress import report, runner
     from supersampler_bench.stress.subjects import subjects
 
     scenario_block = "stress scenarios"
-    tables: Tables = {"stress": markdown_table, scenario_block: lambda _: scenario_list()}
+    tables: Tables = {"stress": report.markdown_table, scenario_block: lambda _: report.scenario_list()}
     check_page(update, tables)
-    scenarios = chosen(listed(only) if only else [], quick=quick)
-    stressed = subjects(listed(methods), parse_executors(executors))
-    for text in left_out(scenarios, stressed):
+    scenarios = runner.chosen(listed(only) if only else [], quick=quick)
+    stressed = subjects(listed(methods), executors_of(executors))
+    for text in runner.left_out(scenarios, stressed):
         warn(text)
     outcomes = []
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("scenarios", total=len(runs(scenarios, stressed)))
-        try:
-            for outcome in measure(scenarios, stressed, quick=quick, keep=output):
-                outcomes.append(outcome)
-                progress.advance(task)
-        except KeyboardInterrupt:
-            if output is not None:
-                ERRORS.print("Stopped. The same command, given again, goes on.")
-            raise
+    total = len(runner.runs(scenarios, stressed))
+    with counted("scenarios", total, resumes=output is not None) as advance:
+        for outcome in runner.measure(scenarios, stressed, quick=quick, keep=output):
+            outcomes.append(outcome)
+            advance()
     if output is not None:
-        for path in draw_sheets(outcomes, output):
-            ERRORS.print(str(path))
-    publish(stress_record(outcomes, quick=quick), tables, json, update, page_only=[scenario_block])
+        for path in report.draw_sheets(outcomes, output):
+            say(str(path))
+    publish(report.stress_record(outcomes, quick=quick), tables, json, update, page_only=[scenario_block])

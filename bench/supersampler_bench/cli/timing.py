@@ -1,32 +1,48 @@
-"""`supersampler bench ...` cost, speed, startup, device and skip: how long methods take."""
+"""`supersampler bench ...` cost, speed, startup, device, skip and pareto: how long methods take."""
 
-from typing import Annotated, cast
+import os
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Annotated
 
 import typer
-from rich.progress import Progress
 
 from supersampler.cli.arguments import parse_size, parse_skip
 from supersampler.errors import ArgumentError
 from supersampler.model import Precision
-from supersampler_bench.cli.against import check_not_given, compare_speed
 from supersampler_bench.cli.options import (
+    DISPLAY_SIZE,
+    DISPLAY_SIZES,
     ERRORS,
+    EXECUTORS,
     JSON,
+    METHODS,
+    ONE_RATIO,
+    SAMPLES,
+    SCENES,
+    STEPS,
     UPDATE,
+    Tables,
     check_page,
+    counted,
+    executors_of,
     listed,
-    parse_executors,
     publish,
+    say,
+    sizes_of,
     warn,
+    words_of,
 )
+from supersampler_bench.record import SHIPPED_PARETO, read_record
+
+ROUNDS = "With --against: of --steps steps each."
+STARTS = "With --against: programs timed to their first image; 0, or 6 and more."
+FRESH = "With --against: the same with an empty kernel cache; 0, or 6 and more."
 
 
 def cost(
-    methods: Annotated[
-        str,
-        typer.Option(help="Names of shipped models with a network or model folders, with commas between."),
-    ] = "classifier,classifier-small",
-    display_size: Annotated[str, typer.Option(help="Of the images.")] = "960x540",
+    methods: METHODS = "classifier,classifier-small",
+    display_size: DISPLAY_SIZE = "960x540",
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
@@ -35,19 +51,17 @@ def cost(
     Example:
       supersampler bench cost --methods classifier,my_classifier --update docs/results/methods.md
     """
-    from supersampler_bench.timing.network_cost import cost_record, markdown_table, measure_cost
+    from supersampler_bench.timing import network_cost as bench
 
-    tables = {"cost": markdown_table}
+    tables = {"cost": bench.markdown_table}
     check_page(update, tables)
     size = parse_size(display_size)
-    record = cost_record([measure_cost(name, size) for name in listed(methods)], size)
-    publish(record, tables, json, update)
+    costs = [bench.measure_cost(name, size) for name in listed(methods)]
+    publish(bench.cost_record(costs, size), tables, json, update)
 
 
 def startup(
-    methods: Annotated[
-        str, typer.Option(help="Shipped models or model folders, with commas between.")
-    ] = "taa,taau,classifier-small,classifier",
+    methods: METHODS = "taa,taau,classifier-small,classifier",
     size: Annotated[str, typer.Option(help="Of the frame, render pixels.")] = "480x270",
     cold: Annotated[int, typer.Option(min=1, help="Processes that start with an empty kernel cache.")] = 3,
     warm: Annotated[int, typer.Option(min=1, help="Processes that start with a full one.")] = 5,
@@ -59,24 +73,19 @@ def startup(
     Example:
       supersampler bench startup --methods classifier --update docs/results/backends.md
     """
-    from supersampler_bench.timing.startup import markdown_table, measure_startup, startup_record
+    from supersampler_bench.timing import startup as bench
 
-    tables = {"startup": markdown_table}
+    tables = {"startup": bench.markdown_table}
     check_page(update, tables)
     names, render = listed(methods), parse_size(size)
-    with Progress(console=ERRORS, transient=True) as progress:
-        task = progress.add_task("programs", total=len(names) * (cold + warm))
-        results = measure_startup(
-            names, render, cold=cold, warm=warm, on_process=lambda: progress.advance(task)
-        )
-    publish(startup_record(results, render, 2.0), tables, json, update)
+    with counted("programs", len(names) * (cold + warm)) as advance:
+        results = bench.measure_startup(names, render, cold=cold, warm=warm, on_process=advance)
+    publish(bench.startup_record(results, render, 2.0), tables, json, update)
 
 
 def speed(
     context: typer.Context,
-    methods: Annotated[
-        str, typer.Option(help="Shipped models or model folders, with commas between.")
-    ] = "taa,taau,classifier-small,classifier",
+    methods: METHODS = "taa,taau,classifier-small,classifier",
     sizes: Annotated[
         str | None,
         typer.Option(
@@ -84,17 +93,15 @@ def speed(
             show_default="960x540,1920x1080; with --against 960x540",
         ),
     ] = None,
-    executors: Annotated[str, typer.Option(help="cpu, onnx, or both with a comma between.")] = "cpu,onnx",
+    executors: EXECUTORS = "cpu,onnx",
     threads: Annotated[
         str | None,
-        typer.Option(
-            help="Of the processor, with commas between.", show_default="1,2; with --against all cores"
-        ),
+        typer.Option(help="CPU threads, with commas between.", show_default="1,2; with --against all cores"),
     ] = None,
     precisions: Annotated[str, typer.Option(help="auto, fp32, fp16, int8, with commas between.")] = "auto",
     skip: Annotated[str, typer.Option(help="exact, auto or numbers, with commas between.")] = "exact",
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    steps: Annotated[int, typer.Option(min=1, help="That count, of each setting.")] = 30,
+    ratio: ONE_RATIO = 2.0,
+    steps: STEPS = 30,
     against: Annotated[
         str | None,
         typer.Option(
@@ -103,20 +110,15 @@ def speed(
             "Methods run as they do by default.",
         ),
     ] = None,
-    rounds: Annotated[int, typer.Option(min=10, help="With --against: of --steps steps each.")] = 10,
-    starts: Annotated[
-        int,
-        typer.Option(min=0, help="With --against: programs timed to their first image; 0, or 6 and more."),
-    ] = 10,
-    fresh: Annotated[
-        int, typer.Option(min=0, help="With --against: the same with no kernels kept; 0 or from 6.")
-    ] = 0,
+    rounds: Annotated[int, typer.Option(min=10, help=ROUNDS)] = 10,
+    starts: Annotated[int, typer.Option(min=0, help=STARTS)] = 10,
+    fresh: Annotated[int, typer.Option(min=0, help=FRESH)] = 0,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
     """Time a step of methods, on this machine, beside plain variance clipping in the same run.
 
-    Quiet machines measure well: nothing else should run.
+    Nothing else should run on the machine.
 
     \b
     Examples:
@@ -125,46 +127,70 @@ def speed(
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     if against is not None:
         only = ("executors", "precisions", "skip")
+        _check_not_given(context, only, "with --against methods run as they do by default")
         taken = {"rounds": rounds, "steps": steps, "starts": starts, "fresh": fresh}
-        check_not_given(context, only, "with --against methods run as they do by default")
-        compare_speed(against, listed(methods), sizes, threads, ratio, taken, json, update)
+        _compare_speed(against, listed(methods), sizes, threads, ratio, taken, json, update)
         return
-    check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
-    from supersampler_bench.timing.speed import markdown_table, measure_limits, measure_speed, speed_record
+    _check_not_given(context, ("rounds", "starts", "fresh"), "they are of --against")
+    from supersampler_bench.timing import speed as bench
 
-    tables = {"speed": markdown_table}
+    tables = {"speed": bench.markdown_table}
     check_page(update, tables)
-    names, kinds = listed(methods), parse_executors(executors)
-    kinds_of_precision = listed(precisions)
-    if not set(kinds_of_precision) <= {"auto", "fp32", "fp16", "int8"}:
-        raise ArgumentError("--precisions", got=repr(precisions), want="auto, fp32, fp16, int8")
-    counts = [int(text) for text in listed(threads or "1,2")]
-    displays = [parse_size(text) for text in listed(sizes or "960x540,1920x1080")]
+    known: tuple[Precision, ...] = ("auto", "fp32", "fp16", "int8")
     with ERRORS.status("timing"):
-        results = measure_speed(
-            names,
-            displays,
-            kinds,
-            counts,
-            precisions=[cast("Precision", kind) for kind in kinds_of_precision],
+        results = bench.measure_speed(
+            listed(methods),
+            sizes_of(sizes or "960x540,1920x1080"),
+            executors_of(executors),
+            [int(text) for text in listed(threads or "1,2")],
+            precisions=words_of("--precisions", precisions, known),
             skips=[parse_skip(text) for text in listed(skip)],
             ratio=ratio,
             steps=steps,
             on_left_out=warn,
         )
-        limits = measure_limits()
-    publish(speed_record(results, limits, ratio), tables, json, update)
+        limits = bench.measure_limits()
+    publish(bench.speed_record(results, limits, ratio), tables, json, update)
+
+
+def _check_not_given(context: typer.Context, names: Iterable[str], why: str) -> None:
+    """Refuse parameters of the command that would have no effect."""
+    for name in names:
+        source = context.get_parameter_source(name)
+        if source is not None and source.name == "COMMANDLINE":
+            raise ArgumentError(f"--{name}", got="given", want=f"left out: {why}")
+
+
+def _compare_speed(
+    python: str,
+    methods: list[str],
+    sizes: str | None,
+    threads: str | None,
+    ratio: float,
+    taken: Mapping[str, int],
+    json: Path | None,
+    update: Path | None,
+) -> None:
+    from supersampler_bench.timing import against as bench
+
+    tables = {"against": bench.markdown_table}
+    check_page(update, tables)
+    displays, rounds = sizes_of(sizes or "960x540"), bench.Rounds(**taken)
+    counts = [int(text) for text in listed(threads or str(os.cpu_count() or 1))]
+    with counted("rounds", len(methods) * rounds.total(len(displays) * len(counts))) as advance:
+        sides, results = bench.measure_against(
+            python, methods, displays, counts, ratio=ratio, rounds=rounds, on_round=advance, on_left_out=warn
+        )
+    publish(bench.against_record(sides, results, ratio, rounds), tables, json, update)
 
 
 def device(
-    methods: Annotated[
-        str, typer.Option(help="Shipped models or model folders, with commas between.")
-    ] = "taau,classifier-small,classifier",
-    sizes: Annotated[str, typer.Option(help="Display sizes, with commas between.")] = "1920x1080,3840x2160",
+    methods: METHODS = "taau,classifier-small,classifier",
+    sizes: DISPLAY_SIZES = "1920x1080,3840x2160",
     precisions: Annotated[str, typer.Option(help="fp32, fp16, with commas between.")] = "fp32,fp16",
     provider: Annotated[str, typer.Option(help="Of ONNX Runtime.")] = "auto",
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    steps: Annotated[int, typer.Option(min=1, help="That count, of each.")] = 100,
+    ratio: ONE_RATIO = 2.0,
+    steps: STEPS = 100,
     capture: Annotated[
         bool, typer.Option("--capture", help="Also with the step captured, as a CUDA graph.")
     ] = False,
@@ -177,19 +203,16 @@ def device(
       supersampler bench device --provider cuda --capture --json device.json
     """
     from supersampler.model import Model
-    from supersampler_bench.timing.device import device_record, markdown_table, measure_copy, measure_device
+    from supersampler_bench.timing import device as bench
 
-    tables = {"device": markdown_table}
+    tables = {"device": bench.markdown_table}
     check_page(update, tables)
-    kinds = listed(precisions)
-    if not set(kinds) <= {"fp32", "fp16"}:
-        raise ArgumentError("--precisions", got=repr(precisions), want="fp32, fp16 or both")
-    names, displays = listed(methods), [parse_size(text) for text in listed(sizes)]
-    wanted = [cast("Precision", kind) for kind in kinds]
+    known: tuple[Precision, ...] = ("fp32", "fp16")
+    wanted = words_of("--precisions", precisions, known)
     with ERRORS.status("timing"):
-        results = measure_device(
-            names,
-            displays,
+        results = bench.measure_device(
+            listed(methods),
+            sizes_of(sizes),
             wanted,
             provider=provider,
             ratio=ratio,
@@ -197,38 +220,94 @@ def device(
             captures=(False, True) if capture else (False,),
             on_left_out=warn,
         )
-        copied = measure_copy(Model.load("bilinear", providers=provider, executor="onnx").device)
-    publish(device_record(results, copied, ratio), tables, json, update)
+        copied = bench.measure_copy(Model.load("bilinear", providers=provider, executor="onnx").device)
+    publish(bench.device_record(results, copied, ratio), tables, json, update)
 
 
 def skip(
-    scenes: Annotated[
-        str, typer.Option(help="Families of test shots, with commas between.")
-    ] = "court,gallery,market",
-    methods: Annotated[str, typer.Option(help="That have kernels, with commas between.")] = "taau,classifier",
-    display_size: Annotated[str, typer.Option(help="Of the images.")] = "960x540",
-    ratio: Annotated[float, typer.Option(min=1.0, help="Display over render size.")] = 2.0,
-    samples: Annotated[int, typer.Option(min=1, help="A pixel of the references.")] = 64,
+    scenes: SCENES = "court,gallery,market",
+    methods: METHODS = "taau,classifier",
+    display_size: DISPLAY_SIZE = "960x540",
+    ratio: ONE_RATIO = 2.0,
+    samples: SAMPLES = 64,
     json: JSON = None,
     update: UPDATE = None,
 ) -> None:
     """Measure the time that static-tile reuse saves and its error, in test shots with a fixed camera.
 
-    Frames are rendered here, with OpenGL.
-
-    Quiet machines measure well: nothing else should run.
+    Methods need kernels. Frames are rendered here, with OpenGL. Nothing else should run on the machine.
 
     Example:
       supersampler bench skip --scenes court --methods classifier --update docs/results/backends.md
     """
-    from supersampler_bench.timing.skip import frame_count, markdown_table, measure_skipping, skip_record
+    from supersampler_bench.timing import skip as bench
 
-    tables = {"skip": markdown_table}
+    tables = {"skip": bench.markdown_table}
     check_page(update, tables)
     families, names, size = listed(scenes), listed(methods), parse_size(display_size)
-    with Progress(console=ERRORS, transient=True, disable=not ERRORS.is_terminal) as progress:
-        task = progress.add_task("frames", total=2 * len(families) * frame_count(ratio))
-        results = measure_skipping(
-            families, names, size, ratio=ratio, samples=samples, on_frame=lambda: progress.advance(task)
+    with counted("frames", 2 * len(families) * bench.frame_count(ratio)) as advance:
+        results = bench.measure_skipping(
+            families, names, size, ratio=ratio, samples=samples, on_frame=advance
         )
-    publish(skip_record(results, size, ratio), tables, json, update)
+    publish(bench.skip_record(results, size, ratio), tables, json, update)
+
+
+def pareto(
+    quality: Annotated[
+        list[Path] | None,
+        typer.Argument(
+            help="Records of `bench quality test-shots --json`, of any ratios, of `bench extrapolation "
+            "test-shots --json`, or of --json here.",
+            show_default="the scores of the shipped methods",
+        ),
+    ] = None,
+    display_size: DISPLAY_SIZE = "960x540",
+    threads: Annotated[int, typer.Option(min=1, help="CPU threads.")] = 2,
+    steps: STEPS = 20,
+    budget_ms: Annotated[
+        float | None, typer.Option(min=0.0, help="Name the best setting whose step takes no longer.")
+    ] = None,
+    output: Annotated[
+        Path | None, typer.Option("-o", "--output", help="Folder for a figure of each metric.")
+    ] = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Time every setting that was scored, and plot time against error.
+
+    Nothing else should run on the machine.
+
+    \b
+    Examples:
+      supersampler bench pareto --budget-ms 16 --display-size 1920x1080
+      supersampler bench pareto bench/results/quality-test-shots*.json -o docs/images --update docs/pareto.md
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from supersampler_bench.compatibility import gbuffers_of
+    from supersampler_bench.timing import pareto as bench
+    from supersampler_bench.timing import pareto_extrapolated as extrapolated
+
+    tables: Tables = {
+        "pareto": bench.markdown_table,
+        "presets": bench.preset_table,
+        "pareto unshaded": extrapolated.unshaded_table,
+    }
+    check_page(update, tables)
+    records, size = [read_record(path) for path in quality or [SHIPPED_PARETO]], parse_size(display_size)
+    scored = [record for record in records if record["bench"] != extrapolated.BENCH]
+    with ERRORS.status("timing"):
+        points = bench.measure_pareto(scored, size, threads=threads, steps=steps, on_left_out=warn)
+        unshaded = extrapolated.measure_unshaded(records, size, threads=threads, steps=steps)
+    record = bench.pareto_record(points, bench.shots_of(scored[0]), size, threads, unshaded)
+    publish(record, tables, json, update)
+    if output is not None:
+        from supersampler_bench.report.figures import draw_pareto  # needs matplotlib
+
+        draw_pareto(points, f"{display_size}, {threads} threads", output)
+    if budget_ms is not None:
+        best = bench.best_within(points, budget_ms)
+        for point in best:
+            reads = " (reads G-buffers)" if gbuffers_of([point.spec.model]) else ""
+            say(f"ratio {point.ratio:g}: {point.spec}{reads}, {point.milliseconds:.1f} ms")
+        if not best:
+            say(f"no setting takes {budget_ms:g} ms or less")
+            raise typer.Exit(1)

@@ -1,6 +1,6 @@
 """Error maps: FLIP of each pixel, its mean over the frames, and the frame of largest error."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,21 +12,21 @@ from supersampler_bench.quality.summaries import WARM_UP_FRAMES
 
 @dataclass(frozen=True)
 class Shown:
-    """What is shown of one frame: by method, in their order.
+    """Images and errors of one frame, in the order of the methods.
 
     Attributes:
         frame: its number.
-        images: (H, W, 3) each, as a screen shows them.
+        images: (H, W, 3) each, after the display transform.
         errors: (H, W) each, LDR-FLIP.
     """
 
     frame: int
-    images: list[Float32]
-    errors: list[Float32]
+    images: list[Float32] = field(default_factory=list)
+    errors: list[Float32] = field(default_factory=list)
 
 
 class ErrorMaps:
-    """Watches `measure_quality`, and keeps no more than means and the frame in which methods err the most.
+    """Watches `measure_quality`; keeps only mean errors and the frame in which methods err the most.
 
     Frames of the warm-up count as long as there is none after them.
 
@@ -36,15 +36,14 @@ class ErrorMaps:
 
     def __init__(self, methods: list[str]) -> None:
         self.methods = methods
-        self.worst = Shown(-1, [], [])
-        self._now = self.worst
+        self.worst = self._now = Shown(-1)
         self._sums: list[NDArray[np.float64]] = []
         self._count, self._largest, self._warm = 0, -1.0, False
 
     def __call__(self, seen: ScoredImage) -> None:
         """Take one image; those of a frame follow one another in the order of the methods."""
         if seen.method == 0:
-            self._now = Shown(seen.frame, [], [])
+            self._now = Shown(seen.frame)
         self._now.images.append(seen.shown)
         self._now.errors.append(seen.flip)
         if len(self._now.errors) == len(self.methods):

@@ -10,7 +10,7 @@ The colour of every second frame of a shot is removed, or of two of three. Each 
 The warping baselines upscale shaded frames alone, with motion that spans the unshaded frames between them.
 """
 
-from collections.abc import Callable, Collection, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -20,36 +20,31 @@ from supersampler.io.shot import Shot, ShotFrame
 from supersampler.methods.gbuffers import listed, names_of
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.upscaler import Upscaler
-from supersampler_bench.quality.confusion import Counts
-from supersampler_bench.quality.measure import StepImage, Stepper, measure_steppers, reference_size, runnable
-from supersampler_bench.quality.score_record import RecordedScores, scores_record, shot_record
+from supersampler_bench.quality.measure import (
+    StepImage,
+    Stepper,
+    measure_steppers,
+    reference_size,
+    runnable,
+    upscaler_of,
+)
+from supersampler_bench.quality.score_record import mean_row, scores_row, shot_record, shots_by_ratio
+from supersampler_bench.quality.score_table import COLUMNS as QUALITY_COLUMNS
 from supersampler_bench.quality.score_table import Column, sizes
 from supersampler_bench.quality.score_table import markdown_table as scores_table
-from supersampler_bench.quality.summaries import (
-    BORDER,
-    WARM_UP_FRAMES,
-    MeanScores,
-    MethodScores,
-    Scores,
-    Summarized,
-)
+from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES, MethodScores, Scores
 from supersampler_bench.quality.warping import motion_over_two_frames, warped, with_background_filled
 from supersampler_bench.record import Record
-from supersampler_bench.specs import parse_spec
 
 EVERY_SECOND = "1:1"
 """One unshaded frame after each shaded one."""
 PSNR_SHADED = "psnr_shaded"
 """PSNR of the shaded frames, whose history passed through unshaded ones."""
+_OMITTED = ("tpsnr", "warped_error_difference", "psnr_aliased")
 COLUMNS = (
-    Column("psnr", "PSNR dB ↑", 2, True),
-    Column("ssim", "SSIM ↑", 4, True),
-    Column("flip", "FLIP ↓", 4, False),
-    Column("psnr_disoccluded", "PSNR dB, disoccluded ↑", 2, True),
-    Column("psnr_changing_light", "PSNR dB, changing light ↑", 2, True),
-    Column("psnr_moving", "PSNR dB, moving ↑", 2, True),
-    Column(PSNR_SHADED, "PSNR dB, shaded frames ↑", 2, True),
-    Column("tpsnr", "tPSNR dB, all frames ↑", 2, True),
+    *(column for column in QUALITY_COLUMNS if column.name not in _OMITTED),
+    Column(PSNR_SHADED, "PSNR dB, shaded frames", 2),
+    Column("tpsnr", "tPSNR dB, all frames", 2),
 )
 TEMPORAL_METRICS = ("tpsnr", "warped_error_difference", "strred")
 """Metrics of changes from frame to frame, over all frames."""
@@ -70,14 +65,14 @@ class Alternation:
         if not unshaded.isdecimal() or int(unshaded) < 1 or shaded != "1":
             want = "unshaded to shaded frames, as 1:1 or 2:1"
             raise ArgumentError("--alternation", got=repr(text), want=want)
-        self.text, self._hidden = text, int(unshaded)
+        self.text, self._unshaded = text, int(unshaded)
         self.indices: set[int] = set()
         self._since: dict[int, int] = {}  # frames since the last shaded one
 
     def leaves_unshaded(self, item: ShotFrame) -> bool:
         """Return whether a frame is unshaded; frames come in order, each any number of times."""
         before = self._since.get(item.index - 1)
-        since = 0 if item.frame.reset or before is None else (before + 1) % (self._hidden + 1)
+        since = 0 if item.frame.reset or before is None else (before + 1) % (self._unshaded + 1)
         self._since[item.index] = since
         if since:
             self.indices.add(item.index)
@@ -103,34 +98,17 @@ class UnshadedScores:
 
     def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
         """See `MethodScores`."""
-        alone, between = (
-            MethodScores(
-                self.method, [f for f in self.scores.frames if (f.frame in self.unshaded) is unshaded]
-            )
-            for unshaded in (True, False)
+        unshaded, shaded = (
+            MethodScores(self.method, [f for f in self.scores.frames if (f.frame in self.unshaded) is kind])
+            for kind in (True, False)
         )
         every = self.scores.summary(warm=warm, cropped=cropped)
-        found = alone.summary(warm=warm, cropped=cropped) | {name: every[name] for name in TEMPORAL_METRICS}
-        return found | {PSNR_SHADED: between.summary(warm=warm, cropped=cropped)["psnr"]}
+        temporal = {name: every[name] for name in TEMPORAL_METRICS}
+        psnr_shaded = shaded.summary(warm=warm, cropped=cropped)["psnr"]
+        return unshaded.summary(warm=warm, cropped=cropped) | temporal | {PSNR_SHADED: psnr_shaded}
 
-    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:  # noqa: ARG002
-        """None: an extrapolated colour is no sample that has a class."""
-        return None
-
-
-@dataclass(frozen=True)
-class Extrapolated:
-    """The scores of all ways on one shot.
-
-    Attributes:
-        shot: what was measured on.
-        origin: what else is known of the shot's pixels, ready for JSON.
-        alternations: scores by alternation, as its text.
-    """
-
-    shot: Shot
-    origin: dict[str, Any]
-    alternations: dict[str, list[UnshadedScores]]
+    def classes(self, *, warm: bool = True, cropped: bool = True) -> None:
+        """Return None: classes are of shaded samples."""
 
 
 def measure_extrapolation(
@@ -139,10 +117,9 @@ def measure_extrapolation(
     models: Sequence[str],
     alternations: Sequence[str],
     *,
-    origin: dict[str, Any] | None = None,
     on_left_out: Callable[[str], None] = lambda _: None,
-    on_frame: Callable[[int], None] | None = None,
-) -> Extrapolated:
+    on_frame: Callable[[], None] = lambda: None,
+) -> dict[str, list[UnshadedScores]]:
     """Remove the colour of some frames of a shot, extrapolate them in all ways, and score them.
 
     Args:
@@ -150,13 +127,15 @@ def measure_extrapolation(
         upscalers: as `parse_spec` reads them.
         models: that extrapolate: their names, or folders.
         alternations: as `Alternation` reads them.
-        origin: see `Extrapolated`.
-        on_left_out: called with the name of each upscaler that cannot upscale the shot, and why.
-        on_frame: called with the number of frames done, after each.
+        on_left_out: called with the reason why an upscaler is left out.
+        on_frame: called after each frame of each alternation.
+
+    Returns:
+        Scores of all ways, by alternation.
 
     Raises:
         ShotError: no frame has a reference, or G-buffers are missing.
-        ArgumentError: no upscaler is left, or an alternation is none.
+        ArgumentError: no upscaler is left, or an alternation is invalid.
         ModelError, FrameError: see `Upscaler`.
     """
     display = reference_size(shot)
@@ -168,7 +147,7 @@ def measure_extrapolation(
         steppers = [s for name in upscalers for s in _ways(name, models, display, alternation)]
         found = measure_steppers(shot, steppers, on_frame=on_frame)
         scores[alternation.text] = [UnshadedScores(s, frozenset(alternation.indices)) for s in found]
-    return Extrapolated(shot, origin or {}, scores)
+    return scores
 
 
 def check_gbuffers(shot: Shot, model: str) -> None:
@@ -184,41 +163,26 @@ def check_gbuffers(shot: Shot, model: str) -> None:
         raise ShotError(shot.path, f"frames have no {listed(lacking)}", hint)
 
 
-def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alternation) -> list[Stepper]:
-    shaded = _made(upscaler, display)
-    plain, filled = (WarpBaseline(_made(upscaler, display), alternation, filled=f) for f in (False, True))
+def _ways(upscaler: str, models: Sequence[str], display: Size, alternation: Alternation) -> Iterator[Stepper]:
+    def way(name: str, step: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
+        return Stepper(f"{upscaler}, {name}", lambda item: StepImage(step(item)), gbuffers)
 
-    def way(name: str, show: Callable[[ShotFrame], Float32], gbuffers: Collection[str]) -> Stepper:
-        return Stepper(f"{upscaler}, {name}", lambda item: StepImage(show(item)), gbuffers)
+    def extrapolating(model: str) -> Stepper:
+        both = upscaler_of(upscaler, display, extrapolation=model)
 
-    def extrapolated(model: str) -> Stepper:
-        extrapolating = _made(upscaler, display, extrapolation=model)
-
-        def show(item: ShotFrame) -> Float32:
+        def step(item: ShotFrame) -> Float32:
             if alternation.leaves_unshaded(item):
-                return extrapolating.extrapolate(replace(item.frame, color=None))
-            return extrapolating.step(item.frame)
+                return both.extrapolate(replace(item.frame, color=None))
+            return both.step(item.frame)
 
-        return way(read_model_info(find_model(model)).method, show, extrapolating.gbuffers)
+        return way(read_model_info(find_model(model)).method, step, both.gbuffers)
 
-    return [
-        way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers),
-        way("warp", plain.step, shaded.gbuffers),
-        way("warp, filled", filled.step, shaded.gbuffers),
-        *map(extrapolated, models),
-    ]
-
-
-def _made(upscaler: str, display: Size, extrapolation: str | None = None) -> Upscaler:
-    spec = parse_spec(upscaler)
-    return Upscaler(
-        spec.model,
-        display_size=display,
-        precision=spec.precision,
-        skip=spec.skip,
-        extrapolation=extrapolation,
-        validate="off",
-    )
+    shaded = upscaler_of(upscaler, display)
+    yield way("shaded", lambda item: shaded.step(item.frame), shaded.gbuffers)
+    for name, filled in (("warp", False), ("warp, filled", True)):
+        baseline = WarpBaseline(upscaler_of(upscaler, display), alternation, filled=filled)
+        yield way(name, baseline.step, shaded.gbuffers)
+    yield from map(extrapolating, models)
 
 
 class WarpBaseline:
@@ -252,65 +216,50 @@ class WarpBaseline:
         return image
 
 
-def extrapolation_record(measured: Sequence[Extrapolated], models: Sequence[str]) -> dict[str, Any]:
+def shot_scores(
+    shot: Shot, alternations: dict[str, list[UnshadedScores]], origin: Record | None = None
+) -> dict[str, Any]:
+    """Return the part of a record about one shot; `origin` is what else is known of the shot's pixels."""
+    rows = [
+        {"alternation": text, "methods": [scores_row(s) for s in scores]}
+        for text, scores in alternations.items()
+    ]
+    return {**shot_record(shot), **(origin or {}), "alternations": rows}
+
+
+def extrapolation_record(shots: Sequence[Record], models: Sequence[str]) -> dict[str, Any]:
     """Return all values, ready for JSON.
 
     Args:
-        measured: the shots; of several each knows its ratio, and there is a mean at each.
+        shots: by `shot_scores`; if there are several, each has its ratio, and there is a mean at each.
         models: that extrapolate.
     """
-    ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
-    return {
-        "bench": "extrapolation",
-        "models": list(models),
-        "warm_up_frames": WARM_UP_FRAMES,
-        "border": BORDER,
-        "shots": [
-            {
-                **shot_record(m.shot),
-                **m.origin,
-                "alternations": [
-                    {"alternation": text, "methods": [scores_record(s) for s in scores]}
-                    for text, scores in m.alternations.items()
-                ],
-            }
-            for m in measured
-        ],
-        "means": [
-            {"ratio": ratio, "alternation": text, "methods": [scores_record(s) for s in scores]}
-            for ratio in ratios
-            for text, scores in _means([m for m in measured if m.origin["ratio"] == ratio])
-        ],
-    }
-
-
-def _means(measured: Sequence[Extrapolated]) -> list[tuple[str, list[MeanScores]]]:
-    found = []
-    for text in measured[0].alternations:
-        by_method = zip(*(m.alternations[text] for m in measured), strict=True)
-        found.append((text, [MeanScores(scores[0].method, scores) for scores in by_method]))
-    return found
+    means = []
+    for ratio, group in shots_by_ratio(shots).items():
+        for same in zip(*(shot["alternations"] for shot in group), strict=True):
+            by_method = zip(*(row["methods"] for row in same), strict=True)
+            methods = [mean_row(rows) for rows in by_method]
+            means.append({"ratio": ratio, "alternation": same[0]["alternation"], "methods": methods})
+    facts = {"models": list(models), "warm_up_frames": WARM_UP_FRAMES, "border": BORDER}
+    return {"bench": "extrapolation", **facts, "shots": list(shots), "means": means}
 
 
 def markdown_table(record: Record) -> str:
-    """Return the tables of a record as Markdown, one an alternation, with captions."""
-    tables = []
-    if record["means"]:
-        for mean in record["means"]:
-            names = ", ".join(s["name"] for s in record["shots"] if s["ratio"] == mean["ratio"])
-            about = f"Mean of the shots {names} at ratio {mean['ratio']:g}"
-            tables.append(_table(about, mean))
-    else:
+    """Return the tables of a record as Markdown, one for each alternation, with captions."""
+    if not record["means"]:
         shot = record["shots"][0]
-        tables = [_table(sizes(shot), a) for a in shot["alternations"]]
+        return "\n\n".join(_table(sizes(shot), row) for row in shot["alternations"])
+    tables = []
+    for mean in record["means"]:
+        names = ", ".join(shot["name"] for shot in record["shots"] if shot["ratio"] == mean["ratio"])
+        tables.append(_table(f"Mean of the shots {names} at ratio {mean['ratio']:g}", mean))
     return "\n\n".join(tables)
 
 
 def _table(about: str, row: Record) -> str:
-    results: list[Summarized] = [RecordedScores(method) for method in row["methods"]]
     caption = (
         f"{about}, {row['alternation']} unshaded to shaded frames. "
         "Scores are of the unshaded ones; tPSNR is of all; "
         f"without the first {WARM_UP_FRAMES} frames and a border of {BORDER} pixels"
     )
-    return scores_table(caption, results, COLUMNS)
+    return scores_table(caption, row["methods"], COLUMNS)

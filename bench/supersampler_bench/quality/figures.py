@@ -1,5 +1,6 @@
 """Figures of a measurement: curves over the frames, error heat maps, confusion of classes."""
 
+import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -7,36 +8,65 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
-from numpy.typing import NDArray
 
-from supersampler.frame import Array, Float32
+from supersampler.frame import Float32
 from supersampler.io.atomic import replacing
 from supersampler.io.compare import false_color
-from supersampler_bench.quality.confusion import GROUPS, Counts, overlap, shares
+from supersampler_bench.markdown_table import figure as figure_text
+from supersampler_bench.quality.confusion import GROUPS, Counts, confusions_of, fractions, overlap
 from supersampler_bench.quality.error_maps import ErrorMaps
-from supersampler_bench.quality.score_table import CLIP_COLUMNS, COLUMNS, Column
-from supersampler_bench.quality.summaries import BORDER, FRAME_METRICS, WARM_UP_FRAMES, MethodScores
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, COLUMNS, Column, caption, mean_tables, sizes
+from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES
+from supersampler_bench.record import Record
+from supersampler_model.data.shots import variant_name
 
 _FALSE_COLORS = ListedColormap(false_color(np.linspace(0.0, 1.0, 256)[None])[0] / 255.0)
 _DPI = 100
 _PANEL = 6.4  # inches, 640 pixels: larger images are averaged down
 
 
-def draw_curves(title: str, results: Sequence[MethodScores], path: Path) -> None:
+def draw_shot(shot: Record, maps: ErrorMaps, folder: Path) -> None:
+    """Write a folder with curves, errors and, where a method predicts them, classes of one shot.
+
+    Args:
+        shot: by `shot_scores`.
+        maps: that have watched the measurement.
+        folder: of the folder.
+    """
+    name = shot["name"] + (f"-{variant_name(shot['ratio'])}" if "ratio" in shot else "")
+    draw_curves(shot, folder / name / "curves.png")
+    draw_errors(sizes(shot), maps, folder / name / "errors.png")
+    if confusions := confusions_of(shot["methods"]):
+        draw_classes(caption(shot), confusions, folder / name / "classes.png")
+
+
+def draw_means(record: Record, folder: Path) -> None:
+    """Draw the classes of all shots at each ratio, where there are several shots."""
+    for ratio, (title, rows) in mean_tables(record).items():
+        if confusions := confusions_of(rows):
+            draw_classes(title, confusions, folder / f"classes-{variant_name(ratio)}.png")
+
+
+def draw_curves(shot: Record, path: Path) -> None:
     """Draw each metric of each method over the frames, without the border; the warm-up is shaded.
 
     Args:
-        title: of the figure.
-        results: of one shot.
+        shot: by `shot_scores`.
         path: of the PNG.
     """
-    columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if _has(c, results)]
-    rows = -(-len(columns) // 2)
-    figure = Figure(figsize=(14.0, 2.6 * rows + 0.6), dpi=_DPI, layout="constrained")
-    panels = figure.subplots(rows, 2, squeeze=False).ravel()
+    rows = shot["methods"]
+    columns = [c for c in dict.fromkeys((*COLUMNS, *CLIP_COLUMNS)) if any(_curve(c, row) for row in rows)]
+    height = -(-len(columns) // 2)
+    figure = Figure(figsize=(14.0, 2.6 * height + 0.6), dpi=_DPI, layout="constrained")
+    panels = figure.subplots(height, 2, squeeze=False).ravel()
     for axes, column in zip(panels, columns, strict=False):
-        for result in results:
-            axes.plot(*_curve(column, result), label=result.method, marker=".", markersize=4, linewidth=1.0)
+        for row in rows:
+            values = _curve(column, row)
+            numbers = list(range(min(values), max(values) + 1)) if values else []
+            if column.name == "strred":  # pairs of frames: the frames between them have no value
+                numbers = list(values)
+            curve = [values.get(number, math.nan) for number in numbers]
+            axes.plot(numbers, curve, label=row["method"], marker=".", markersize=4, linewidth=1.0)
         axes.axvspan(-0.5, WARM_UP_FRAMES - 0.5, color="0.92", zorder=0)
         axes.set_title(column.heading, fontsize="medium")
         axes.grid(alpha=0.3)
@@ -44,13 +74,24 @@ def draw_curves(title: str, results: Sequence[MethodScores], path: Path) -> None
         axes.remove()
     handles, labels = panels[0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(len(labels), 7))
-    figure.suptitle(f"{title}: without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded")
+    about = f"without a border of {BORDER} pixels; the first {WARM_UP_FRAMES} frames shaded"
+    figure.suptitle(f"{sizes(shot)}: {about}")
     with replacing(path) as partial:
         figure.savefig(partial, format="png")
 
 
+def _curve(column: Column, row: Record) -> dict[int, float]:
+    """Return the known values of a metric by frame."""
+    values = {frame["frame"]: frame["cropped"].get(column.name) for frame in row["frames"]}
+    return {
+        frame: value * column.scale
+        for frame, value in values.items()
+        if value is not None and not math.isnan(value)
+    }
+
+
 def draw_errors(title: str, maps: ErrorMaps, path: Path) -> None:
-    """Draw, by method, its image of the worst frame, the error there and the mean error, to one scale.
+    """Draw, by method, its image of the worst frame, the error there and the mean error, on one scale.
 
     Args:
         title: of the figure.
@@ -102,36 +143,21 @@ def draw_classes(title: str, confusions: Sequence[tuple[str, Counts]], path: Pat
 
 
 def _draw_matrix(axes: Axes, names: Sequence[str], matrix: Counts) -> None:
-    share = shares(matrix)
+    predicted_as = fractions(matrix)
     part = matrix.sum(axis=1) / max(matrix.sum(), 1)
-    iou = ["–" if np.isnan(value) else f"{value:.3f}" for value in overlap(matrix)]
-    axes.imshow(np.nan_to_num(share), cmap="Blues", vmin=0.0, vmax=1.0)
+    axes.imshow(np.nan_to_num(predicted_as), cmap="Blues", vmin=0.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names)
-    labels = zip(names, part, iou, strict=True)
-    axes.set_yticks(range(len(names)), [f"{n}\n{p:.2%} of pixels\nIoU {i}" for n, p, i in labels])
+    labels = [
+        f"{name}\n{of_all:.2%} of pixels\nIoU {figure_text(iou, 3)}"
+        for name, of_all, iou in zip(names, part, overlap(matrix), strict=True)
+    ]
+    axes.set_yticks(range(len(names)), labels)
     axes.set(xlabel="predicted", ylabel="true")
-    for (true, predicted), value in np.ndenumerate(share):
+    for (true, predicted), value in np.ndenumerate(predicted_as):
         ink = "white" if value > 0.5 else "black"
-        text = "–" if np.isnan(value) else f"{value:.1%}"
-        axes.text(predicted, true, text, ha="center", va="center", color=ink)
+        axes.text(predicted, true, figure_text(100.0 * value, 1, "%"), ha="center", va="center", color=ink)
 
 
 def _limit(errors: Sequence[Float32]) -> float:
-    """Where the scale of all methods ends: few pixels are beyond, so that the rest is not all dark."""
+    """Where the scale of all methods ends: at the 99.8th percentile, so that the rest is not all dark."""
     return max(float(np.percentile(error, 99.8)) for error in errors) or 1.0
-
-
-def _has(column: Column, results: Sequence[MethodScores]) -> bool:
-    if column.metric not in FRAME_METRICS:
-        return False
-    return any(not np.isnan(frame.cropped[column.metric]) for result in results for frame in result.frames)
-
-
-def _curve(column: Column, result: MethodScores) -> tuple[NDArray[np.intp], Array]:
-    """Numbers of frames and values; a frame without one parts the curve, but for STRRED's pairs."""
-    values = {frame.frame: frame.cropped[column.metric] * column.scale for frame in result.frames}
-    if column.metric == "strred":
-        values = {frame: value for frame, value in values.items() if not np.isnan(value)}
-        return np.array(list(values), np.intp), np.array(list(values.values()))
-    numbers = np.arange(min(values), max(values) + 1)
-    return numbers, np.array([values.get(int(n), np.nan) for n in numbers])

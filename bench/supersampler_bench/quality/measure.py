@@ -1,8 +1,7 @@
 """Quality of methods on a shot: one pass, one frame at a time, all methods side by side.
 
-What is measured and how: metrics.py, strred.py, masks.py and confusion.py. Each frame's
-scores are kept for the whole image ("full") and without a border ("cropped"), summaries of all frames
-("all") and without the first ones ("warm").
+The metrics are in metrics.py, strred.py, masks.py and confusion.py. Each frame has scores of the whole image
+("full") and without a border ("cropped"); summaries are of all frames ("all") and without the first ("warm").
 """
 
 from collections.abc import Callable, Collection, Sequence
@@ -23,28 +22,22 @@ from supersampler.upscaler import Upscaler
 from supersampler_bench.compatibility import incompatibility
 from supersampler_bench.quality import confusion, masks, metrics, strred
 from supersampler_bench.quality.confusion import Counts
-from supersampler_bench.quality.summaries import (
-    BORDER,
-    MASKED,
-    FrameScores,
-    MethodScores,
-    Scores,
-)
+from supersampler_bench.quality.summaries import BORDER, MASKED, FrameScores, MethodScores, Scores
 from supersampler_bench.specs import parse_spec
 
 Bool = NDArray[np.bool_]
 Bands = tuple[strred.Plane, strred.Plane]
-"""Of an image and the one before, which comes first."""
+"""Of the previous image and of this one."""
 
 
 @dataclass(frozen=True)
 class ScoredImage:
-    """One method's image of a frame that has a reference, for those who watch.
+    """One method's image of a frame that has a reference, as `watch` of `measure_quality` gets it.
 
     Attributes:
-        method: its place in the list of methods.
+        method: its index in the list of methods.
         frame: its number.
-        shown: (H, W, 3), as a screen shows it.
+        shown: (H, W, 3), after the display transform.
         flip: (H, W), LDR-FLIP.
     """
 
@@ -56,14 +49,14 @@ class ScoredImage:
 
 @dataclass(frozen=True)
 class StepImage:
-    """What a step drew: the image (H, W, 3), linear RGB, and `StepResult.class_map`."""
+    """The image (H, W, 3) of a step, linear RGB, and its `StepResult.class_map`."""
 
     image: Float32
     class_map: Float32 | None = None
 
 
 class Stepper(NamedTuple):
-    """What makes images of a shot's frames in order, and the names of the G-buffers that it reads."""
+    """Computes images of a shot's frames in order; `gbuffers` are the names of those that it reads."""
 
     name: str
     step: Callable[[ShotFrame], StepImage]
@@ -75,16 +68,16 @@ def measure_quality(
     methods: Sequence[str | Path],
     *,
     watch: Callable[[ScoredImage], None] = lambda _: None,
-    on_frame: Callable[[int], None] | None = None,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
     """Step every method through the shot and score the frames that have a reference.
 
     Args:
         shot: at least one frame with a reference.
-        methods: names of shipped models, or model folders, as they run by default or as `parse_spec` reads
-            what is after them (":fp32", ":exact").
+        methods: names of shipped models, or model folders, with settings as `parse_spec` reads them
+            (":fp32", ":exact").
         watch: called with each image that is scored.
-        on_frame: called with the number of frames done, after each.
+        on_frame: called after each frame.
 
     Returns:
         Scores in the order of `methods`.
@@ -93,8 +86,7 @@ def measure_quality(
         ShotError: no frame has a reference.
         ModelError, FrameError: see `Upscaler`.
     """
-    display_size = reference_size(shot)
-    steppers = [stepper_of(method, display_size) for method in methods]
+    steppers = [stepper_of(method, reference_size(shot)) for method in methods]
     return measure_steppers(shot, steppers, watch=watch, on_frame=on_frame)
 
 
@@ -103,7 +95,7 @@ def measure_steppers(
     steppers: Sequence[Stepper],
     *,
     watch: Callable[[ScoredImage], None] = lambda _: None,
-    on_frame: Callable[[int], None] | None = None,
+    on_frame: Callable[[], None] = lambda: None,
 ) -> list[MethodScores]:
     """Do what `measure_quality` does, for any steppers."""
     gbuffers = {name for stepper in steppers for name in stepper.gbuffers}
@@ -120,18 +112,17 @@ def measure_steppers(
                 frames[i].append(_score(image, stepped.class_map, before[i], flip, truth))
                 watch(ScoredImage(i, item.index, image, flip))
             before[i] = stepped.image if truth is not None else None
-        if on_frame is not None:
-            on_frame(item.index + 1)
+        on_frame()
     return [MethodScores(s.name, frames[i]) for i, s in enumerate(steppers)]
 
 
 def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], None]) -> list[str]:
-    """Return those of some methods that can upscale a shot, as `measure_quality` takes them.
+    """Return those of some methods that can upscale a shot.
 
     Args:
         shot: at least one frame with a reference.
         methods: see `measure_quality`.
-        on_left_out: called with the name of each other method, and why.
+        on_left_out: called with the reason why a method is left out.
 
     Raises:
         ArgumentError: no method is left.
@@ -148,19 +139,29 @@ def runnable(shot: Shot, methods: Sequence[str], on_left_out: Callable[[str], No
 
 def stepper_of(method: str | Path, display_size: Size) -> Stepper:
     """Return what steps a method through a shot; `method` as `measure_quality` takes it."""
-    spec = parse_spec(str(method))
-    upscaler = Upscaler(
-        spec.model, display_size=display_size, precision=spec.precision, skip=spec.skip, validate="off"
-    )
-    want = [name for name in ("class_map",) if name in upscaler.model.info.maps]
+    upscaler = upscaler_of(str(method), display_size)
+    outputs = [name for name in ("class_map",) if name in upscaler.model.info.maps]
 
     def step(item: ShotFrame) -> StepImage:
-        result = upscaler.step(item.frame, outputs=want)
-        return (
-            StepImage(result.image, result.class_map) if isinstance(result, StepResult) else StepImage(result)
-        )
+        result = upscaler.step(item.frame, outputs=outputs)
+        if isinstance(result, StepResult):
+            return StepImage(result.image, result.class_map)
+        return StepImage(result)
 
     return Stepper(str(method), step, upscaler.model.info.gbuffers)
+
+
+def upscaler_of(method: str, display_size: Size, extrapolation: str | None = None) -> Upscaler:
+    """Return an Upscaler with the settings that `parse_spec` reads."""
+    spec = parse_spec(method)
+    return Upscaler(
+        spec.model,
+        display_size=display_size,
+        precision=spec.precision,
+        skip=spec.skip,
+        extrapolation=extrapolation,
+        validate="off",
+    )
 
 
 def reference_size(shot: Shot) -> Size:
@@ -181,22 +182,22 @@ class _Truth:
 
     frame: int
     exposure: float
-    shown: Float32  # (H, W, 3), as a screen shows the reference
-    previous: Float32 | None  # the same of the frame before, at this frame's exposure; None without one
+    shown: Float32  # (H, W, 3), the reference after the display transform
+    previous: Float32 | None  # the previous reference at this frame's exposure; None without one
     motion: Float32  # (H, W, 2), display pixels
     masks: dict[str, Bool]  # (H, W) each; those that are known
     classes: ClassMaps | None
-    bands: Bands | None  # None off STRRED's pairs
+    bands: Bands | None  # None where the frame ends no pair of STRRED
 
 
 class _Truths:
-    """Follows the frames of a shot and remembers what the next one needs of the last."""
+    """Follows the frames of a shot and keeps what the next truth needs of the previous frame."""
 
     def __init__(self, display_size: Size) -> None:
         self._display_size = display_size
         self._frame: Frame | None = None
         self._reference: Float32 | None = None
-        self._paired = False  # whether the last frame ended a pair of STRRED's, which do not overlap
+        self._paired = False  # whether the last frame ended a pair of STRRED; pairs do not overlap
 
     def next(self, item: ShotFrame, classes: ClassMaps | None) -> _Truth | None:
         """Return the truth of the next frame in order; None where it has no reference."""
@@ -254,7 +255,7 @@ def _score(
 
 
 def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float32, border: int) -> Scores:
-    """Score one image without `border` pixels; what looks at neighbours has seen them before the crop."""
+    """Score one image without `border` pixels; metrics with a footprint are computed before the crop."""
     image, reference = metrics.crop(shown, border), metrics.crop(truth.shown, border)
     scores = {
         "psnr": metrics.psnr(image, reference),
@@ -279,7 +280,7 @@ def _scores(shown: Float32, previous: Float32 | None, truth: _Truth, flip: Float
 
 
 def _strred(bands: Bands | None, truth: Bands | None, border: int) -> Scores:
-    """Score a pair; the border is cut off the bands, of which a pixel is as wide as `strred.BAND_PIXELS`."""
+    """Score a pair; the border is cropped from the bands, whose pixels are `strred.BAND_PIXELS` wide."""
     srred = trred = float("nan")
     if bands is not None and truth is not None:
         edge = -(-border // strred.BAND_PIXELS)

@@ -1,6 +1,6 @@
 """PSNR lost by fp16 and int8 networks at the end of long sequences, against references."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import product
@@ -8,20 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from supersampler import Model, Upscaler, halton_jitter
+from supersampler import Model, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import display_transform
 from supersampler.model import Precision
 from supersampler_bench.compatibility import gbuffers_of
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.quality.metrics import psnr, tpsnr
 from supersampler_bench.record import Record
-from supersampler_bench.shots.public_shots import TEST_SHOTS
-from supersampler_bench.shots.rendered_frame import rendered_frame
+from supersampler_bench.shots.rendered_frame import rendered_sequence
 from supersampler_model.data.renderer.renderer import Renderer
-from supersampler_model.data.sequences import make_sequence
 from supersampler_model.data.shots import render_size
-from supersampler_model.data.specs import SequenceSpec
 
 PRECISIONS: tuple[Precision, ...] = ("fp32", "fp16", "int8")
 """The first is the baseline of the others."""
@@ -35,7 +33,7 @@ class Scored:
     Attributes:
         scene: family of the test shot.
         method: the model's name.
-        precision: of what is learned.
+        precision: of the network.
         psnr: against the reference, dB.
         tpsnr: of the changes from frame to frame, dB.
     """
@@ -88,76 +86,49 @@ def measure_precision(
         samples: a pixel of the references.
         on_frame: called after each frame of a scene.
     """
-    renderer = Renderer(display, samples=samples)
+    renderer, size = Renderer(display, samples=samples), render_size(display, ratio)
+    gbuffers = bool(gbuffers_of(methods))
     results = []
     for family in families:
-        runners = dict(_runners(methods, display))
+        runners: dict[tuple[str, Precision], _Runner] = {}
+        for method, precision in product(methods, PRECISIONS):
+            with suppress(ArgumentError):  # the method has no such precision
+                runners[method, precision] = _Runner(method, precision, display)
         before: Float32 | None = None
-        for frame, truth in _frames(renderer, family, frames, ratio, gbuffers=bool(gbuffers_of(methods))):
+        sequence = rendered_sequence(renderer, family, frames, size, references=SCORED, gbuffers=gbuffers)
+        for frame, reference, exposure in sequence:
+            truth = None if reference is None else display_transform(reference, exposure)
             for runner in runners.values():
                 runner.step(frame, truth, before)
             before = truth
             on_frame()
-        results += [
-            Scored(family, m, p, float(np.mean(r.psnr)), float(np.mean(r.tpsnr)))
-            for (m, p), r in runners.items()
-        ]
+        for (method, precision), runner in runners.items():
+            scores = (float(np.mean(values)) for values in (runner.psnr, runner.tpsnr))
+            results.append(Scored(family, method, precision, *scores))
     return results
-
-
-def _runners(methods: Sequence[str], display: Size) -> Iterator[tuple[tuple[str, Precision], _Runner]]:
-    for method, precision in product(methods, PRECISIONS):
-        with suppress(ArgumentError):  # the method has no such precision
-            yield (method, precision), _Runner(method, precision, display)
-
-
-def _frames(
-    renderer: Renderer, family: str, count: int, ratio: float, *, gbuffers: bool
-) -> Iterator[tuple[Frame, Float32 | None]]:
-    sequence = make_sequence(SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count))
-    size = render_size(renderer.display_size, ratio)
-    for index in range(count):
-        scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
-        frame = rendered_frame(renderer, scene, size, jitter, reset=sequence.cut(index), gbuffers=gbuffers)
-        known = index >= count - SCORED
-        truth = renderer.reference(scene).color if known else None
-        yield frame, None if truth is None else display_transform(truth, scene.camera.exposure)
 
 
 def precision_record(results: Sequence[Scored], display: Size, frames: int, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {
-        "bench": "precision",
-        "display": list(display),
-        "ratio": ratio,
-        "frames": frames,
-        "scored": SCORED,
-        "results": [asdict(r) for r in results],
-    }
+    facts = {"display": list(display), "ratio": ratio, "frames": frames, "scored": SCORED}
+    return {"bench": "precision", **facts, "results": [asdict(result) for result in results]}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    results = [Scored(**row) for row in record["results"]]
-    (width, height), (first, *others) = record["display"], PRECISIONS
+    results, (first, *others) = [Scored(**row) for row in record["results"]], PRECISIONS
     found = {(r.scene, r.method, r.precision): r for r in results}
-    pairs = list(dict.fromkeys((r.scene, r.method) for r in results))
-    rows = [
-        f"| scene | method | PSNR dB, {first} | {' | '.join(others)} "
-        f"| tPSNR dB, {first} | {' | '.join(others)} |",
-        f"| --- | --- | {' | '.join(['---:'] * (2 + 2 * len(others)))} |",
-    ]
-    for pair in pairs:
-        base, rest = found[(*pair, first)], [found.get((*pair, p)) for p in others]
+    rows = []
+    for pair in dict.fromkeys((r.scene, r.method) for r in results):
+        base, rest = found[(*pair, first)], [found.get((*pair, precision)) for precision in others]
         psnrs = ["" if r is None else f"{r.psnr - base.psnr:+.2f}" for r in rest]
         tpsnrs = ["" if r is None else f"{r.tpsnr - base.tpsnr:+.2f}" for r in rest]
-        rows.append(
-            f"| {pair[0]} | {pair[1]} | {base.psnr:.2f} | {' | '.join(psnrs)} "
-            f"| {base.tpsnr:.2f} | {' | '.join(tpsnrs)} |"
-        )
+        rows.append([*pair, f"{base.psnr:.2f}", *psnrs, f"{base.tpsnr:.2f}", *tpsnrs])
     caption = (
-        f"Images of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
-        f"{record['frames']} frames, against references; {' and '.join(others)} as what they differ by "
-        f"from {first}."
+        f"Images of {size_text(record['display'])} at ratio {record['ratio']:g}, the last "
+        f"{record['scored']} of {record['frames']} frames, against references; {' and '.join(others)} as "
+        f"what they differ by from {first}."
     )
-    return "\n".join([*rows, "", caption])
+    differences = [f"{precision}:" for precision in others]
+    headings = ["scene", "method", f"PSNR dB, {first}:", *differences, f"tPSNR dB, {first}:", *differences]
+    return table(headings, rows, caption)

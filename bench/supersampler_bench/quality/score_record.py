@@ -1,140 +1,120 @@
 """The record of a quality measurement: scores and classes of each shot and of their means."""
 
 import hashlib
-import math
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import product
-from typing import Any
+from typing import Any, Protocol
+
+import numpy as np
 
 from supersampler.io.shot import Shot
-from supersampler_bench.quality.class_table import class_record, counts_of
-from supersampler_bench.quality.confusion import Counts
-from supersampler_bench.quality.summaries import (
-    BORDER,
-    WARM_UP_FRAMES,
-    FrameScores,
-    MeanScores,
-    MethodScores,
-    Scores,
-    Summarized,
-)
+from supersampler_bench.quality.confusion import Counts, class_record, counts_of
+from supersampler_bench.quality.summaries import BORDER, WARM_UP_FRAMES, MethodScores, Scores
 from supersampler_bench.record import Record, setting
 
-
-@dataclass(frozen=True)
-class Measured:
-    """The scores of all methods on one shot.
-
-    Attributes:
-        shot: what was measured on.
-        methods: their scores.
-        origin: what else is known of the shot's pixels, ready for JSON.
-    """
-
-    shot: Shot
-    methods: list[MethodScores]
-    origin: dict[str, Any] = field(default_factory=dict)
+WAYS = {
+    f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}": {"warm": warm, "cropped": cropped}
+    for warm, cropped in product((True, False), repeat=2)
+}
+"""Names of the four summaries: with or without the first frames, with or without the border."""
 
 
-def quality_record(measured: Sequence[Measured]) -> dict[str, Any]:
+class Summarized(Protocol):
+    """Scores of one method that have summaries; see `MethodScores`."""
+
+    @property
+    def method(self) -> str:
+        """Name of the method."""
+
+    def summary(self, *, warm: bool, cropped: bool) -> Scores:
+        """Return each metric; NaN where it is unknown."""
+
+    def classes(self, *, warm: bool, cropped: bool) -> Counts | None:
+        """Return class counts; None where classes are unknown."""
+
+
+def quality_record(shots: Sequence[Record]) -> dict[str, Any]:
     """Return everything about a quality measurement, ready for JSON; only `date` differs from run to run.
 
     Args:
-        measured: the shots. Of several each knows its ratio (`Measured.origin`), those of a ratio have the
-            same methods, and there is a mean at each ratio.
+        shots: by `shot_scores`. If there are several, each has its ratio, those of a ratio have the same
+            methods, and the record has a mean at each ratio.
     """
-    ratios = dict.fromkeys(m.origin["ratio"] for m in measured) if len(measured) > 1 else ()
-    return {
-        "bench": "quality",
-        "warm_up_frames": WARM_UP_FRAMES,
-        "border": BORDER,
-        "shots": [
-            {**shot_record(m.shot), **m.origin, "methods": [_method_record(r) for r in m.methods]}
-            for m in measured
-        ],
-        "means": [
-            {"ratio": ratio, **scores_record(mean)}
-            for ratio in ratios
-            for mean in _means([m for m in measured if m.origin["ratio"] == ratio])
-        ],
-        **setting(),
-    }
+    means = [
+        {"ratio": ratio, **mean_row(rows)}
+        for ratio, group in shots_by_ratio(shots).items()
+        for rows in zip(*(shot["methods"] for shot in group), strict=True)
+    ]
+    facts = {"warm_up_frames": WARM_UP_FRAMES, "border": BORDER}
+    return {"bench": "quality", **facts, "shots": list(shots), "means": means, **setting()}
 
 
-def ratio_of(shot: Record) -> float:
-    """Display over render size of a shot, of what `shot_record` says of it."""
-    ratio: float = shot["display_size"][0] / shot["render_size"][0]
-    return ratio
+def shot_scores(shot: Shot, methods: Sequence[MethodScores], origin: Record | None = None) -> dict[str, Any]:
+    """Return the part of a record about one shot; `origin` is what else is known of the shot's pixels."""
+    rows = []
+    for scores in methods:
+        frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in scores.frames]
+        rows.append({**scores_row(scores), "frames": frames})
+    return {**shot_record(shot), **(origin or {}), "methods": rows}
 
 
 def shot_record(shot: Shot) -> dict[str, Any]:
-    """Return what a record says of a shot, besides where its pixels are from."""
+    """Return what a record says of a shot, except where its pixels are from."""
     file = shot.path if shot.path.is_file() else shot.path / "shot.json"
+    references = shot.reference_indices
+    classes = shot.read_classes(references[0]) if references else None
     return {
         "name": shot.name,
         "shot_json_sha256": hashlib.sha256(file.read_bytes()).hexdigest() if file.is_file() else None,
         "frames": len(shot),
-        "reference_frames": shot.reference_indices,
+        "reference_frames": references,
         "render_size": list(shot.render_size),
         "display_size": list(shot.display_size or ()),
-        "masks": "truth classes" if _has_classes(shot) else "depth and motion",
+        "masks": "depth and motion" if classes is None else "truth classes",
     }
 
 
-def _method_record(result: MethodScores) -> dict[str, Any]:
-    frames = [{"frame": f.frame, "full": f.full, "cropped": f.cropped} for f in result.frames]
-    return {**scores_record(result), "frames": frames}
-
-
-def scores_record(scores: Summarized) -> dict[str, Any]:
-    """Return the summaries of one method, as `RecordedScores` reads them."""
-    ways = list(product((True, False), repeat=2))
+def scores_row(scores: Summarized) -> dict[str, Any]:
+    """Return the summaries of one method, ready for JSON."""
     return {
         "method": scores.method,
-        "summary": {_way(w, c): scores.summary(warm=w, cropped=c) for w, c in ways},
-        "classes": {_way(w, c): class_record(scores.classes(warm=w, cropped=c)) for w, c in ways},
+        "summary": {name: scores.summary(**way) for name, way in WAYS.items()},
+        "classes": {name: class_record(scores.classes(**way)) for name, way in WAYS.items()},
     }
 
 
-def _way(warm: bool, cropped: bool) -> str:
-    return f"{'warm' if warm else 'all'}_{'cropped' if cropped else 'full'}"
+def mean_row(rows: Sequence[Record]) -> dict[str, Any]:
+    """Return the mean of one method's rows of several shots: of each metric, over the shots that have it."""
+    return {
+        "method": rows[0]["method"],
+        "summary": {name: _mean([row["summary"][name] for row in rows]) for name in WAYS},
+        "classes": {name: _sum([counts_of(row["classes"][name]) for row in rows]) for name in WAYS},
+    }
 
 
-@dataclass(frozen=True)
-class RecordedScores:
-    """The summaries of one method; `row` is one of a record's `means`, or of the `methods` of a shot."""
-
-    row: Record
-
-    @property
-    def method(self) -> str:
-        """Its name."""
-        return str(self.row["method"])
-
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """See `MethodScores`."""
-        return _with_nan(self.row["summary"][_way(warm, cropped)])
-
-    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """See `MethodScores`."""
-        return counts_of(self.row["classes"][_way(warm, cropped)])
+def _mean(summaries: Sequence[Mapping[str, float]]) -> Scores:
+    columns = {name: [s[name] for s in summaries if not np.isnan(s[name])] for name in summaries[0]}
+    return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
 
 
-def method_scores(row: Record) -> MethodScores:
-    """Return the scores by frame, without classes, of one of the `methods` of a record's shot."""
-    frames = [FrameScores(f["frame"], _with_nan(f["full"]), _with_nan(f["cropped"])) for f in row["frames"]]
-    return MethodScores(row["method"], frames)
+def _sum(counts: Sequence[Counts | None]) -> dict[str, Any] | None:
+    known = [c for c in counts if c is not None]
+    return class_record(np.sum(known, axis=0)) if known else None
 
 
-def _means(measured: Sequence[Measured]) -> list[MeanScores]:
-    by_method = zip(*(m.methods for m in measured), strict=True)
-    return [MeanScores(scores[0].method, list(scores)) for scores in by_method]
+def shots_by_ratio(shots: Sequence[Record]) -> dict[float, list[Record]]:
+    """Return the shots of each ratio; nothing for a single shot, which has no mean."""
+    groups: dict[float, list[Record]] = {}
+    for shot in shots if len(shots) > 1 else ():
+        groups.setdefault(shot["ratio"], []).append(shot)
+    return groups
 
 
-def _has_classes(shot: Shot) -> bool:
-    return bool(shot.reference_indices) and shot.read_classes(shot.reference_indices[0]) is not None
-
-
-def _with_nan(scores: Mapping[str, float | None]) -> Scores:
-    return {name: math.nan if value is None else value for name, value in scores.items()}
+def rows_by_ratio(record: Record, rows: str) -> Iterator[dict[str, Any]]:
+    """Yield a record's means, or those `rows` of its only shot, each with its ratio."""
+    if record.get("means"):
+        yield from record["means"]
+        return
+    for shot in record.get("shots", ()):
+        ratio = shot["display_size"][0] / shot["render_size"][0]
+        yield from ({"ratio": ratio, **row} for row in shot[rows])

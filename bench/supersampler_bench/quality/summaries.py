@@ -1,8 +1,6 @@
-"""Scores of a method: of each frame, and their summary over a shot and over several shots."""
+"""Scores of a method on the frames of a shot, and their summary."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
@@ -10,35 +8,16 @@ from supersampler.io.display import decibels
 from supersampler_bench.quality.confusion import Counts
 
 Scores = dict[str, float]
-"""By the metric's name, as `pixels_...` how many a masked PSNR saw, and `srred` and `trred`, whose product is
-STRRED. NaN where there was nothing."""
+"""By the metric's name; also `pixels_...`, the pixels of a masked PSNR, and `srred` and `trred`, whose
+product is STRRED. NaN where there is nothing to measure."""
 
 WARM_UP_FRAMES = 8
 BORDER = 8  # display pixels
 MASKED = ("disoccluded", "changing_light", "aliased", "moving")
 FRAME_METRICS = (
-    "psnr",
-    "ssim",
-    "flip",
-    "tpsnr",
-    "warped_error_difference",
-    "strred",
+    *("psnr", "ssim", "flip", "tpsnr", "warped_error_difference", "strred"),
     *(f"psnr_{mask}" for mask in MASKED),
 )
-
-
-class Summarized(Protocol):
-    """Summary of one method, as tables show it."""
-
-    @property
-    def method(self) -> str:
-        """Its name."""
-
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """Return each metric; NaN where it is not known. See `MethodScores.summary`."""
-
-    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return the class counts of all pixels; None where classes are unknown."""
 
 
 @dataclass(frozen=True)
@@ -71,8 +50,7 @@ class MethodScores:
         """Return the mean of each metric over the frames that have it; NaN where none does.
 
         PSNR in a mask is that of the mean squared error over all its pixels of all frames, so that a frame
-        with three such pixels does not weigh as one with three thousand. STRRED is the mean SRRED times the
-        mean TRRED.
+        weighs by its number of such pixels. STRRED is the mean SRRED times the mean TRRED.
 
         Args:
             warm: leave out the first `WARM_UP_FRAMES` of the shot.
@@ -89,25 +67,6 @@ class MethodScores:
 
     def _counted(self, warm: bool) -> list[FrameScores]:
         return [f for f in self.frames if f.frame >= WARM_UP_FRAMES or not warm]
-
-
-@dataclass(frozen=True)
-class MeanScores:
-    """One method's scores of several shots, equally weighted."""
-
-    method: str
-    shots: Sequence[Summarized]
-
-    def summary(self, *, warm: bool = True, cropped: bool = True) -> Scores:
-        """Return the mean of the shots' summaries that have a metric; NaN where none has."""
-        found = [shot.summary(warm=warm, cropped=cropped) for shot in self.shots]
-        columns = {name: [s[name] for s in found if not np.isnan(s[name])] for name in found[0]}
-        return {name: float(np.mean(values)) if values else float("nan") for name, values in columns.items()}
-
-    def classes(self, *, warm: bool = True, cropped: bool = True) -> Counts | None:
-        """Return the class counts of all shots; None where classes are unknown."""
-        known = [c for shot in self.shots if (c := shot.classes(warm=warm, cropped=cropped)) is not None]
-        return np.sum(known, axis=0) if known else None
 
 
 def _pooled(name: str, scores: list[Scores]) -> float:

@@ -10,7 +10,7 @@ from supersampler.errors import ArgumentError
 from supersampler_bench.agreement import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
 from supersampler_bench.quality import extrapolation, precision
-from supersampler_bench.quality.score_report import Report, block_names
+from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
 from supersampler_bench.timing import against, device, pareto, skip, speed, startup
@@ -47,9 +47,7 @@ def blocks_of(name: str, record: Record) -> Blocks:
     """
     bench, block = record["bench"], name.replace("-", " ", 1)
     if bench == "quality":
-        report = Report(record)
-        makers = (report.frame_block, report.clip_block, report.class_block)
-        return dict(zip(block_names(block), makers, strict=True))
+        return {part: partial(_quality_block, record, block, part) for part in block_names(block)}
     if bench == "pareto":
         return {
             block: partial(pareto.markdown_table, record),
@@ -60,6 +58,10 @@ def blocks_of(name: str, record: Record) -> Blocks:
         whole = {} if record["quick"] else {f"{block} scenarios": stress.scenario_list}
         return {block: partial(stress.markdown_table, record), **whole}
     return {block: partial(_TABLES[bench], record)} if bench in _TABLES else {}
+
+
+def _quality_block(record: Record, name: str, part: str) -> str:
+    return blocks(record, name)[part]
 
 
 def made(name: str, maker: Callable[[], str]) -> str:

@@ -5,15 +5,17 @@ from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from supersampler.io.atomic import replacing
 from supersampler_bench.quality.figures import draw_curves
-from supersampler_bench.quality.score_record import method_scores
-from supersampler_bench.quality.score_table import sizes
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column, sizes
 from supersampler_bench.record import Record
-from supersampler_bench.report.pareto_figures import draw_pareto
-from supersampler_bench.timing.pareto import METRICS, points_of
+from supersampler_bench.timing.pareto import Point, by_ratio, frontier, points_of
 from supersampler_bench.timing.speed import Timed, timed_of
+
+_GREY = "0.65"
+_NEAR = 0.04  # of a time, and of the range of scores: within it points share a label
 
 
 def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
@@ -38,7 +40,7 @@ def draw_record(record: Record, folder: Path) -> list[tuple[str, Path]]:
 def _pareto(record: Record, folder: Path) -> list[tuple[str, Path]]:
     width, height = record["display"]
     written = draw_pareto(points_of(record), f"{width}x{height}, {record['threads']} threads", folder)
-    headings = {f"pareto-{m.name.replace('_', '-')}": m.heading for m in METRICS}
+    headings = {f"pareto-{c.name.replace('_', '-')}": c.title for c in CLIP_COLUMNS}
     return [(f"{headings[path.stem]} against time", path) for path in written]
 
 
@@ -52,11 +54,11 @@ def _speed(record: Record, folder: Path) -> list[tuple[str, Path]]:
 
 def _curves(record: Record, folder: Path) -> list[tuple[str, Path]]:
     if len({shot.get("ratio") for shot in record["shots"]}) > 1:
-        return []  # what is compared there is ratios; curves of each shot at each would bury it
+        return []  # too many: curves of each shot at each ratio
     curves = []
     for number, shot in enumerate(record["shots"]):
         path = folder / f"curves-{number}.png"
-        draw_curves(sizes(shot), [method_scores(row) for row in shot["methods"]], path)
+        draw_curves(shot, path)
         curves.append((f"{sizes(shot)}: over the frames", path))
     return curves
 
@@ -103,3 +105,87 @@ def _draw_group(axes: Axes, results: Sequence[Timed], stages: Sequence[str]) -> 
     axes.margins(x=0.12)
     axes.set_xlabel("milliseconds, means by stage; the number is the median of whole steps")
     axes.grid(alpha=0.3, axis="x")
+
+
+def draw_pareto(points: Sequence[Point], title: str, folder: Path) -> list[Path]:
+    """Write `folder`/pareto-METRIC.png: a panel for each ratio, with its frontier; beaten settings are grey.
+
+    Args:
+        points: all settings.
+        title: of each figure.
+        folder: that is made where it lacks.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    written = []
+    for metric in CLIP_COLUMNS:
+        known = [p for p in points if metric.name in p.scores]
+        if known:
+            path = folder / f"pareto-{metric.name.replace('_', '-')}.png"
+            _draw(known, metric, title, path)
+            written.append(path)
+    return written
+
+
+def _draw(points: Sequence[Point], metric: Column, title: str, path: Path) -> None:
+    groups = by_ratio(points)
+    columns = min(len(groups), 2)
+    rows = -(-len(groups) // columns)
+    figure = Figure(figsize=(7.2 * columns, 4.4 * rows + 0.6), dpi=100, layout="constrained")
+    panels = figure.subplots(rows, columns, squeeze=False, sharex=True).ravel()
+    for axes, (ratio, group) in zip(panels, groups.items(), strict=False):
+        _draw_ratio(axes, group, metric)
+        axes.set_title(f"ratio {ratio:g}", fontsize="medium")
+    for axes in panels[len(groups) :]:
+        axes.remove()
+    better = "up" if metric.higher else "down"
+    figure.suptitle(f"{title}: {metric.title} ({better} and left is better)")
+    with replacing(path) as partial:
+        figure.savefig(partial, format="png")
+
+
+def _draw_ratio(axes: Axes, points: Sequence[Point], metric: Column) -> None:
+    line = frontier(points, metric)
+    axes.plot(
+        [p.milliseconds for p in line],
+        [metric.scale * p.scores[metric.name] for p in line],
+        drawstyle="steps-post",
+        color="tab:blue",
+        linewidth=1.2,
+    )
+    for group in _near(points, metric):
+        leads = [point in line for point in group]
+        for point, leading in zip(group, leads, strict=True):
+            place = point.milliseconds, metric.scale * point.scores[metric.name]
+            axes.plot(*place, "o", color="tab:blue" if leading else _GREY, markersize=6)
+        axes.annotate(
+            ", ".join(str(point.spec) for point in group),
+            (group[-1].milliseconds, metric.scale * group[-1].scores[metric.name]),
+            xytext=(6, 4),
+            textcoords="offset points",
+            fontsize="small",
+            color="black" if any(leads) else "0.5",
+        )
+    axes.set_xscale("log")
+    axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axes.xaxis.set_minor_formatter(NullFormatter())
+    axes.set(xlabel="milliseconds a step", ylabel=metric.title)
+    axes.margins(x=0.15, y=0.12)
+    axes.grid(alpha=0.3, which="both")
+
+
+def _near(points: Sequence[Point], metric: Column) -> list[list[Point]]:
+    """Points in groups that share a label, as theirs would lie on one another; the best first."""
+    scores = [point.scores[metric.name] for point in points]
+    room = _NEAR * (max(scores) - min(scores))
+    groups: list[list[Point]] = []
+    for point in sorted(points, key=lambda p: (p.milliseconds, p.scores[metric.name])):
+        for group in groups:
+            last = group[-1]
+            beside = point.milliseconds <= (1.0 + _NEAR) * last.milliseconds
+            if beside and abs(point.scores[metric.name] - last.scores[metric.name]) <= room:
+                group.append(point)
+                break
+        else:
+            groups.append([point])
+    return groups

@@ -31,12 +31,7 @@ def split_view(shot: Shot, methods: Sequence[str] = METHODS, frames: Sequence[in
     if not set(frames) <= set(shot.reference_indices):
         raise ArgumentError("frames", got=list(frames), want=f"some of {shot.reference_indices}")
     upscalers = {m: Upscaler(m, display_size=display_size, skip="exact", validate="off") for m in methods}
-    about = About(
-        title=shot.name,
-        method="methods side by side",
-        display_size=display_size,
-        frame_rate=2.0,
-    )
+    about = About(title=shot.name, method="methods side by side", display_size=display_size, frame_rate=2.0)
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "compare.html"
         with compare_page(path, about) as page:

@@ -9,7 +9,7 @@ from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
 from supersampler_bench.agreement.parity import measure_parity, parity_record
 from supersampler_bench.quality.measure import measure_quality
-from supersampler_bench.quality.score_record import Measured, quality_record
+from supersampler_bench.quality.score_record import quality_record, shot_scores
 from supersampler_bench.record import Record, read_record, setting, write_json
 from supersampler_bench.report.image_comparison import METHODS
 from supersampler_bench.stress.report import draw_sheets, stress_record
@@ -56,7 +56,7 @@ def measure_quickly(folder: Path, on_part: Callable[[str, str], None]) -> None:
 
 def _quality(_: Mapping[str, Record], __: Path) -> dict[str, Any]:
     shot = Shot.open("plaza")
-    return quality_record([Measured(shot, measure_quality(shot, METHODS))])
+    return quality_record([shot_scores(shot, measure_quality(shot, METHODS))])
 
 
 def _speed(_: Mapping[str, Record], __: Path) -> dict[str, Any]:

@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable
 from functools import partial
-from itertools import count
 from pathlib import Path
 
 from supersampler.errors import ShotError
@@ -17,7 +16,7 @@ from supersampler_model.data.shots import ShotForm, render_shot, variant_name
 
 
 def render_test_shots(
-    cache: Path, shots: TestShots, *, workers: int = 1, on_progress: Callable[[int], None] = lambda _: None
+    cache: Path, shots: TestShots, *, workers: int = 1, on_frame: Callable[[], None] = lambda: None
 ) -> None:
     """Render what is not there yet, a shot to a worker.
 
@@ -25,17 +24,14 @@ def render_test_shots(
         cache: folder of all that can be made again.
         shots: which.
         workers: processes; software OpenGL renders with cores / workers threads in each.
-        on_progress: called after each frame with the number of frames that are there, of all shots.
+        on_frame: called after each frame that was missing.
 
     Raises:
         DataError: a worker failed; what is complete stays, and the next run goes on.
     """
-    done = count(frames_there(cache, shots) + 1)
     families = list(shots.seeds)
     shares = [families[k::workers] for k in range(min(workers, len(families)))]
-    run_parts(
-        [partial(_render, cache, shots, share) for share in shares], on_frame=lambda: on_progress(next(done))
-    )
+    run_parts([partial(_render, cache, shots, share) for share in shares], on_frame=on_frame)
 
 
 def render_test_shot(

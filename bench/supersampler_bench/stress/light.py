@@ -55,13 +55,6 @@ def _lit(frame: Frame, level: float) -> Frame:
 
 
 SCENARIOS = (
-    Scenario(
-        "exposure jumps by 16 stops",
-        "difference / frame",
-        exposure_jumps,
-        cpu=160,
-        onnx=160,
-        quick=96,
-    ),
+    Scenario("exposure jumps by 16 stops", "difference / frame", exposure_jumps, cpu=160, onnx=160, quick=96),
     Scenario("light jumps by 16 stops", "difference / frame", light_jumps, cpu=160, onnx=160),
 )

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Sheet
 from matplotlib.ticker import MaxNLocator
 
 from supersampler.io.atomic import replacing
+from supersampler_bench.markdown_table import table
 from supersampler_bench.record import Record
 from supersampler_bench.stress.runner import BAD_VALUES, FAMILIES, Outcome
 from supersampler_bench.stress.scenario import Figure, Scenario
@@ -44,40 +45,37 @@ def _number_of(value: float | None) -> float:
 
 
 def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown: a row a figure, a column a method and executor.
+    """Return the table of a record as Markdown, and a list of the runs that raised.
 
-    Below it is what broke.
+    Each row is a figure, each column a method and executor.
     """
     outcomes = outcomes_of(record)
     subjects = list(dict.fromkeys((o.method, o.executor) for o in outcomes))
-    rows = [
-        f"| scenario | figure | at most | {' | '.join(f'{m} {e}' for m, e in subjects)} |",
-        f"| --- | --- | ---: | {' | '.join('---:' for _ in subjects)} |",
-    ]
+    rows = []
     for scenario in dict.fromkeys(o.scenario for o in outcomes):
         found = {(o.method, o.executor): o for o in outcomes if o.scenario == scenario}
         for name in dict.fromkeys(f.name for o in found.values() for f in o.figures):
             if name != BAD_VALUES:
                 rows.append(_row(scenario, name, [found.get(subject) for subject in subjects]))
     rows.append(_bad_values(outcomes, subjects))
-    return "\n".join([*rows, "", _caption(outcomes), *_broken(outcomes)])
+    headings = ["scenario", "figure", "at most:", *(f"{method} {executor}:" for method, executor in subjects)]
+    return "\n".join([table(headings, rows, _caption(outcomes)), *_broken(outcomes)])
 
 
 def scenario_list() -> str:
     """Return as Markdown what each scenario does, and for how many frames."""
-    rows = ["| scenario | what is done | frames, cpu | onnx |", "| --- | --- | ---: | ---: |"]
-    for s in (s for family in FAMILIES.values() for s in family):
-        rows.append(f"| {s.name} | {s.done} | {s.cpu or '–'} | {s.onnx or '–'} |")
-    return "\n".join(rows)
+    scenarios = (s for family in FAMILIES.values() for s in family)
+    rows = ([s.name, s.done, s.cpu or "–", s.onnx or "–"] for s in scenarios)
+    return table(["scenario", "what is done", "frames, cpu:", "onnx:"], rows)
 
 
-def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> str:
+def _row(scenario: str, name: str, found: Sequence[Outcome | None]) -> list[str]:
     figures = [None if o is None else next((f for f in o.figures if f.name == name), None) for o in found]
     bounds = {f.bound for f in figures if f is not None}
     common = bounds.pop() if len(bounds) == 1 else None
     cells = [_cell(outcome, figure, common) for outcome, figure in zip(found, figures, strict=True)]
     bound = "see cells" if common is None else _number(common)
-    return f"| {scenario} | {name} | {bound} | {' | '.join(cells)} |"
+    return [scenario, name, bound, *cells]
 
 
 def _cell(outcome: Outcome | None, figure: Figure | None, common: float | None) -> str:
@@ -93,13 +91,13 @@ def _number(value: float) -> str:
     return f"{value:.3g}" if value == 0.0 or abs(value) >= 1e-2 else f"{value:.1e}"
 
 
-def _bad_values(outcomes: Sequence[Outcome], subjects: Sequence[tuple[str, str]]) -> str:
+def _bad_values(outcomes: Sequence[Outcome], subjects: Sequence[tuple[str, str]]) -> list[str]:
     cells = []
     for subject in subjects:
         figures = [f for o in outcomes if (o.method, o.executor) == subject for f in o.figures]
         bad = sum(f.value for f in figures if f.name == BAD_VALUES)
         cells.append(f"**{bad:.0f}**" if bad else "0")
-    return f"| all of these | values not in [0, 65504] | 0 | {' | '.join(cells)} |"
+    return ["all of these", "values not in [0, 65504]", "0", *cells]
 
 
 def _caption(outcomes: Sequence[Outcome]) -> str:

@@ -65,10 +65,7 @@ def sweep(trial: Trial) -> Measured:
         size = math.ceil(trial.display[0] / ratio), math.ceil(trial.display[1] / ratio)
         frames.append(replace(STILL.frame(index, size, halton_jitter(index, ratio)), reset=False))
     run = repeat(trial, frames, [truth(STILL, 0, trial.display)] * SWEEP)
-    figures = (
-        Figure("change in a loop", run.changes[-1], REST),
-        Figure("PSNR lost, dB", run.lost(), DECAY),
-    )
+    figures = (Figure("change in a loop", run.changes[-1], REST), Figure("PSNR lost, dB", run.lost(), DECAY))
     return Measured(figures, run.changes)
 
 

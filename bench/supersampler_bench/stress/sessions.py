@@ -71,12 +71,6 @@ SCENARIOS = (
     Scenario("threads", "difference / number", threads, cpu=96, onnx=32, quick=16, remembers=False),
     Scenario("two at once", "difference / way", interleaved, cpu=96, onnx=32, quick=16, remembers=False),
     Scenario(
-        "saved and restored",
-        "difference / session",
-        restored,
-        cpu=96,
-        onnx=64,
-        quick=32,
-        remembers=False,
+        "saved and restored", "difference / session", restored, cpu=96, onnx=64, quick=32, remembers=False
     ),
 )

@@ -76,10 +76,7 @@ def in_motion(trial: Trial) -> Measured:
     """A disc circles before a swinging plane, over and over: images repeat as the frames do."""
     frames = moving(trial.render)
     run = repeat(trial, frames, [truth(Orbit(), i % LAP, trial.display) for i in range(LOOP)])
-    figures = (
-        Figure("change in a loop", run.changes[-1], REST),
-        Figure("PSNR lost, dB", run.lost(), DECAY),
-    )
+    figures = (Figure("change in a loop", run.changes[-1], REST), Figure("PSNR lost, dB", run.lost(), DECAY))
     return Measured(figures, run.changes)
 
 
@@ -113,10 +110,7 @@ def _contraction(trial: Trial, frames: Sequence[Frame]) -> Measured:
     size = SMALL if trial.subject.precision == "fp32" else 4.0 * STEP
     rounds = trial.frames // EVERY
     found = contraction(trial.begin(), trial.begin(), frames, rounds, size, warm_up=6 * PERIOD)
-    figures = (
-        Figure("rate a frame", found.rate, 1.0),
-        Figure("rate, worst 16 frames", max(found.last), 1.0),
-    )
+    figures = (Figure("rate a frame", found.rate, 1.0), Figure("rate, worst 16 frames", max(found.last), 1.0))
     return Measured(figures, found.rates)
 
 

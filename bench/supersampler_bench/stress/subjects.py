@@ -16,8 +16,8 @@ from supersampler_bench.stress.scenario import REACH, RECOVERY, Session, Subject
 from supersampler_bench.stress.scenes import PERIOD
 
 SLOW: Mapping[str, int] = {"taau": 9 * PERIOD}
-"""Frames in which methods forget what was bad that promise no more. `taau` keeps eighteen samples, of which a
-frame brings a fifth, and what is wrong by no more than its box is wide fades no faster than they do."""
+"""Frames in which slower methods recover. `taau` keeps eighteen samples, of which a frame brings a fifth, and
+an error within its colour box fades no faster than they do."""
 
 
 def subjects(methods: Sequence[str], executors: Sequence[ExecutorName]) -> list[Subject]:
@@ -72,20 +72,31 @@ class _SessionFactory:
             extrapolation=self.extrapolation,
             validate="off",
         )
-        if self.extrapolation is not None:
-            return _AlternatingShading(upscaler, display)
-        return _WithDefaultGBuffers(upscaler, display) if upscaler.gbuffers else upscaler
+        return _Session(upscaler, display, alternates=self.extrapolation is not None)
 
 
-class _WithDefaultGBuffers:
-    """An Upscaler of a method that reads G-buffers, which frames to stress with lack."""
+class _Session:
+    """An Upscaler that gets default G-buffers where it reads some, and no colour in every second frame.
 
-    def __init__(self, upscaler: Upscaler, display: Size) -> None:
-        self._upscaler, self._display = upscaler, display
+    Args:
+        upscaler: the one.
+        display: (width, height) of the images.
+        alternates: whether every second frame is unshaded. The first one, and one after a cut or a loaded
+            state, is shaded.
+    """
+
+    def __init__(self, upscaler: Upscaler, display: Size, *, alternates: bool) -> None:
+        self._upscaler, self._display, self._alternates = upscaler, display, alternates
+        self._next_is_unshaded = False
 
     def step(self, frame: Frame) -> Float32:
         """See `Upscaler.step`."""
-        return self._step_frame(with_default_gbuffers(frame, self._upscaler.gbuffers, self._display))
+        frame = with_default_gbuffers(frame, self._upscaler.gbuffers, self._display)
+        unshaded = self._next_is_unshaded and not frame.reset
+        self._next_is_unshaded = self._alternates and not unshaded
+        if unshaded:
+            return self._upscaler.extrapolate(replace(frame, color=None))
+        return self._upscaler.step(frame)
 
     def save_state(self) -> State:
         """See `Upscaler.save_state`."""
@@ -94,28 +105,7 @@ class _WithDefaultGBuffers:
     def load_state(self, state: State) -> None:
         """See `Upscaler.load_state`."""
         self._upscaler.load_state(state)
-
-    def _step_frame(self, frame: Frame) -> Float32:
-        return self._upscaler.step(frame)
-
-
-class _AlternatingShading(_WithDefaultGBuffers):
-    """One that is not shown the colour of every second frame; what comes after a cut or a load is shaded."""
-
-    _next_is_unshaded = False
-
-    def load_state(self, state: State) -> None:
-        """See `Upscaler.load_state`."""
-        super().load_state(state)
         self._next_is_unshaded = False
-
-    def _step_frame(self, frame: Frame) -> Float32:
-        unshaded = self._next_is_unshaded and not frame.reset
-        image = (
-            self._upscaler.extrapolate(replace(frame, color=None)) if unshaded else super()._step_frame(frame)
-        )
-        self._next_is_unshaded = not unshaded
-        return image
 
 
 @cache

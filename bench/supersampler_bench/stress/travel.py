@@ -9,15 +9,7 @@ import numpy as np
 from supersampler import Frame
 from supersampler.frame import Float32, Size
 from supersampler_bench.stress.compare import difference, recovery_figure, repeat, same_frames, step_both
-from supersampler_bench.stress.scenario import (
-    DECAY,
-    REST,
-    Figure,
-    Measured,
-    Scenario,
-    Session,
-    Trial,
-)
+from supersampler_bench.stress.scenario import DECAY, REST, Figure, Measured, Scenario, Session, Trial
 from supersampler_bench.stress.scenes import PERIOD, frames_of, moving, still
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
@@ -143,15 +135,7 @@ def _with_losses(disturbed: Session, baseline: Session, frame: Frame, index: int
 
 
 SCENARIOS = (
-    Scenario(
-        "a cut in every frame",
-        "difference / frame",
-        cuts,
-        cpu=64,
-        onnx=32,
-        quick=16,
-        remembers=False,
-    ),
+    Scenario("a cut in every frame", "difference / frame", cuts, cpu=64, onnx=32, quick=16, remembers=False),
     Scenario("motion far off screen", "difference / frame", far_vectors, cpu=96, onnx=48, quick=12),
     Scenario("an unannounced scene change", "difference / frame", jump, cpu=160, onnx=160),
     Scenario("motion by half a pixel", "change / loop", _Between(0.5), cpu=1024, onnx=512),

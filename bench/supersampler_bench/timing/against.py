@@ -1,9 +1,9 @@
 """Ratios of step times: the installed version over another one, in turns in one run.
 
-A machine's speed changes from minute to minute by more than versions differ, and that of a process with where
-its memory lies. So in each round each version has a new process, and both step every method on the same
-frames, one right after the other, in turns as to which is first. What counts is the ratio of their times in a
-round; the median over all rounds has an interval.
+The speed of a machine changes from minute to minute by more than versions differ, and the speed of a process
+depends on where its memory lies. So in each round each version has a new process, and both step every method
+on the same frames, one right after the other, in alternating order. What counts is the ratio of their times
+in a round; the median over all rounds has an interval.
 """
 
 import sys
@@ -24,19 +24,21 @@ from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler_bench.compatibility import gbuffers_of, incompatibility, with_default_gbuffers
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.timing.other_version import Process, Version
 from supersampler_bench.timing.speed import frames_of
+from supersampler_model.data.shots import render_size
 
 COVERAGE = 0.95
 """Least probability with which the interval of a median holds it."""
 FEWEST, FEWEST_FOR_INTERVAL = 10, 6
-"""Rounds of steps; rounds of anything, without which there is no interval of `COVERAGE`."""
-_SETTLING = 8  # steps of a block that do not count: the other process had the caches
+"""Rounds of steps by default; the fewest rounds that give an interval of `COVERAGE`."""
+_SETTLING = 8  # steps before those that count, as the other process had the caches
 
 STEP_WALL, STEP_CORES = "step, wall", "step, all cores"
 FIRST, FIRST_FRESH = "first image", "first image, nothing kept"
-"""What is timed: a step; a program from its first line to its first image, where kernels are kept or not."""
+"""What is timed: a step; a program from its first line to its first image, with or without cached kernels."""
 Pair: TypeAlias = tuple[float, float]
 """Of this version and of the other."""
 Versions: TypeAlias = tuple[Version, Version]
@@ -51,8 +53,8 @@ class Rounds:
     Attributes:
         rounds: of steps.
         steps: that count, of each version and method in a round.
-        starts: rounds of first images with kept kernels.
-        fresh: rounds of first images where nothing is kept.
+        starts: rounds of first images with cached kernels.
+        fresh: rounds of first images with an empty kernel cache.
     """
 
     rounds: int = FEWEST
@@ -61,7 +63,7 @@ class Rounds:
     fresh: int = 0
 
     def total(self, settings: int) -> int:
-        """How many rounds a method takes at so many sizes and numbers of threads."""
+        """Return the rounds of one method at so many sizes and numbers of threads."""
         return settings * self.rounds + self.starts + self.fresh
 
 
@@ -110,14 +112,14 @@ def measure_against(
         python: interpreter of an environment in which the other version is installed.
         methods: names of models that both have.
         displays: (width, height) of the images.
-        threads: on the CPU.
+        threads: numbers of CPU threads.
         ratio: display over render size.
         rounds: how often.
         on_round: called after each round of each method.
         on_left_out: called with what is not timed, and why.
 
     Returns:
-        What each side is, "this" and "other", and the times.
+        Facts of the versions "this" and "other", and the times.
 
     Raises:
         ArgumentError: `python` is no interpreter, has no supersampler, lacks a method, or a process died; or
@@ -130,25 +132,19 @@ def measure_against(
     results: list[Compared] = []
     with TemporaryDirectory() as name:
         folder = Path(name)
-        sides = _versions(python, folder)
+        other = Version("other", python, folder / "other")  # first: a wrong interpreter fails at once
+        sides = Version("this", sys.executable, folder / "this"), other
         for display, count in product(displays, threads):
-            able = [
-                method for method in methods if not incompatibility(method, _render(display, ratio), display)
-            ]
-            frames = folder / "frames.npz"
-            _write_frames(frames, able, _render(display, ratio), display)
+            render, frames = render_size(display, ratio), folder / "frames.npz"
+            able = [method for method in methods if not incompatibility(method, render, display)]
+            _write_frames(frames, able, render, display)
             results += _steps(sides, frames, able, display, count, rounds, on_round)
         for method in methods:
-            if reason := _no_first_image(method, _render(displays[0], ratio), displays[0]):
+            if reason := _no_first_image(method, render_size(displays[0], ratio), displays[0]):
                 on_left_out(reason)
             else:
                 results += _first_images(sides, method, displays[0], ratio, rounds, on_round)
         return {version.name: version.about for version in sides}, results
-
-
-def _versions(python: str, folder: Path) -> Versions:
-    other = Version("other", python, folder / "other")  # first: a wrong interpreter fails at once
-    return Version("this", sys.executable, folder / "this"), other
 
 
 def _no_first_image(method: str, render: Size, display: Size) -> str:
@@ -158,12 +154,8 @@ def _no_first_image(method: str, render: Size, display: Size) -> str:
     return f"{method}: no first image is timed, as its frames have no G-buffers." if info.gbuffers else ""
 
 
-def _render(display: Size, ratio: float) -> Size:
-    return round(display[0] / ratio), round(display[1] / ratio)
-
-
 def _write_frames(path: Path, methods: Sequence[str], render: Size, display: Size) -> None:
-    """Write frames for both sides: each field of all frames, and G-buffers of the first, made up."""
+    """Write frames for both sides: each field of all frames, and default G-buffers of the first."""
     frames = frames_of(render)
     arrays = {name: np.stack([getattr(f, name) for f in frames]) for name in ("color", "depth", "motion")}
     arrays["jitter"] = np.array([frame.jitter for frame in frames])
@@ -186,8 +178,9 @@ def _steps(
     rounds: Rounds,
     on_round: Callable[[], None],
 ) -> list[Compared]:
-    wall: dict[str, list[Pair]] = {method: [] for method in methods}
-    cores: dict[str, list[Pair]] = {method: [] for method in methods}
+    found: dict[tuple[str, str], list[Pair]] = {
+        pair: [] for pair in product(methods, (STEP_WALL, STEP_CORES))
+    }
     for index in range(rounds.rounds):  # each in new processes: where memory lies changes times by percents
         with sides[0].process() as this, sides[1].process() as other:
             for process, method in product((this, other), methods):
@@ -195,29 +188,20 @@ def _steps(
             for method in methods:
                 timed = partial(Process.step, method=method, settling=_SETTLING, count=rounds.steps)
                 now, then = _in_turns(index, (this, other), timed)
-                wall[method].append((now.wall, then.wall))
-                cores[method].append((now.cores, then.cores))
+                found[method, STEP_WALL].append((now.wall, then.wall))
+                found[method, STEP_CORES].append((now.cores, then.cores))
                 on_round()
-    return [
-        compared(method, display, threads, what, pairs[method])
-        for method in methods
-        for what, pairs in ((STEP_WALL, wall), (STEP_CORES, cores))
-    ]
+    return [compared(method, display, threads, what, pairs) for (method, what), pairs in found.items()]
 
 
 def _first_images(
-    sides: Versions,
-    method: str,
-    display: Size,
-    ratio: float,
-    rounds: Rounds,
-    on_round: Callable[[], None],
+    sides: Versions, method: str, display: Size, ratio: float, rounds: Rounds, on_round: Callable[[], None]
 ) -> Iterator[Compared]:
-    render = _render(display, ratio)
+    render = render_size(display, ratio)
     for what, count, fresh in ((FIRST_FRESH, rounds.fresh, True), (FIRST, rounds.starts, False)):
         timed = partial(Version.first_image, method=method, render=render, scale=ratio, fresh=fresh)
         if count and not fresh:
-            _in_turns(0, sides, timed)  # what this process compiles is kept for the others
+            _in_turns(0, sides, timed)  # fills the kernel caches
         pairs = []
         for index in range(count):
             pairs.append(_in_turns(index, sides, timed))
@@ -227,7 +211,7 @@ def _first_images(
 
 
 def _in_turns(index: int, both: tuple[T, T], timed: Callable[[T], R]) -> tuple[R, R]:
-    """Time this version, then the other; the other way round in each second round."""
+    """Time this version, then the other; in every second round the other way round."""
     this, other = both
     if index % 2 == 0:
         now = timed(this)
@@ -237,7 +221,7 @@ def _in_turns(index: int, both: tuple[T, T], timed: Callable[[T], R]) -> tuple[R
 
 
 def compared(method: str, display: Size, threads: int, what: str, rounds: list[Pair]) -> Compared:
-    """Summarise what all rounds have given."""
+    """Summarise all rounds."""
     ratios = [this / other for this, other in rounds]
     low, high = interval(ratios)
     this, other = (median(times) for times in zip(*rounds, strict=True))
@@ -247,8 +231,8 @@ def compared(method: str, display: Size, threads: int, what: str, rounds: list[P
 def interval(values: Sequence[float], coverage: float = COVERAGE) -> Pair:
     """Return an interval that holds the median of the distribution behind some samples.
 
-    Its ends are values: the k-th from either end, with the largest k for which the median lies between them
-    with that probability, whatever the distribution. For 0.95 that takes `FEWEST_FOR_INTERVAL` values.
+    Its ends are the k-th values from either end, with the largest k for which the median lies between them
+    with probability `coverage`, whatever the distribution. 0.95 takes `FEWEST_FOR_INTERVAL` values.
     """
     count, ordered = len(values), sorted(values)
     outside, k = 2.0 * 0.5**count, 0  # the probability that the median is beyond the k-th from either end
@@ -262,27 +246,26 @@ def against_record(
     sides: Mapping[str, Any], results: Sequence[Compared], ratio: float, rounds: Rounds
 ) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {
-        "bench": "against",
-        "ratio": ratio,
-        "sides": dict(sides),
-        "taken": asdict(rounds),
-        "compared": [asdict(result) for result in results],
-    }
+    compared = [asdict(result) for result in results]
+    record = {"bench": "against", "ratio": ratio, "sides": dict(sides)}
+    return {**record, "taken": asdict(rounds), "compared": compared}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
     rows = [
-        "| display | threads | method | what | other, ms | this, ms | this / other | 95 % interval |",
-        "| --- | ---: | --- | --- | ---: | ---: | ---: | --- |",
+        [
+            size_text(c.display),
+            c.threads or "all",
+            c.method,
+            c.what,
+            f"{c.other:.1f}",
+            f"{c.this:.1f}",
+            f"{c.median:.3f}",
+            f"{c.low:.3f} to {c.high:.3f}",
+        ]
+        for c in (Compared(**row) for row in record["compared"])
     ]
-    for row in record["compared"]:
-        c = Compared(**row)
-        rows.append(
-            f"| {c.display[0]}x{c.display[1]} | {c.threads or 'all'} | {c.method} | {c.what} | {c.other:.1f} "
-            f"| {c.this:.1f} | {c.median:.3f} | {c.low:.3f} to {c.high:.3f} |"
-        )
     taken, sides = Rounds(**record["taken"]), record["sides"]
     caption = (
         f"This version ({_named(sides['this'])}) and another ({_named(sides['other'])}) in turns, "
@@ -290,7 +273,8 @@ def markdown_table(record: Record) -> str:
         "medians over the rounds, and of the ratios in each round, with an interval of order statistics that "
         f"holds the median with at least {COVERAGE:.0%}. {machine_name(record)}."
     )
-    return "\n".join([*rows, "", caption])
+    headings = ["display", "threads:", "method", "what", "other, ms:", "this, ms:", "this / other:"]
+    return table([*headings, "95 % interval"], rows, caption)
 
 
 def _named(version: Mapping[str, Any]) -> str:

@@ -1,7 +1,6 @@
 """Step time of the ONNX backend on its device, with frame and image in device memory."""
 
 import itertools
-import statistics
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
@@ -15,22 +14,32 @@ from supersampler.backends.onnx.session import frame_inputs
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.model import Precision
-from supersampler_bench.compatibility import incompatibility, with_default_gbuffers
+from supersampler_bench.compatibility import compatible, with_default_gbuffers
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
-from supersampler_bench.timing.speed import COPIED, WARM_UP, frames_of, measure_limits
+from supersampler_bench.timing.speed import (
+    COPIED,
+    WARM_UP,
+    fastest,
+    frames_of,
+    measure_limits,
+    quantiles,
+    take_turns,
+)
+from supersampler_model.data.shots import render_size
 
 
 @dataclass(frozen=True)
 class OnDevice:
-    """Of one method at one size; milliseconds.
+    """Times of one method at one size, milliseconds.
 
     Attributes:
-        method: which.
+        method: its name.
         display: (width, height) of the images.
-        precision: of what is learned.
+        precision: of the network.
         provider: of ONNX Runtime.
         capture: see `Model.load`.
-        median, p95, p99: wall time of a step, the device waited for.
+        median, p95, p99: wall time of a step, including the wait for the device.
         moved: bytes that a step must move: the frame, the history before and after, the image.
     """
 
@@ -46,35 +55,25 @@ class OnDevice:
 
 
 class _Runner:
-    """One method, with its frames on the device."""
+    """One model, with its frames on the device."""
 
-    def __init__(
-        self,
-        method: str,
-        display: Size,
-        precision: Precision,
-        provider: str,
-        frames: Sequence[Frame],
-        *,
-        capture: bool,
-    ) -> None:
-        self._model = Model.load(
-            method, providers=provider, executor="onnx", precision=precision, capture=capture
-        )
-        device = self._model.device
-        frames = [with_default_gbuffers(frame, self._model.info.gbuffers, display) for frame in frames]
-        self._display = display
-        self._upscaler = Upscaler(self._model, display_size=display, validate="off")
-        images = [tensor.name for tensor in self._model.info.inputs if len(tensor.shape) == 4]
+    def __init__(self, model: Model, display: Size, frames: Sequence[Frame]) -> None:
+        self._model, self._display = model, display
+        self._upscaler = Upscaler(model, display_size=display, validate="off")
+        images = [tensor.name for tensor in model.info.inputs if len(tensor.shape) == 4]
         placed = []
         for frame in frames:
-            given = frame_inputs(frame, display, images)
-            placed.append((frame, {name: _placed(array, device) for name, array in given.items()}))
+            given = frame_inputs(with_default_gbuffers(frame, model.info.gbuffers, display), display, images)
+            on_device = {
+                name: ort.OrtValue.ortvalue_from_numpy(array, model.device, 0)
+                for name, array in given.items()
+            }
+            placed.append((frame, on_device))
         self._frames = itertools.cycle(placed)
-        size = (1, 3, *display[::-1])
-        self._image = ort.OrtValue.ortvalue_from_shape_and_type(list(size), np.float32, device, 0)
-        history = self._model.plan(frames[0].size, display).history_bytes
-        self._moved = sum(array.nbytes for array in given.values()) + history + 4 * int(np.prod(size))
+        shape = [1, 3, *display[::-1]]
+        self._image = ort.OrtValue.ortvalue_from_shape_and_type(shape, np.float32, model.device, 0)
+        history = model.plan(frames[0].size, display).history_bytes
+        self._moved = sum(array.nbytes for array in given.values()) + history + 4 * int(np.prod(shape))
         self._wall: list[float] = []
         for _ in range(WARM_UP):
             self.step()
@@ -89,23 +88,9 @@ class _Runner:
 
     def timed(self) -> OnDevice:
         """Summarise."""
-        p95, p99 = (float(np.quantile(self._wall, share)) for share in (0.95, 0.99))
         model = self._model
-        return OnDevice(
-            method=model.info.method,
-            display=self._display,
-            precision=model.precision,
-            provider=model.providers[0],
-            capture=model.capture,
-            median=statistics.median(self._wall),
-            p95=p95,
-            p99=p99,
-            moved=self._moved,
-        )
-
-
-def _placed(array: np.ndarray[Any, Any], device: str) -> ort.OrtValue:
-    return ort.OrtValue.ortvalue_from_numpy(array, device, 0)
+        setting = (model.info.method, self._display, model.precision, model.providers[0], model.capture)
+        return OnDevice(*setting, *quantiles(self._wall), self._moved)
 
 
 def measure_device(
@@ -117,45 +102,40 @@ def measure_device(
     ratio: float = 2.0,
     steps: int = 100,
     captures: Sequence[bool] = (False,),
-    on_step: Callable[[], None] = lambda: None,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[OnDevice]:
     """Time all; those of one size take turns, step by step.
 
     Args:
-        methods: names of models.
+        methods: names of shipped models, or model folders.
         displays: (width, height) of the images.
-        precisions: of those that a method has.
+        precisions: those that a method lacks are left out.
         provider: see `Model.load`.
         ratio: display over render size.
         steps: that count, of each.
         captures: each `capture` to time; see `Model.load`.
-        on_step: called after each.
-        on_left_out: called with the name of a method that does not run so, and why.
+        on_left_out: called with the reason why a method is left out.
     """
     results = []
     for display in displays:
-        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
-        reasons = {method: incompatibility(method, frames[0].size, display) for method in methods}
-        for reason in filter(None, reasons.values()):
-            on_left_out(reason)
-        kept = [method for method in methods if not reasons[method]]
+        frames = frames_of(render_size(display, ratio))
+        kept = compatible(methods, frames[0].size, display, on_left_out)
         runners = []
         for method, precision, capture in itertools.product(kept, precisions, captures):
             try:
-                runners.append(_Runner(method, display, precision, provider, frames, capture=capture))
+                model = Model.load(
+                    method, providers=provider, executor="onnx", precision=precision, capture=capture
+                )
             except ArgumentError:  # the method has no such precision
                 continue
-        for _ in range(steps):
-            for runner in runners:
-                runner.step()
-                on_step()
+            runners.append(_Runner(model, display, frames))
+        take_turns(runners, steps)
         results += [runner.timed() for runner in runners]
     return results
 
 
 def measure_copy(device: str) -> float:
-    """Bytes a second that a copy within the device's memory moves; 0 where nothing here can measure it."""
+    """Return the bytes a second that a copy in the device's memory moves; 0 where it cannot be measured."""
     if device == "cpu":
         return measure_limits().moved
     import torch
@@ -164,40 +144,42 @@ def measure_copy(device: str) -> float:
         return 0.0
     source = torch.ones(COPIED // 4, device=device)
     target = torch.empty_like(source)
-    times = []
-    for _ in range(20):
-        torch.cuda.synchronize()
-        began = time.perf_counter()
+
+    def copy() -> None:
         target.copy_(source)
         torch.cuda.synchronize()
-        times.append(time.perf_counter() - began)
-    return 2 * COPIED / min(times)
+
+    copy()
+    return 2 * COPIED / fastest(20, copy)
 
 
 def device_record(results: Sequence[OnDevice], copied: float, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    timed = [asdict(r) for r in results]
+    timed = [asdict(result) for result in results]
     return {"bench": "device", "ratio": ratio, "timed": timed, "copied": copied}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    results, copied = [OnDevice(**row) for row in record["timed"]], record["copied"]
+    copied = record["copied"]
     rows = [
-        "| display | method | precision | provider | capture | ms | p95 | p99 | MB | of a copy |",
-        "| --- | --- | --- | --- | --- | ---: | ---: | ---: | ---: | ---: |",
+        [
+            size_text(r.display),
+            r.method,
+            r.precision,
+            r.provider,
+            "yes" if r.capture else "no",
+            *(f"{time:.2f}" for time in (r.median, r.p95, r.p99)),
+            f"{1e-6 * r.moved:.0f}",
+            f"{r.median / (1e3 * r.moved / copied):.0f}x" if copied else "–",
+        ]
+        for r in (OnDevice(**row) for row in record["timed"])
     ]
-    for r in results:
-        share = f"{r.median / (1e3 * r.moved / copied):.0f}x" if copied else "–"
-        capture = "yes" if r.capture else "no"
-        rows.append(
-            f"| {r.display[0]}x{r.display[1]} | {r.method} | {r.precision} | {r.provider} | {capture} "
-            f"| {r.median:.2f} | {r.p95:.2f} | {r.p99:.2f} | {1e-6 * r.moved:.0f} | {share} |"
-        )
     limit = f", at the {1e-9 * copied:.0f} GB/s that a copy there reaches" if copied else ""
     caption = (
         f"A step at ratio {record['ratio']:g}, frame and image in the device's memory; settings of a size "
         f"take turns. {machine_name(record)}. MB: frame, history before and after, and image. Of a copy: "
         f"how many times as long as moving these{limit}."
     )
-    return "\n".join([*rows, "", caption])
+    headings = ["display", "method", "precision", "provider", "capture", "ms:", "p95:", "p99:", "MB:"]
+    return table([*headings, "of a copy:"], rows, caption)

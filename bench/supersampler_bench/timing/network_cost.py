@@ -12,18 +12,19 @@ from supersampler.conventions.ratios import only_ratio
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.model_file import find_model, read_model_info
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record
 from supersampler_export.count import multiply_adds
 
 
 @dataclass(frozen=True)
 class Cost:
-    """Of one pass of `network.onnx`.
+    """Cost of one pass of `network.onnx`.
 
     Attributes:
         method: the model's name.
-        multiply_adds: of its convolutions and matrix products, per pixel of the display.
-        parameters: numbers in them.
+        multiply_adds: of its convolutions and matrix products, per display pixel.
+        parameters: numbers in its weights.
         operators: nodes of the graph.
     """
 
@@ -34,7 +35,7 @@ class Cost:
 
 
 def measure_cost(name_or_path: str, display_size: Size) -> Cost:
-    """Count what a model's network does for one frame.
+    """Count the work of a model's network for one frame.
 
     Raises:
         ModelError: there is no such model.
@@ -45,8 +46,7 @@ def measure_cost(name_or_path: str, display_size: Size) -> Cost:
     if not path.is_file():
         raise ArgumentError("--methods", got=name_or_path, want="methods with a network")
     model = onnx.load(path)
-    weights = [list(tensor.dims) for tensor in model.graph.initializer]
-    parameters = sum(math.prod(dims) for dims in weights)
+    parameters = sum(math.prod(tensor.dims) for tensor in model.graph.initializer)
     ratio = only_ratio(read_model_info(folder).ratios)
     counted = multiply_adds(model, display_size, 2 if ratio is None else round(ratio))
     return Cost(Path(name_or_path).name, counted, parameters, len(model.graph.node))
@@ -59,13 +59,7 @@ def cost_record(costs: Sequence[Cost], display_size: Size) -> dict[str, Any]:
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    costs = [Cost(**row) for row in record["networks"]]
-    width, height = record["display"]
-    rows = [
-        "| method | multiply-adds a display pixel | parameters | operators |",
-        "| --- | ---: | ---: | ---: |",
-        *(f"| {c.method} | {c.multiply_adds:,.0f} | {c.parameters:,} | {c.operators} |" for c in costs),
-        "",
-        f"The network alone (`network.onnx`), at {width}x{height}.",
-    ]
-    return "\n".join(rows)
+    costs = (Cost(**row) for row in record["networks"])
+    rows = [[c.method, f"{c.multiply_adds:,.0f}", f"{c.parameters:,}", c.operators] for c in costs]
+    headings = ["method", "multiply-adds a display pixel:", "parameters:", "operators:"]
+    return table(headings, rows, f"The network alone (`network.onnx`), at {size_text(record['display'])}.")

@@ -1,56 +1,32 @@
 """Run time against error: settings that no other beats in both, and presets.
 
-Errors come from records of `bench quality`, which any machine measures alike, or from a Pareto record that
-has kept them; times are measured here.
-Settings are compared at one ratio: what a ratio saves, it saves where frames are rendered.
+Errors come from records of `bench quality`, which do not depend on the machine, or from an earlier Pareto
+record; times are measured here. Settings are compared at one ratio, because a ratio saves time in the
+renderer, not in the upscaler.
 """
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.model_file import model_names
 from supersampler_bench.compatibility import gbuffers_of
-from supersampler_bench.quality.score_record import ratio_of
+from supersampler_bench.markdown_table import size_text, table
+from supersampler_bench.quality.score_record import rows_by_ratio
+from supersampler_bench.quality.score_table import CLIP_COLUMNS, Column
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.speed import Setting, measure_settings
 
+if TYPE_CHECKING:
+    from supersampler_bench.timing.pareto_extrapolated import UnshadedPoint
+
 SPATIAL = ("bilinear", "bicubic")
 PRESET_RATIO = 2.0
-CLEARLY, HARDLY = 1.0, 0.05  # dB: what a preset must gain over no history, and what no preset pays time for
-
-
-@dataclass(frozen=True)
-class Metric:
-    """An error or a quality of images.
-
-    Attributes:
-        name: in a quality record.
-        heading: for people.
-        digits: after the point.
-        scale: what it is shown times.
-        higher: whether more is better.
-    """
-
-    name: str
-    heading: str
-    digits: int
-    scale: float = 1.0
-    higher: bool = True
-
-
-METRICS = (
-    Metric("psnr", "PSNR dB", 2),
-    Metric("ssim", "SSIM", 4),
-    Metric("flip", "FLIP", 4, higher=False),
-    Metric("tpsnr", "tPSNR dB", 2),
-    Metric("warped_error_difference", "warped error 1e-3", 2, 1e3, higher=False),
-    Metric("strred", "STRRED", 1, higher=False),
-)
+CLEARLY, HARDLY = 1.0, 0.05  # dB: the least gain of a preset over no history; a gain not worth any time
 
 
 @dataclass(frozen=True)
@@ -58,11 +34,11 @@ class Point:
     """One setting at one ratio.
 
     Attributes:
-        spec: method, precision and skipping.
-        runs: executor and precision that it came to.
+        spec: method, precision and skip.
+        runs: executor and precision that were chosen.
         ratio: display over render size.
         milliseconds: median wall time of a step.
-        scores: by the metric's name, mean over the test shots.
+        scores: by the name of a column, mean over the test shots.
     """
 
     spec: Spec
@@ -78,7 +54,6 @@ def measure_pareto(
     *,
     threads: int,
     steps: int = 20,
-    on_ratio: Callable[[float], None] = lambda _: None,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Point]:
     """Time all settings that quality records have scores of, on this machine.
@@ -86,33 +61,28 @@ def measure_pareto(
     Args:
         records: of `bench quality --json` or `bench pareto --json`, of the same shots.
         display: (width, height) of the images that are timed.
-        threads: of the processor.
+        threads: on the CPU.
         steps: that count, of each setting.
-        on_ratio: called before the settings of a ratio.
-        on_left_out: called with the name of a method that does not run at that size and ratio, and why.
+        on_left_out: called with the reason why a method is left out.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
     """
     points = []
     for ratio, scores in scores_of(records).items():
-        on_ratio(ratio)
         wanted = {
-            spec: Setting(spec.model, display, "auto", threads, spec.precision, spec.skip) for spec in scores
+            Setting(spec.model, display, "auto", threads, spec.precision, spec.skip): spec for spec in scores
         }
-        settings = list(wanted.values())
-        found = measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
+        found = measure_settings(list(wanted), ratio=ratio, steps=steps, on_left_out=on_left_out)
         timed = {t.setting: t for t in found}
-        for spec, setting in wanted.items():
-            if setting not in timed:
-                continue
-            t = timed[setting]
-            points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
+        for setting, spec in wanted.items():
+            if (t := timed.get(setting)) is not None:
+                points.append(Point(spec, f"{t.executor}, {t.precision}", ratio, t.median, scores[spec]))
     return points
 
 
 def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, float]]]:
-    """Scores by ratio and setting, without the warm-up and a border: means, or those of the only shot.
+    """Return scores by ratio and setting, without warm-up and border: means, or those of the only shot.
 
     Raises:
         ArgumentError: a record has no scores of shots, or is of other shots than the first.
@@ -127,7 +97,7 @@ def scores_of(records: Sequence[Record]) -> dict[float, dict[Spec, dict[str, flo
         for ratio, spec, summary in scores:
             known = {name: score for name, score in summary.items() if score is not None}
             found.setdefault(ratio, {})[spec] = {
-                m.name: known[m.name] for m in METRICS if not math.isnan(known.get(m.name, math.nan))
+                c.name: known[c.name] for c in CLIP_COLUMNS if not math.isnan(known.get(c.name, math.nan))
             }
     return dict(sorted(found.items()))
 
@@ -137,17 +107,12 @@ def _scores(record: Record) -> Iterator[tuple[float, Spec, Mapping[str, float | 
     if record["bench"] == "pareto":
         yield from ((point.ratio, point.spec, point.scores) for point in points_of(record))
         return
-    for row in record.get("means") or _of_only_shot(record):
+    for row in rows_by_ratio(record, "methods"):
         yield row["ratio"], parse_spec(row["method"]), row["summary"]["warm_cropped"]
 
 
-def _of_only_shot(record: Record) -> Iterator[dict[str, Any]]:
-    for shot in record.get("shots", ()):
-        yield from ({"ratio": ratio_of(shot), **method} for method in shot["methods"])
-
-
-def frontier(points: Sequence[Point], metric: Metric) -> list[Point]:
-    """Those that none beats in time and error, the fastest first; of one ratio."""
+def frontier(points: Sequence[Point], metric: Column) -> list[Point]:
+    """Return the points of one ratio that no other beats in both time and error, the fastest first."""
     sign = 1.0 if metric.higher else -1.0
     known = [p for p in points if metric.name in p.scores]
     found: list[Point] = []
@@ -162,13 +127,14 @@ def presets(points: Sequence[Point]) -> dict[str, Spec]:
 
     fast: the fastest that is `CLEARLY` better than images without a history. high: the fastest that is
     within `HARDLY` of the best; it computes every pixel. balanced: of those between, the one that gains most
-    over fast for each millisecond more; high where there is none. What skips by default is looked at alone:
-    what skipping saves, shots in motion do not show. Methods that read G-buffers are left out: not all frames
-    have them.
+    over fast per additional millisecond; high where there is none. Only settings with the default `skip`
+    compete, because shots in motion do not show what skipping saves. Methods that read G-buffers are left
+    out, because not all frames have them.
     """
-    psnr, with_default_gbuffers = METRICS[0], {name for name in model_names() if gbuffers_of([name])}
-    for_all = [p for p in points if p.spec.model not in with_default_gbuffers]
-    line = frontier([p for p in for_all if p.spec.skip == "auto"], psnr)
+    reads_gbuffers = {name for name in model_names() if gbuffers_of([name])}
+    line = frontier(
+        [p for p in points if p.spec.model not in reads_gbuffers and p.spec.skip == "auto"], CLIP_COLUMNS[0]
+    )
     floor = max(p.scores["psnr"] for p in points if p.spec.model in SPATIAL)
     good = [p for p in line if p.scores["psnr"] >= floor + CLEARLY] or line[-1:]
     best = max(p.scores["psnr"] for p in line)
@@ -202,12 +168,22 @@ def best_within(points: Sequence[Point], budget: float) -> list[Point]:
 
 
 def by_ratio(points: Sequence[Point]) -> dict[float, list[Point]]:
-    """Points of each ratio."""
+    """Return the points of each ratio."""
     return {ratio: [p for p in points if p.ratio == ratio] for ratio in sorted({p.ratio for p in points})}
 
 
+def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
+    """Return the points of the nearest ratio."""
+    groups = by_ratio(points)
+    return groups[min(groups, key=lambda known: abs(known - ratio))]
+
+
 def pareto_record(
-    points: Sequence[Point], shots: Sequence[str], display: Size, threads: int
+    points: Sequence[Point],
+    shots: Sequence[str],
+    display: Size,
+    threads: int,
+    unshaded: Sequence["UnshadedPoint"] = (),
 ) -> dict[str, Any]:
     """Return all values, ready for JSON.
 
@@ -215,67 +191,47 @@ def pareto_record(
         points: by `measure_pareto`.
         shots: names of those that were scored.
         display: (width, height) of the images that were timed.
-        threads: of the processor.
+        threads: on the CPU.
+        unshaded: by `measure_unshaded`.
     """
-    return {
-        "bench": "pareto",
-        "shots": list(shots),
-        "display": list(display),
-        "threads": threads,
-        "points": [{**asdict(point), "spec": str(point.spec)} for point in points],
-    }
+    rows = [{**asdict(point), "spec": str(point.spec)} for point in points]
+    facts = {"shots": list(shots), "display": list(display), "threads": threads}
+    return {"bench": "pareto", **facts, "points": rows, "unshaded": [asdict(point) for point in unshaded]}
 
 
 def shots_of(record: Record) -> list[str]:
-    """Names of the shots that a record is of."""
+    """Return the names of a record's shots."""
     if record.get("bench") == "pareto":
         return list(record["shots"])
     return list(dict.fromkeys(shot["name"] for shot in record.get("shots", ())))
 
 
 def points_of(record: Record) -> list[Point]:
-    """Points of a record by `pareto_record`."""
+    """Return the points of a record by `pareto_record`."""
     return [Point(**{**row, "spec": parse_spec(row["spec"])}) for row in record["points"]]
 
 
 def markdown_table(record: Record) -> str:
-    """Return the table of a record as Markdown, with its caption; bold is what is on a metric's frontier."""
-    points, (width, height), shots = points_of(record), record["display"], record["shots"]
-    metrics = [m for m in METRICS if any(m.name in p.scores for p in points)]
-    rows = [
-        f"| ratio | setting | runs | ms | {' | '.join(m.heading for m in metrics)} |",
-        f"| ---: | --- | --- | ---: | {' | '.join('---:' for _ in metrics)} |",
-    ]
+    """Return the table of a record as Markdown, with its caption; bold figures are on their frontier."""
+    points, shots = points_of(record), record["shots"]
+    columns = [c for c in CLIP_COLUMNS if any(c.name in p.scores for p in points)]
+    rows = []
     for ratio, group in by_ratio(points).items():
-        lines = {m.name: frontier(group, m) for m in metrics}
+        lines = {c.name: frontier(group, c) for c in columns}
         for point in sorted(group, key=lambda p: p.milliseconds):
-            cells = [_cell(point, m, point in lines[m.name]) for m in metrics]
-            head = f"{ratio:g} | {point.spec} | {point.runs} | {point.milliseconds:.1f}"
-            rows.append(f"| {head} | {' | '.join(cells)} |")
+            figures = [(c.figure(point.scores), point in lines[c.name]) for c in columns]
+            cells = [f"**{text}**" if leads else text for text, leads in figures]
+            rows.append([f"{ratio:g}", point.spec, point.runs, f"{point.milliseconds:.1f}", *cells])
     scores = f"scores of {shots[0]}" if len(shots) == 1 else "mean scores of the test shots"
+    size = size_text(record["display"])
     caption = (
-        f"Time of a step to {width}x{height} on {record['threads']} threads ({machine_name(record)}), and "
+        f"Time of a step to {size} on {record['threads']} threads ({machine_name(record)}), and "
         f"{scores}. Bold: no other setting at that ratio is both faster and better."
     )
-    return "\n".join([*rows, "", caption])
-
-
-def _cell(point: Point, metric: Metric, leads: bool) -> str:
-    if metric.name not in point.scores:
-        return "–"
-    text = f"{metric.scale * point.scores[metric.name]:.{metric.digits}f}"
-    return f"**{text}**" if leads else text
+    headings = ["ratio:", "setting", "runs", "ms:", *(f"{c.title}:" for c in columns)]
+    return table(headings, rows, caption)
 
 
 def preset_table(record: Record) -> str:
     """Return the presets that follow from a record, as Markdown."""
-    chosen = presets(at_ratio(points_of(record), PRESET_RATIO))
-    return "\n".join(
-        ["| preset | setting |", "| --- | --- |", *(f"| {n} | {s} |" for n, s in chosen.items())]
-    )
-
-
-def at_ratio(points: Sequence[Point], ratio: float) -> list[Point]:
-    """Points of the ratio that is nearest."""
-    groups = by_ratio(points)
-    return groups[min(groups, key=lambda known: abs(known - ratio))]
+    return table(["preset", "setting"], presets(at_ratio(points_of(record), PRESET_RATIO)).items())

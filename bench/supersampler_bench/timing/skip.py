@@ -1,7 +1,7 @@
 """Static-tile reuse: time saved and error, in partly static scenes, stepped with and without it."""
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from statistics import median
 from typing import Any, Literal
@@ -11,8 +11,10 @@ import numpy as np
 from supersampler import Model, Upscaler, halton_jitter
 from supersampler.conventions import jitter_phase_count
 from supersampler.frame import Float32, Frame, Size
-from supersampler.io.display import decibels, display_transform
+from supersampler.io.display import display_transform
 from supersampler.model import Skip
+from supersampler_bench.markdown_table import size_text, table
+from supersampler_bench.quality.metrics import psnr
 from supersampler_bench.record import Record, machine_name
 from supersampler_bench.shots.public_shots import TEST_SHOTS
 from supersampler_bench.shots.rendered_frame import rendered_frame
@@ -32,7 +34,7 @@ class StaticTileTimes:
 
     Attributes:
         scene: family of the test shot whose camera is fixed.
-        all_static: nothing moves; else objects do.
+        all_static: whether objects stand still, too.
         method: the model's name.
         work: share of a full step that was computed.
         milliseconds: median of a step, by `SKIPS`.
@@ -48,15 +50,11 @@ class StaticTileTimes:
 
 
 class _Runner:
-    """One way to step through a scene."""
+    """A method with one value of `skip`."""
 
     def __init__(self, method: str, display: Size, skip: Skip) -> None:
-        self._upscaler = Upscaler(
-            Model.load(method, providers="cpu", executor="cpu"),
-            display_size=display,
-            skip=skip,
-            validate="off",
-        )
+        model = Model.load(method, providers="cpu", executor="cpu")
+        self._upscaler = Upscaler(model, display_size=display, skip=skip, validate="off")
         self._image = np.empty((*display[::-1], 3), np.float32)
         self.milliseconds: list[float] = []
         self.work: list[float] = []
@@ -71,8 +69,8 @@ class _Runner:
             self.milliseconds.append(1e3 * (time.perf_counter() - began))
             self.work.append(self._upscaler.stats.work - done)
             exposure = frame.exposure or 1.0
-            off = display_transform(self._image, exposure) - display_transform(truth, exposure)
-            self.psnr.append(decibels(float(np.mean(off * off))))
+            shown = display_transform(self._image, exposure)
+            self.psnr.append(psnr(shown, display_transform(truth, exposure)))
 
 
 def measure_skipping(
@@ -103,22 +101,28 @@ def measure_skipping(
                 for runner in runners.values():
                     runner.step(frame, truth)
                 on_frame()
-            results += [_summary(family, all_static, m, [runners[m, s] for s in SKIPS]) for m in methods]
+            for method in methods:
+                milliseconds: dict[str, float] = {s: median(runners[method, s].milliseconds) for s in SKIPS}
+                scores: dict[str, float] = {s: float(np.mean(runners[method, s].psnr)) for s in SKIPS}
+                work = float(np.mean(runners[method, "auto"].work))
+                results.append(StaticTileTimes(family, all_static, method, work, milliseconds, scores))
     return results
 
 
 def frame_count(ratio: float) -> int:
-    """Frames of a scene."""
+    """Return the number of frames of a scene."""
     return 4 * jitter_phase_count(ratio) + SCORED
 
 
-def _frames(renderer: Renderer, family: str, ratio: float, *, all_static: bool) -> Any:
+def _frames(
+    renderer: Renderer, family: str, ratio: float, *, all_static: bool
+) -> Iterator[tuple[Frame, Float32 | None]]:
     count = frame_count(ratio)
     spec = SequenceSpec(family=family, seed=TEST_SHOTS.seeds[family], frames=count)
     sequence = HeldSequence(spec, HELD_FRAME, time_stands=all_static)
     size = render_size(renderer.display_size, ratio)
     truth: Float32 | None = None
-    rendered: dict[tuple[float, float], Frame] = {}  # by jitter: where nothing moves, frames repeat
+    rendered: dict[tuple[float, float], Frame] = {}  # by jitter: static frames repeat
     for index in range(count):
         scene, jitter = sequence.scene(index), halton_jitter(index, ratio)
         if index >= count - SCORED and (truth is None or not all_static):
@@ -126,17 +130,6 @@ def _frames(renderer: Renderer, family: str, ratio: float, *, all_static: bool) 
         if not all_static or jitter not in rendered:
             rendered[jitter] = rendered_frame(renderer, scene, size, jitter)
         yield rendered[jitter], truth
-
-
-def _summary(scene: str, all_static: bool, method: str, runners: Sequence[_Runner]) -> StaticTileTimes:
-    return StaticTileTimes(
-        scene=scene,
-        all_static=all_static,
-        method=method,
-        work=float(np.mean(runners[SKIPS.index("auto")].work)),
-        milliseconds={s: median(r.milliseconds) for s, r in zip(SKIPS, runners, strict=True)},
-        psnr={s: float(np.mean(r.psnr)) for s, r in zip(SKIPS, runners, strict=True)},
-    )
 
 
 def skip_record(results: Sequence[StaticTileTimes], display: Size, ratio: float) -> dict[str, Any]:
@@ -148,26 +141,22 @@ def skip_record(results: Sequence[StaticTileTimes], display: Size, ratio: float)
         "held_frame": HELD_FRAME,
         "scored": SCORED,
         "frames": frame_count(ratio),
-        "scenes": [asdict(r) for r in results],
+        "scenes": [asdict(result) for result in results],
     }
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    width, height = record["display"]
-    rows = [
-        "| scene | moves | method | work | ms, exact | ms | share | PSNR dB, exact | PSNR dB |",
-        "| --- | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
+    rows = []
     for r in (StaticTileTimes(**row) for row in record["scenes"]):
-        exact, auto = (r.milliseconds[s] for s in SKIPS)
-        all_drawn, skipped = (r.psnr[s] for s in SKIPS)
-        rows.append(
-            f"| {r.scene} | {'nothing' if r.all_static else 'objects'} | {r.method} | {100 * r.work:.0f} % "
-            f"| {exact:.1f} | {auto:.1f} | {auto / exact:.2f} | {all_drawn:.2f} | {skipped:.2f} |"
-        )
+        (exact, auto), scores = (r.milliseconds[s] for s in SKIPS), (r.psnr[s] for s in SKIPS)
+        what = [r.scene, "nothing" if r.all_static else "objects", r.method, f"{100 * r.work:.0f} %"]
+        times = [f"{exact:.1f}", f"{auto:.1f}", f"{auto / exact:.2f}"]
+        rows.append([*what, *times, *(f"{score:.2f}" for score in scores)])
     caption = (
-        f"Images of {width}x{height} at ratio {record['ratio']:g}, the last {record['scored']} of "
-        f"{record['frames']} frames: test shots with a fixed camera. {machine_name(record)}."
+        f"Images of {size_text(record['display'])} at ratio {record['ratio']:g}, the last "
+        f"{record['scored']} of {record['frames']} frames: test shots with a fixed camera. "
+        f"{machine_name(record)}."
     )
-    return "\n".join([*rows, "", caption])
+    headings = ["scene", "moves", "method", "work:", "ms, exact:", "ms:", "share:"]
+    return table([*headings, "PSNR dB, exact:", "PSNR dB:"], rows, caption)

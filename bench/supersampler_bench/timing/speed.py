@@ -1,4 +1,4 @@
-"""Step times. Settings take turns in one run, as a machine's speed changes from minute to minute."""
+"""Step times. Settings take turns in one run, because a machine's speed changes from minute to minute."""
 
 import itertools
 import os
@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -17,13 +17,15 @@ from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
 from supersampler.methods.gbuffers import GBUFFERS
 from supersampler.model import ExecutorName, Precision, Skip
-from supersampler_bench.compatibility import incompatibility, with_default_gbuffers
+from supersampler_bench.compatibility import compatible, with_default_gbuffers
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
+from supersampler_model.data.shots import render_size
 
 WARM_UP = 4  # steps of each setting before any counts
-REFERENCE = "taa"  # on the CPU backend: what others are a multiple of
-SLOW = 10.0  # times the reference: such steps leave cold caches to those that they take turns with
-COPIED = 1 << 28  # bytes; several times what caches hold
+REFERENCE = "taa"  # on the CPU backend; other times are given as multiples of its time
+SLOW = 10.0  # multiple of the reference above which a step leaves cold caches to the settings after it
+COPIED = 1 << 28  # bytes; several times the size of caches
 
 
 @dataclass(frozen=True)
@@ -40,20 +42,20 @@ class Setting:
 
 @dataclass(frozen=True)
 class Timed:
-    """Of one setting; milliseconds.
+    """Times of one setting, milliseconds.
 
     Attributes:
-        setting: what.
-        executor: that it came to.
-        precision: of what is learned that it came to.
+        setting: what was timed.
+        executor: the one that was chosen.
+        precision: the one that was chosen.
         median, p95, p99, least: wall time of a step.
         processor: mean time that all cores together spent on a step.
         multiple: median over that of `taa` on the CPU backend at the same size and threads.
         stages: mean wall time by stage; empty for the ONNX backend.
         moved: bytes that a step must move: the frame, the history before and after, the image.
-        multiply_adds: of what is learned.
-        resident: bytes by which the process grew while the setting was made and warmed up; 0 where the system
-            does not say.
+        multiply_adds: of the network.
+        resident: bytes by which the process grew while the setting was loaded and warmed up; 0 where the
+            system does not say.
     """
 
     setting: Setting
@@ -73,7 +75,7 @@ class Timed:
 
 @dataclass(frozen=True)
 class Limits:
-    """What this machine can do a second, as numpy does it: bytes moved in a copy, products added."""
+    """What this machine does in a second with numpy: bytes moved by copies, multiply-adds of a product."""
 
     moved: float
     multiplied: float
@@ -84,7 +86,8 @@ class _Runner:
 
     def __init__(self, setting: Setting, frames: Sequence[Frame]) -> None:
         before = _resident()
-        model = Model.load(
+        self.setting = setting
+        self._model = model = Model.load(
             setting.method,
             providers="cpu",
             threads=setting.threads,
@@ -92,37 +95,35 @@ class _Runner:
             precision=setting.precision,
         )
         frames = [with_default_gbuffers(frame, model.info.gbuffers, setting.display) for frame in frames]
-        self.setting, self._model = setting, model
         self._upscaler = Upscaler(model, display_size=setting.display, skip=setting.skip, validate="off")
         self._image = np.empty((*setting.display[::-1], 3), np.float32)
-        self._frames = itertools.cycle(frames)
-        self._plan = model.plan(frames[0].size, setting.display)
+        self._frames = itertools.cycle([replace(frame, reset=False) for frame in frames])
         first = frames[0]
         gbuffers = [GBUFFERS[name].find(first) for name in model.info.gbuffers]
-        images = (first.color, first.depth, first.motion, *gbuffers)
-        self._moved = sum(image.nbytes for image in images if image is not None)
+        images = (first.color, first.depth, first.motion, *gbuffers, self._image)
+        self._plan = model.plan(first.size, setting.display)
+        self._moved = sum(i.nbytes for i in images if i is not None) + self._plan.history_bytes
         self.wall: list[float] = []
-        self.processor = 0.0
+        self._processor = 0.0
         self.least = min(self.step(counts=False) for _ in range(WARM_UP))
         self._resident = max(_resident() - before, 0)
         self._seconds = model.note_stages()
 
     def step(self, *, counts: bool = True) -> float:
-        """Time one step; returns its milliseconds."""
-        frame = replace(next(self._frames), reset=False)
+        """Time one step; return its milliseconds."""
+        frame = next(self._frames)
         began, spent = time.perf_counter(), time.process_time()
         self._upscaler.step(frame, out=self._image)
         wall = 1e3 * (time.perf_counter() - began)
         if counts:
             self.wall.append(wall)
-            self.processor += 1e3 * (time.process_time() - spent)
+            self._processor += 1e3 * (time.process_time() - spent)
         return wall
 
     def timed(self, reference: float) -> Timed:
-        """Summarise."""
-        walls = sorted(self.wall)
-        median = statistics.median(walls)
-        p95, p99 = (float(np.quantile(walls, share)) for share in (0.95, 0.99))
+        """Summarise; `reference` is the median of the reference's steps."""
+        median, p95, p99 = quantiles(self.wall)
+        steps = len(self.wall)
         return Timed(
             setting=self.setting,
             executor=self._model.executor,
@@ -130,14 +131,34 @@ class _Runner:
             median=median,
             p95=p95,
             p99=p99,
-            least=walls[0],
-            processor=self.processor / len(walls),
+            least=min(self.wall),
+            processor=self._processor / steps,
             multiple=median / reference,
-            stages={name: 1e3 * spent / len(walls) for name, spent in self._seconds.items()},
-            moved=self._moved + self._plan.history_bytes + self._image.nbytes,
+            stages={name: 1e3 * spent / steps for name, spent in self._seconds.items()},
+            moved=self._moved,
             multiply_adds=self._plan.multiply_adds,
             resident=self._resident,
         )
+
+
+class Steppable(Protocol):
+    """Something that times a step of its own."""
+
+    def step(self) -> object:
+        """Time one step."""
+
+
+def take_turns(runners: Sequence[Steppable], steps: int) -> None:
+    """Step all in turn, so many times."""
+    for _ in range(steps):
+        for runner in runners:
+            runner.step()
+
+
+def quantiles(milliseconds: Sequence[float]) -> tuple[float, float, float]:
+    """Return the median, and what 95 % and 99 % of the times do not exceed."""
+    p95, p99 = (float(np.quantile(milliseconds, share)) for share in (0.95, 0.99))
+    return statistics.median(milliseconds), p95, p99
 
 
 def measure_speed(
@@ -150,71 +171,53 @@ def measure_speed(
     skips: Sequence[Skip] = ("exact",),
     ratio: float = 2.0,
     steps: int = 30,
-    on_step: Callable[[], None] = lambda: None,
     on_left_out: Callable[[str], None] = lambda _: None,
 ) -> list[Timed]:
     """Time all settings; those of one size and number of threads take turns, step by step.
 
     Args:
-        methods: names of shipped models.
+        methods: names of shipped models, or model folders.
         displays: (width, height) of the images.
-        executors: of those that a method has.
-        threads: of the processor.
-        precisions: of those that an executor has.
+        executors: those that a method lacks are left out.
+        threads: numbers of CPU threads.
+        precisions: those that an executor lacks are left out.
         skips: see `Upscaler`.
         ratio: display over render size.
         steps: that count, of each setting.
-        on_step: called after each.
-        on_left_out: called with the name of a method that does not run so, and why.
+        on_left_out: called with the reason why a method is left out.
     """
     results = []
     for display, count in itertools.product(displays, threads):
         kinds = itertools.product(methods, executors, precisions, skips)
-        wanted = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
-        results += measure_settings(
-            wanted, ratio=ratio, steps=steps, on_step=on_step, on_left_out=on_left_out
-        )
+        settings = [Setting(m, display, e, count, p, s) for m, e, p, s in kinds]
+        results += measure_settings(settings, ratio=ratio, steps=steps, on_left_out=on_left_out)
     return results
 
 
 def measure_settings(
-    settings: Sequence[Setting],
-    *,
-    ratio: float,
-    steps: int,
-    frames: Sequence[Frame] | None = None,
-    on_step: Callable[[], None] = lambda: None,
-    on_left_out: Callable[[str], None] = lambda _: None,
+    settings: Sequence[Setting], *, ratio: float, steps: int, on_left_out: Callable[[str], None]
 ) -> list[Timed]:
     """Time settings of one size and number of threads, and `REFERENCE`, in turns; the slow after the fast.
 
     Args:
-        settings: those that a method does not have are left out. G-buffers that it reads and `frames` lack
-            are made up.
+        settings: those that a method lacks are left out. Missing G-buffers get default values.
         ratio: display over render size.
         steps: that count, of each.
-        frames: that are stepped, again and again; the shipped shot, repeated to the size, where None.
-        on_step: called after each.
-        on_left_out: called with the name of a method that does not run so, and why.
+        on_left_out: called with the reason why a method is left out.
 
     Returns:
         The reference first.
     """
     display, threads = settings[0].display, settings[0].threads
-    if frames is None:
-        frames = frames_of((round(display[0] / ratio), round(display[1] / ratio)))
+    frames = frames_of(render_size(display, ratio))
+    methods = list(dict.fromkeys(s.method for s in settings))
+    kept = compatible(methods, frames[0].size, display, on_left_out)
     first = Setting(REFERENCE, display, "cpu", threads)
-    reasons = {s.method: incompatibility(s.method, frames[0].size, display) for s in settings}
-    for reason in filter(None, reasons.values()):
-        on_left_out(reason)
-    others = [s for s in settings if s != first and not reasons[s.method]]
+    others = [s for s in settings if s != first and s.method in kept]
     runners = [_Runner(first, frames), *_runners(others, frames)]
     slow = [runner for runner in runners if runner.least > SLOW * runners[0].least]
-    for turn in ([runner for runner in runners if runner not in slow], slow):
-        for _ in range(steps):
-            for runner in turn:
-                runner.step()
-                on_step()
+    take_turns([runner for runner in runners if runner not in slow], steps)
+    take_turns(slow, steps)
     reference = statistics.median(runners[0].wall)
     return [runner.timed(reference) for runner in runners]
 
@@ -228,7 +231,7 @@ def _runners(settings: Sequence[Setting], frames: Sequence[Frame]) -> Iterator[_
 
 
 def frames_of(render: Size, first: int = 8, count: int = 8) -> list[Frame]:
-    """Frames of the shipped shot, repeated to the size; its motion and edges, at any size."""
+    """Return frames of the shipped shot, tiled to any render size, with its motion and edges."""
     frames = []
     for item in itertools.islice(Shot.open("plaza"), first, first + count):
         frame = item.frame
@@ -246,22 +249,23 @@ def _tiled(image: Any, render: Size) -> Float32:
 
 
 def measure_limits() -> Limits:
-    """Copy memory and multiply matrices on all cores: a copy on two threads, a product on what BLAS takes."""
+    """Measure a copy on all cores, and a matrix product on the threads that BLAS takes."""
     source = np.ones(COPIED // 4, np.float32)
     target = np.empty_like(source)
     cores = os.cpu_count() or 1
     parts = list(zip(np.array_split(target, cores), np.array_split(source, cores), strict=True))
     with ThreadPoolExecutor(cores) as pool:
-        copied = _fastest(lambda: list(pool.map(lambda part: np.copyto(*part), parts)))
+        copied = fastest(6, lambda: list(pool.map(lambda part: np.copyto(*part), parts)))
     matrix = np.ones((1536, 1536), np.float32)
     product = np.empty_like(matrix)
-    multiplied = _fastest(lambda: np.matmul(matrix, matrix, out=product))
+    multiplied = fastest(6, lambda: np.matmul(matrix, matrix, out=product))
     return Limits(2 * COPIED / copied, len(matrix) ** 3 / multiplied)
 
 
-def _fastest(work: Callable[[], object]) -> float:
+def fastest(runs: int, work: Callable[[], object]) -> float:
+    """Return the seconds of the fastest of several runs."""
     times = []
-    for _ in range(6):
+    for _ in range(runs):
         began = time.perf_counter()
         work()
         times.append(time.perf_counter() - began)
@@ -279,34 +283,18 @@ def _resident() -> int:
 
 def speed_record(results: Sequence[Timed], limits: Limits, ratio: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {
-        "bench": "speed",
-        "ratio": ratio,
-        "timed": [asdict(r) for r in results],
-        "limits": asdict(limits),
-    }
+    timed = [asdict(result) for result in results]
+    return {"bench": "speed", "ratio": ratio, "timed": timed, "limits": asdict(limits)}
 
 
 def timed_of(record: Record) -> list[Timed]:
-    """Return what `speed_record` was made of."""
+    """Return the results in a record by `speed_record`."""
     return [Timed(**{**row, "setting": Setting(**row["setting"])}) for row in record["timed"]]
 
 
 def markdown_table(record: Record) -> str:
     """Return the tables of a record as Markdown, with their captions."""
     results, limits = timed_of(record), Limits(**record["limits"])
-    rows = [
-        "| display | threads | method | executor | ms | p95 | p99 | cores | of taa | memory | G/s | MiB |",
-        "| --- | ---: | --- | --- | ---: | ---: | ---: | ---: | ---: | ---: | ---: | ---: |",
-    ]
-    for r in results:
-        seconds = 1e-3 * r.median
-        learned = f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–"
-        rows.append(
-            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | {_runs(r)} "
-            f"| {r.median:.1f} | {r.p95:.1f} | {r.p99:.1f} | {r.processor:.1f} | {r.multiple:.1f} "
-            f"| {r.moved / limits.moved / seconds:.0%} | {learned} | {r.resident / 2**20:.0f} |"
-        )
     caption = (
         f"A step at ratio {record['ratio']:g}, from frame in memory to image in memory, on the shipped shot, "
         f"whose camera moves, repeated to the size; settings of a size take turns. {machine_name(record)}. "
@@ -315,30 +303,30 @@ def markdown_table(record: Record) -> str:
         "of the network over the time of the whole step; a product of matrices in single precision reaches "
         f"{1e-9 * limits.multiplied:.0f}. MiB: what the process grew by."
     )
-    return "\n".join([*rows, "", caption, "", *_stage_rows(results)])
+    headings = ["display", "threads:", "method", "executor", "ms:", "p95:", "p99:", "cores:", "of taa:"]
+    headings += ["memory:", "G/s:", "MiB:"]
+    return f"{table(headings, (_row(r, limits) for r in results), caption)}\n\n{_stage_table(results)}"
 
 
-def _stage_rows(results: Sequence[Timed]) -> list[str]:
-    """Table of what the stages of each step take."""
-    known = [r for r in results if r.stages]
-    names = list(dict.fromkeys(name for r in known for name in r.stages))
+def _row(r: Timed, limits: Limits) -> list[object]:
+    seconds, skip = 1e-3 * r.median, r.setting.skip
     return [
-        f"| display | threads | method | {' | '.join(names)} |",
-        f"| --- | ---: | --- | {' | '.join('---:' for _ in names)} |",
-        *(
-            f"| {_size(r)} | {r.setting.threads} | {r.setting.method} | "
-            f"{' | '.join(f'{r.stages[n]:.1f}' if n in r.stages else '–' for n in names)} |"
-            for r in known
-        ),
-        "",
-        "Milliseconds by stage, means.",
+        *_subject(r),
+        f"{r.executor}, {r.precision}" + ("" if skip == "exact" else f", skip {skip}"),
+        *(f"{time:.1f}" for time in (r.median, r.p95, r.p99, r.processor, r.multiple)),
+        f"{r.moved / limits.moved / seconds:.0%}",
+        f"{1e-9 * r.multiply_adds / seconds:.0f}" if r.multiply_adds else "–",
+        f"{r.resident / 2**20:.0f}",
     ]
 
 
-def _runs(result: Timed) -> str:
-    skip = result.setting.skip
-    return f"{result.executor}, {result.precision}" + ("" if skip == "exact" else f", skip {skip}")
+def _stage_table(results: Sequence[Timed]) -> str:
+    known = [r for r in results if r.stages]
+    names = list(dict.fromkeys(name for r in known for name in r.stages))
+    rows = ([*_subject(r), *(f"{r.stages[n]:.1f}" if n in r.stages else "–" for n in names)] for r in known)
+    headings = ["display", "threads:", "method", *(f"{name}:" for name in names)]
+    return table(headings, rows, "Milliseconds by stage, means.")
 
 
-def _size(result: Timed) -> str:
-    return f"{result.setting.display[0]}x{result.setting.display[1]}"
+def _subject(r: Timed) -> list[object]:
+    return [size_text(r.setting.display), r.setting.threads, r.setting.method]

@@ -11,6 +11,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 from supersampler.frame import Size
+from supersampler_bench.markdown_table import size_text, table
 from supersampler_bench.record import Record, machine_name
 
 FIRST_IMAGE = """
@@ -27,7 +28,7 @@ print(time.perf_counter() - began)
 """
 """A program that prints the seconds to its first image. Arguments: method, render width and height, scale.
 
-Its gray frame is made, not read: an engine has its frames in memory.
+It makes its frame in memory, as an engine does; reading files is not timed.
 """
 
 
@@ -85,7 +86,7 @@ def measure_startup(
 
 def _seconds(command: Sequence[str], cache: str) -> float:
     environment = {**os.environ, "XDG_CACHE_HOME": cache}
-    done = subprocess.run(  # noqa: S603  # ourselves
+    done = subprocess.run(  # noqa: S603  # our own interpreter and program
         command, check=True, capture_output=True, text=True, env=environment
     )
     return float(done.stdout)
@@ -93,26 +94,18 @@ def _seconds(command: Sequence[str], cache: str) -> float:
 
 def startup_record(results: Sequence[FirstFrame], render: Size, scale: float) -> dict[str, Any]:
     """Return all values, ready for JSON."""
-    return {
-        "bench": "startup",
-        "render": list(render),
-        "scale": scale,
-        "first_frames": [asdict(result) for result in results],
-    }
+    first_frames = [asdict(result) for result in results]
+    return {"bench": "startup", "render": list(render), "scale": scale, "first_frames": first_frames}
 
 
 def markdown_table(record: Record) -> str:
     """Return the table of a record as Markdown, with its caption."""
-    width, height = record["render"]
     rows = [
-        "| method | cold cache, s | warm cache, s | cache, KiB |",
-        "| --- | ---: | ---: | ---: |",
-        *(
-            f"| {r.method} | {r.cold_seconds:.1f} | {r.warm_seconds:.2f} | {r.cache_bytes / 1024:.0f} |"
-            for r in (FirstFrame(**row) for row in record["first_frames"])
-        ),
-        "",
-        "Median seconds from the first line of a program, before any import, to its first image. "
-        f"Frames of {width}x{height}, ratio {record['scale']:g}. {machine_name(record)}.",
+        [r.method, f"{r.cold_seconds:.1f}", f"{r.warm_seconds:.2f}", f"{r.cache_bytes / 1024:.0f}"]
+        for r in (FirstFrame(**row) for row in record["first_frames"])
     ]
-    return "\n".join(rows)
+    caption = (
+        "Median seconds from the first line of a program, before any import, to its first image. "
+        f"Frames of {size_text(record['render'])}, ratio {record['scale']:g}. {machine_name(record)}."
+    )
+    return table(["method", "cold cache, s:", "warm cache, s:", "cache, KiB:"], rows, caption)

@@ -6,8 +6,11 @@ import pytest
 from supersampler.frame import Float32
 from supersampler.io.shot import ClassMaps
 from supersampler_bench.quality import confusion
-from supersampler_bench.quality.class_table import class_record, class_tables, rich_class_table
-from supersampler_bench.quality.summaries import FrameScores, MeanScores, MethodScores
+from supersampler_bench.quality.confusion import class_record, class_tables, counts_of, rich_class_table
+from supersampler_bench.quality.score_record import mean_row, scores_row
+from supersampler_bench.quality.summaries import FRAME_METRICS, FrameScores, MethodScores
+
+SCORES = dict.fromkeys(("srred", "trred", *FRAME_METRICS), float("nan"))
 
 
 def class_map(ghost: list[list[int]], alias: list[list[int]]) -> Float32:
@@ -21,7 +24,7 @@ def truth(ghost: list[list[int]], alias: list[list[int]]) -> ClassMaps:
 
 
 def scores(counts: confusion.Counts | None, frame: int = 8) -> MethodScores:
-    return MethodScores("m", [FrameScores(frame, {}, {}, counts, counts)])
+    return MethodScores("m", [FrameScores(frame, SCORES, SCORES, counts, counts)])
 
 
 def test_each_display_pixel_is_held_for_what_its_square_is() -> None:
@@ -39,8 +42,8 @@ def test_each_display_pixel_is_held_for_what_its_square_is() -> None:
 def test_overlap_is_intersection_over_union_and_a_class_nobody_named_has_none() -> None:
     matrix = np.array([[6, 2, 0], [1, 3, 0], [0, 0, 0]])
     np.testing.assert_allclose(confusion.overlap(matrix), [6 / 9, 3 / 6, np.nan])
-    np.testing.assert_allclose(confusion.shares(matrix)[:2], [[0.75, 0.25, 0], [0.25, 0.75, 0]])
-    assert np.isnan(confusion.shares(matrix)[2]).all()
+    np.testing.assert_allclose(confusion.fractions(matrix)[:2], [[0.75, 0.25, 0], [0.25, 0.75, 0]])
+    assert np.isnan(confusion.fractions(matrix)[2]).all()
 
 
 def test_counts_add_up_over_frames_and_shots_as_summaries_count_them() -> None:
@@ -50,7 +53,8 @@ def test_counts_add_up_over_frames_and_shots_as_summaries_count_them() -> None:
     everything = both.classes(warm=False, cropped=False)
     assert everything is not None
     assert everything.sum() == 2 * one.sum()
-    of_all = MeanScores("m", [both, late, scores(None)]).classes()
+    mean = mean_row([scores_row(s) for s in (both, late, scores(None))])
+    of_all = counts_of(mean["classes"]["warm_cropped"])
     assert of_all is not None
     assert of_all.sum() == 2 * one.sum()
     assert scores(None).classes() is None
@@ -59,7 +63,7 @@ def test_counts_add_up_over_frames_and_shots_as_summaries_count_them() -> None:
 
 def test_the_tables_name_true_and_predicted_classes_and_overlap() -> None:
     counts = np.stack([np.diag([90, 10, 0]), np.array([[50, 25, 25], [0, 0, 0], [0, 0, 0]])])
-    ghosting, aliasing = class_tables([scores(counts)]).split("\n\n")
+    ghosting, aliasing = class_tables([scores_row(scores(counts))]).split("\n\n")
     heading = (
         "| ghosting, `m` | predicted none | predicted visibility | predicted shading | of all pixels | IoU |"
     )
@@ -67,12 +71,12 @@ def test_the_tables_name_true_and_predicted_classes_and_overlap() -> None:
     assert ghosting.splitlines()[2] == "| none | 100.0 % | 0.0 % | 0.0 % | 90.00 % | 1.000 |"
     assert ghosting.splitlines()[4] == "| shading | – | – | – | 0.00 % | – |"
     assert aliasing.splitlines()[2] == "| none | 50.0 % | 25.0 % | 25.0 % | 100.00 % | 0.500 |"
-    assert rich_class_table("title", [scores(counts)]) is not None
+    assert rich_class_table("title", [scores_row(scores(counts))]) is not None
 
 
 def test_methods_without_classes_have_no_tables() -> None:
-    assert class_tables([scores(None)]) == ""
-    assert rich_class_table("title", [scores(None)]) is None
+    assert class_tables([scores_row(scores(None))]) == ""
+    assert rich_class_table("title", [scores_row(scores(None))]) is None
     assert class_record(None) is None
 
 

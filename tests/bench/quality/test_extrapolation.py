@@ -23,6 +23,7 @@ from supersampler_bench.quality.extrapolation import (
     extrapolation_record,
     markdown_table,
     measure_extrapolation,
+    shot_scores,
 )
 from supersampler_bench.quality.masks import disoccluded
 from supersampler_bench.quality.summaries import FRAME_METRICS, MASKED, FrameScores, MethodScores
@@ -166,8 +167,8 @@ def test_to_warp_shaded_frames_alone_are_upscaled_with_motion_between_them(fille
 
 def test_an_extrapolated_frame_beats_a_warped_one_in_disocclusions(folder: Path) -> None:
     found = measure_extrapolation(Shot.open(folder), ["taau"], ["guided-warp"], ["1:1", "2:1"])
-    assert list(found.alternations) == ["1:1", "2:1"]
-    for scores in found.alternations.values():
+    assert list(found) == ["1:1", "2:1"]
+    for scores in found.values():
         by_way = {s.method: s.summary(warm=False) for s in scores}
         assert list(by_way) == ["taau, shaded", "taau, warp", "taau, warp, filled", "taau, guided-warp"]
         shaded, plain, filled, drawn = (summary["psnr_disoccluded"] for summary in by_way.values())
@@ -194,8 +195,9 @@ def test_the_command_prints_a_table_and_a_record_that_makes_it_again(folder: Pat
 
 def test_of_several_shots_the_means_are_shown(folder: Path, tmp_path: Path) -> None:
     shot = Shot.open(folder)
-    found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"], origin={"ratio": 2.0})
-    record = {**extrapolation_record([found, found], ["guided-warp"]), **setting()}
+    found = measure_extrapolation(shot, ["bilinear"], ["guided-warp"], ["1:1"])
+    scores = shot_scores(shot, found, {"ratio": 2.0})
+    record = {**extrapolation_record([scores, scores], ["guided-warp"]), **setting()}
     write_json(record, tmp_path / "a.json")
     table = markdown_table(read_record(tmp_path / "a.json"))
     assert table.count("| bilinear, warp |") == 1
@@ -218,7 +220,7 @@ def test_a_shot_without_the_buffers_is_refused_and_a_model_that_upscales_too(
 def test_an_upscaler_may_have_its_own_graph_for_extrapolated_frames(folder: Path, tmp_path: Path) -> None:
     joint = str(joint_folder(tmp_path / "joint"))
     found = measure_extrapolation(Shot.open(folder), ["classifier:fp32", joint], ["guided-warp"], ["1:1"])
-    by_way = {s.method: s.summary(warm=False)["psnr"] for s in found.alternations["1:1"]}
+    by_way = {s.method: s.summary(warm=False)["psnr"] for s in found["1:1"]}
     for way in ("shaded", "warp", "warp, filled"):
         assert by_way[f"{joint}, {way}"] == pytest.approx(by_way[f"classifier:fp32, {way}"], abs=0.01)
     assert by_way[f"{joint}, guided-warp"] < by_way["classifier:fp32, guided-warp"] - 1.0  # it is brighter

@@ -15,14 +15,8 @@ from supersampler.io.shot import ClassMaps, Shot, ShotWriter
 from supersampler_bench.quality import measure as quality
 from supersampler_bench.quality import metrics
 from supersampler_bench.quality.measure import measure_quality
-from supersampler_bench.quality.summaries import (
-    BORDER,
-    FRAME_METRICS,
-    MASKED,
-    FrameScores,
-    MeanScores,
-    MethodScores,
-)
+from supersampler_bench.quality.score_record import mean_row, scores_row
+from supersampler_bench.quality.summaries import BORDER, FRAME_METRICS, MASKED, FrameScores, MethodScores
 from supersampler_model.data.scenes.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
 
 RENDER, DISPLAY = (48, 27), (96, 54)
@@ -238,7 +232,8 @@ def test_a_summary_is_the_mean_over_frames_and_in_masks_over_pixels() -> None:
 
 def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metric() -> None:
     long = MethodScores("m", [scores_of(frame, 20, 0) for frame in (8, 9, 10)])
-    mean = MeanScores("m", [long, MethodScores("m", [scores_of(8, 30, 10)])]).summary(cropped=False)
+    short = MethodScores("m", [scores_of(8, 30, 10)])
+    mean = mean_row([scores_row(long), scores_row(short)])["summary"]["warm_full"]
     assert mean["psnr"] == pytest.approx(25)
     assert mean["psnr_moving"] == pytest.approx(30)
     assert np.isnan(mean["tpsnr"])
@@ -246,9 +241,9 @@ def test_the_mean_of_shots_weighs_each_the_same_and_skips_those_that_lack_a_metr
 
 def test_real_methods_run_side_by_side_and_repeat_exactly(tmp_path: Path) -> None:
     shot = write_shot(tmp_path, references=[3, 4])
-    done: list[int] = []
-    first = measure_quality(shot, ["bilinear", "taau"], on_frame=done.append)
-    assert done == [1, 2, 3, 4, 5, 6]
+    done: list[bool] = []
+    first = measure_quality(shot, ["bilinear", "taau"], on_frame=lambda: done.append(True))
+    assert len(done) == 6
     assert [result.method for result in first] == ["bilinear", "taau"]
     assert all(15 < frame.full["psnr"] < 50 for result in first for frame in result.frames)
     alone = measure_quality(shot, ["taau:fp32"])

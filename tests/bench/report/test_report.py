@@ -15,6 +15,7 @@ from supersampler import ArgumentError
 from supersampler.io.shot import Shot, ShotWriter
 from supersampler_bench.agreement.parity import Agreement, parity_record
 from supersampler_bench.cli.app import app
+from supersampler_bench.quality.score_table import CLIP_COLUMNS
 from supersampler_bench.record import Record, read_record, setting, write_json
 from supersampler_bench.report import image_comparison as images
 from supersampler_bench.report import quick_measurements as quick
@@ -22,7 +23,7 @@ from supersampler_bench.report.doc_tables import RESULTS, find_all, read_records
 from supersampler_bench.report.image_comparison import split_view
 from supersampler_bench.report.page import SECTIONS, write_page
 from supersampler_bench.specs import parse_spec
-from supersampler_bench.timing.pareto import METRICS, Point, pareto_record
+from supersampler_bench.timing.pareto import Point, pareto_record
 from supersampler_model.data.errors import GraphicsError
 from supersampler_model.data.scenes.analytic import Plane, checker
 
@@ -32,7 +33,7 @@ PNG = "data:image/png;base64,"
 
 def of_pareto() -> dict[str, Any]:
     def point(word: str, milliseconds: float, psnr: float) -> Point:
-        scores = {m.name: psnr for m in METRICS[:2]}
+        scores = {c.name: psnr for c in CLIP_COLUMNS[:2]}
         return Point(parse_spec(word), "cpu, fp32", 2.0, milliseconds, scores)
 
     points = [point("bilinear", 9.0, 26.0), point("taau", 8.0, 29.0), point("classifier", 16.0, 30.0)]

@@ -33,9 +33,9 @@ TINY = TestShots(
 @pytest.fixture(scope="module")
 def cache(tmp_path_factory: pytest.TempPathFactory) -> Path:
     cache = tmp_path_factory.mktemp("cache")
-    seen: list[int] = []
-    render_test_shots(cache, TINY, workers=2, on_progress=seen.append)
-    assert seen[-1] == frames_there(cache, TINY) == 20
+    seen: list[bool] = []
+    render_test_shots(cache, TINY, workers=2, on_frame=lambda: seen.append(True))
+    assert len(seen) == frames_there(cache, TINY) == 20
     return cache
 
 

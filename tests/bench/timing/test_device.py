@@ -52,4 +52,4 @@ def test_a_device_whose_copies_cannot_be_timed_has_no_limit() -> None:
 def test_graphs_have_no_other_precisions(precisions: str) -> None:
     result = CliRunner().invoke(app, ["bench", "device", "--precisions", precisions])
     assert result.exit_code != 0
-    assert "fp32, fp16 or both" in result.output
+    assert "want fp32, fp16, or some" in result.output

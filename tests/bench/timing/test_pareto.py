@@ -8,11 +8,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from supersampler import ArgumentError
+from supersampler_bench.quality.score_table import CLIP_COLUMNS
 from supersampler_bench.record import setting
-from supersampler_bench.report.pareto_figures import draw_pareto
+from supersampler_bench.report.figures import draw_pareto
 from supersampler_bench.specs import Spec, parse_spec
 from supersampler_bench.timing.pareto import (
-    METRICS,
     Point,
     best_within,
     frontier,
@@ -26,7 +26,7 @@ from supersampler_bench.timing.pareto import (
     shots_of,
 )
 
-PSNR, FLIP = METRICS[0], METRICS[2]
+PSNR, FLIP = CLIP_COLUMNS[0], CLIP_COLUMNS[2]
 SCORES = st.lists(st.tuples(st.floats(0.1, 100.0), st.floats(10.0, 50.0)), min_size=1, max_size=8)
 
 

@@ -1,5 +1,6 @@
 """What frames that were not shaded cost, beside their error."""
 
+from dataclasses import asdict
 from typing import Any
 
 import pytest
@@ -10,7 +11,6 @@ from supersampler_bench.timing.pareto import pareto_record
 from supersampler_bench.timing.pareto_extrapolated import (
     measure_unshaded,
     unshaded_points_of,
-    unshaded_rows,
     unshaded_table,
 )
 
@@ -41,7 +41,7 @@ def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() 
     measured = measure_unshaded([extrapolation(), {"bench": "quality"}], (48, 27), threads=1, steps=1)
     assert [h.unshaded for h in measured] == sorted(h.unshaded for h in measured)
     assert all(h.shaded > 0.0 and h.unshaded > 0.0 for h in measured)
-    record = {**pareto_record([], ["a"], (48, 27), 1), "unshaded": unshaded_rows(measured), **setting()}
+    record = {**pareto_record([], ["a"], (48, 27), 1, measured), **setting()}
     assert list(unshaded_points_of(record)) == measured
     table = unshaded_table(record)
     assert "| 2 | taau | guided-warp | " in table
@@ -52,7 +52,7 @@ def test_both_kinds_of_frames_are_timed_shown_and_come_back_from_their_record() 
 def test_of_scores_that_several_records_have_the_last_are_timed_once() -> None:
     before: dict[str, Any] = {
         "bench": "pareto",
-        "unshaded": unshaded_rows(list(unshaded_points_of(extrapolation()))),
+        "unshaded": [asdict(point) for point in unshaded_points_of(extrapolation())],
     }
     before["unshaded"][0]["scores"]["psnr"] = 20.0
     measured = measure_unshaded([before, extrapolation()], (48, 27), threads=1, steps=1)
