@@ -1,6 +1,7 @@
 """Export of a method to one ONNX graph of its whole recurrent step."""
 
 import contextlib
+import inspect
 import io
 import logging
 import warnings
@@ -72,10 +73,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
     dims = _dims(method)
-    dynamic = {
-        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
-        for name, shape in shapes.items()
-    }
+    dynamic = [_free(shape, dims) for shape in shapes.values()]
     inputs = [history_name(name) for name in names]
     outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # this frame's size is the next one's previous size
@@ -112,6 +110,11 @@ def _dims(method: Method) -> dict[str, Any]:
     return dims
 
 
+def _free(shape: Shape, dims: Mapping[str, Any]) -> dict[int, Any]:
+    """Dim of each axis of a tensor that has no fixed extent."""
+    return {axis: dims[extent] for axis, extent in enumerate(shape) if isinstance(extent, str)}
+
+
 def _times(dim: Any, factor: int) -> Any:
     return dim if factor == 1 else factor * dim
 
@@ -124,10 +127,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     """
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *RENDER)}
     dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
-    dynamic = {
-        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
-        for name, shape in fused.inputs.items()
-    }
+    dynamic = [_free(shape, dims) for shape in fused.inputs.values()]
     arguments = example_inputs(fused, Size(21, 13))
     model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
     _declare(model.graph.input, list(fused.inputs.values()))
@@ -149,12 +149,13 @@ def _traced(
     arguments: Sequence[Tensor],
     inputs: list[str],
     outputs: list[str],
-    dynamic: Mapping[str, Mapping[int, Any]],
+    dynamic: Sequence[Mapping[int, Any]],
 ) -> onnx.ModelProto:
+    parameters = inspect.signature(module.forward).bind(*dynamic).arguments  # `*history` takes several
     with _quiet(), torch.no_grad():
         program = torch.onnx.export(
             module.eval(), tuple(arguments), dynamo=True, opset_version=OPSET, input_names=inputs,
-            output_names=outputs, dynamic_shapes=dict(dynamic), verbose=False,
+            output_names=outputs, dynamic_shapes=parameters, verbose=False,
         )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export handed back no program")

@@ -58,6 +58,7 @@ class Method(nn.Module):
     Attributes:
         spec: what the method is.
         name, history, ratios: those of the spec.
+        config: its constants, an instance of `spec.config`.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
@@ -65,7 +66,12 @@ class Method(nn.Module):
     name: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]]
     ratios: ClassVar[tuple[float, float]]
+    config: Any
     learned: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, config: Any = None) -> None:
+        super().__init__()
+        self.config = config or self.spec.config()
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()

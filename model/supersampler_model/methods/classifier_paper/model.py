@@ -42,9 +42,9 @@ class PaperNetwork(nn.Module):
             nn.Conv2d(PIXEL, config.hidden, 1), nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid()
         )
 
-    def forward(self, packed: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits (n, 6, h, w) twice: the compositor runs at display size, in `finish`."""
-        del carried
+        del half_inputs
         logits = self.classes(self.decoder(cut_to(self.encoder(padded(packed)), packed)))
         return logits, logits
 
