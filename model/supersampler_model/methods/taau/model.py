@@ -116,6 +116,18 @@ class Blend(NamedTuple):
     unconfirmed: Tensor  # (1, 1, H, W) whether this frame adds no sample
 
 
+class Step(NamedTuple):
+    """The image, the next history and the weight of the history."""
+
+    image: Tensor
+    history_color: Tensor
+    history_samples: Tensor
+    history_surface: Tensor
+    history_jitter: Tensor
+    history_exposure: Tensor
+    weight: Tensor
+
+
 class Taau(Method):
     """Temporal upsampling of accumulated samples."""
 
@@ -135,7 +147,7 @@ class Taau(Method):
         history_surface: Tensor,  # (1, 3, h', w')
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
-    ) -> tuple[Tensor, ...]:
+    ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
@@ -160,7 +172,7 @@ class Taau(Method):
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        return image, next_color, samples, surface, jitter * 1.0, followed, weight
+        return Step(image, next_color, samples, surface, jitter * 1.0, followed, weight)
 
     def gather_current(
         self,
