@@ -14,6 +14,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
+from supersampler.methods.model_file import extents
 from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,
@@ -25,6 +26,7 @@ from supersampler.methods.spec import (
     SHADED,
     TENSORS,
     Shape,
+    sized,
 )
 from supersampler_model.methods.base import Fused, Method, Size
 
@@ -140,8 +142,7 @@ def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
     """Noise of the network's input shapes, from half the display size, or the render size."""
     sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
     sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
-    shapes = [[sizes[n] if isinstance(n, str) else n for n in shape] for shape in fused.inputs.values()]
-    return [torch.rand(shape) for shape in shapes]
+    return [torch.rand(sized(shape, sizes)) for shape in fused.inputs.values()]
 
 
 def _traced(
@@ -174,17 +175,11 @@ def shape_of(method: Method, parameter: str) -> Shape:
 
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
     """Noise of the shapes of the step's inputs, for tracing."""
-    half = ((display.height + 1) // 2, (display.width + 1) // 2)
-    others = [(previous.height + 2 * i, previous.width + i) for i in range(4)]
-    sizes = dict(zip((*RENDER, *DISPLAY, *HALF), (*render[::-1], *display[::-1], *half), strict=True))
-    for pair, size in zip((PREVIOUS, SHADED, EARLIER, BETWEEN), others, strict=True):
-        sizes |= dict(zip(pair, size, strict=True))
-    sizes[CHANNELS] = 3
+    sizes = extents(render=render, display=display, previous=previous) | {CHANNELS: 3}
+    for i, (height, width) in enumerate((SHADED, EARLIER, BETWEEN), 1):
+        sizes |= {height: previous.height + 2 * i, width: previous.width + i}
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
-    noise = {
-        name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])
-        for name in names
-    }
+    noise = {name: torch.rand(sized(shape_of(method, name), sizes)) for name in names}
     return [torch.tensor(display) if name == "display_size" else noise[name] for name in names]
 
 

@@ -48,6 +48,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
+from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -277,19 +278,10 @@ class Classifier(LearnedMethod):
             (current.frame, 0.05 * sampled_here),
             (kernel, 0.05 * sampled_here),
         ]
-        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
-        weights = [b * factors[:, i : i + 1].exp() for i, b in enumerate(initial_weights)]
-        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
-        total = (history_weight + new).clamp(min=1e-12)  # 0 without any sample: black
-        color = sum_of(
-            [w / total * c for w, (c, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
-        )
+        color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         classes = torch.cat([class_probabilities(logits[:, :3]), class_probabilities(logits[:, 3:])], dim=1)
-        odds = (
-            history_weight / new.clamp(min=1e-12) * sum_of(initial_weights[len(history_colors) :])
-        )  # effective number of samples in the history
         count = torch.minimum(odds, warped.samples).clamp(max=self.config.samples) + current.confidence
         luma = luminance(current.sample)
         trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
@@ -303,4 +295,4 @@ class Classifier(LearnedMethod):
         count = torch.where(unconfirmed, torch.zeros_like(count), count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
-        return Finished(image, state, classes, history_weight / total)
+        return Finished(image, state, classes, weight)

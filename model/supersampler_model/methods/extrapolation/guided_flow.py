@@ -64,7 +64,7 @@ class FlowHistory(NamedTuple):
 class Lights(NamedTuple):
     """The network inputs."""
 
-    later: Tensor  # (1, PICTURE, h / 2, w / 2) light of the last shaded frame, toned, and roughness
+    later: Tensor  # (1, LIGHT, h / 2, w / 2) light of the last shaded frame, toned, and roughness
     earlier: Tensor  # the same of the one before
 
 

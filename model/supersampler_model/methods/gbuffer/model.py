@@ -52,6 +52,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
 )
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
+from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -288,17 +289,8 @@ class GBuffer(LearnedMethod):
             (relit, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
-        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
-        weights = [b * factor for b, factor in zip(initial_weights, channels_of(factors.exp()), strict=True)]
-        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
-        total = history_weight + new
-        color = sum_of(
-            [s / total * v for s, (v, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
-        )
+        color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(inverse_tone(color) / current.exposure)
-        odds = (
-            history_weight / new * sum_of(initial_weights[len(history_colors) :])
-        )  # effective number of samples in the history
         count = torch.minimum(odds, warped.counted).clamp(max=c.samples) + confidence
         next_history = History(
             image,
@@ -311,7 +303,7 @@ class GBuffer(LearnedMethod):
             history.jitter * 1.0,
             current.followed,
         )
-        return Finished(image, next_history, history_weight / total)
+        return Finished(image, next_history, weight)
 
 
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:

@@ -19,7 +19,7 @@ from supersampler_model.methods.classifier.network import Block, Pointwise, cut_
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
-REFINER_INPUTS = 18  # inputs of the refiner beside features of a previous frame
+REFINER_INPUTS = 18  # inputs of the refiner, besides the features of a previous frame
 SAMPLES = 6  # of the frame's samples: motion, jitter, 1 where usable, relative depth
 COLORS = 15  # toned colours at display size, count, visibility, likeness
 
