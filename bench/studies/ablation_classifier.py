@@ -35,15 +35,15 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
     "no past by the pixel's own motion": changed(own_motion=False),
     "warped past not filtered": changed(corrected=False),
     "differences of past and present not seen": lambda: Classifier(
-        without("past_to_sample", "past_to_frame", "beyond")
+        without("history_to_sample", "history_to_frame", "beyond_range")
     ),
-    "means of differences around not seen": changed(around=()),
-    "contrasts not seen": lambda: Classifier(without("contrast", "past_contrast")),
-    "range of the history not seen": lambda: Classifier(without("least", "most")),
+    "means of differences around not seen": changed(neighbourhood_inputs=()),
+    "contrasts not seen": lambda: Classifier(without("contrast", "history_contrast")),
+    "range of the history not seen": lambda: Classifier(without("min_luma", "max_luma")),
     "range only grows": changed(contraction=0.0),
     "distance of samples not seen": lambda: Classifier(without("confidence")),
     "count not seen": lambda: Classifier(without("count")),
-    "difference of depth and cover not seen": lambda: Classifier(without("difference", "surface")),
+    "difference of depth and cover not seen": lambda: Classifier(without("depth_difference", "surface")),
     "classes of the frame before not seen": changed(recurrent=False),
     "speed and blur not seen (the default)": Classifier,
     "each channel toned alone": changed(tone_space="channels"),

@@ -42,7 +42,7 @@ _MODULES = {
     "refiner": "refiner",
     "colors": "fusion",
     "fusion": "fusion",
-    "mixing": "finish",
+    "blend": "finish",
 }
 
 

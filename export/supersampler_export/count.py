@@ -12,7 +12,7 @@ from torch.utils.flop_counter import FlopCounterMode
 from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
 from supersampler.methods.model_file import extents
-from supersampler.methods.spec import DISPLAY, HALF, RENDER
+from supersampler.methods.spec import sized
 from supersampler_model.methods.base import Fused
 
 _COUNTED = ("Conv", "MatMul", "Gemm")
@@ -49,16 +49,8 @@ def multiply_adds_of(fused: Fused, display_size: Size = COUNTED_AT) -> float:
         display_size: (width, height).
     """
     render = (display_size[0] // fused.ratio, display_size[1] // fused.ratio)
-    half = (display_size[0] // 2, display_size[1] // 2)
-    sizes = {
-        name: extent
-        for names, size in ((DISPLAY, display_size), (RENDER, render), (HALF, half))
-        for name, extent in zip(names, size[::-1], strict=True)
-    }
-    inputs = [
-        torch.empty([sizes[n] if isinstance(n, str) else n for n in shape], device="meta")
-        for shape in fused.inputs.values()
-    ]
+    sizes = extents(render=render, display=display_size, previous=render)
+    inputs = [torch.empty(sized(shape, sizes), device="meta") for shape in fused.inputs.values()]
     network = copy.deepcopy(fused.module).eval().to("meta")
     with torch.no_grad(), FlopCounterMode(display=False) as counter:
         network(*inputs)

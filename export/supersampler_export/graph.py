@@ -1,6 +1,7 @@
 """Export of a method to one ONNX graph of its whole recurrent step."""
 
 import contextlib
+import inspect
 import io
 import logging
 import warnings
@@ -13,6 +14,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
+from supersampler.methods.model_file import extents
 from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,
@@ -24,6 +26,7 @@ from supersampler.methods.spec import (
     SHADED,
     TENSORS,
     Shape,
+    sized,
 )
 from supersampler_model.methods.base import Fused, Method, Size
 
@@ -72,10 +75,7 @@ def export_graph(method: Method) -> onnx.ModelProto:
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
     shapes = {name: shape_of(method, name) for name in names}
     dims = _dims(method)
-    dynamic = {
-        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
-        for name, shape in shapes.items()
-    }
+    dynamic = [_free(shape, dims) for shape in shapes.values()]
     inputs = [history_name(name) for name in names]
     outputs = ["image", *(f"next.{name}" for name in method.history), *method.spec.aux_outputs]
     current = dict(zip(PREVIOUS, RENDER, strict=True))  # this frame's size is the next one's previous size
@@ -112,6 +112,11 @@ def _dims(method: Method) -> dict[str, Any]:
     return dims
 
 
+def _free(shape: Shape, dims: Mapping[str, Any]) -> dict[int, Any]:
+    """Dim of each axis of a tensor that has no fixed extent."""
+    return {axis: dims[extent] for axis, extent in enumerate(shape) if isinstance(extent, str)}
+
+
 def _times(dim: Any, factor: int) -> Any:
     return dim if factor == 1 else factor * dim
 
@@ -124,10 +129,7 @@ def export_fused(fused: Fused) -> onnx.ModelProto:
     """
     dims = {n: torch.export.Dim(n, min=1, max=1 << 14) for n in (*HALF, *RENDER)}
     dims |= {d: _times(dims[r], fused.ratio) for d, r in zip(DISPLAY, RENDER, strict=True)}
-    dynamic = {
-        name: {i: dims[n] for i, n in enumerate(shape) if isinstance(n, str)}
-        for name, shape in fused.inputs.items()
-    }
+    dynamic = [_free(shape, dims) for shape in fused.inputs.values()]
     arguments = example_inputs(fused, Size(21, 13))
     model = _traced(fused.module, arguments, list(fused.inputs), list(fused.outputs), dynamic)
     _declare(model.graph.input, list(fused.inputs.values()))
@@ -140,8 +142,7 @@ def example_inputs(fused: Fused, size: Size) -> list[Tensor]:
     """Noise of the network's input shapes, from half the display size, or the render size."""
     sizes = {n: extent for names in (HALF, RENDER) for n, extent in zip(names, size[::-1], strict=True)}
     sizes |= {d: fused.ratio * sizes[r] for d, r in zip(DISPLAY, RENDER, strict=True)}
-    shapes = [[sizes[n] if isinstance(n, str) else n for n in shape] for shape in fused.inputs.values()]
-    return [torch.rand(shape) for shape in shapes]
+    return [torch.rand(sized(shape, sizes)) for shape in fused.inputs.values()]
 
 
 def _traced(
@@ -149,12 +150,13 @@ def _traced(
     arguments: Sequence[Tensor],
     inputs: list[str],
     outputs: list[str],
-    dynamic: Mapping[str, Mapping[int, Any]],
+    dynamic: Sequence[Mapping[int, Any]],
 ) -> onnx.ModelProto:
+    parameters = inspect.signature(module.forward).bind(*dynamic).arguments  # `*history` takes several
     with _quiet(), torch.no_grad():
         program = torch.onnx.export(
             module.eval(), tuple(arguments), dynamo=True, opset_version=OPSET, input_names=inputs,
-            output_names=outputs, dynamic_shapes=dict(dynamic), verbose=False,
+            output_names=outputs, dynamic_shapes=parameters, verbose=False,
         )  # fmt: skip
     if program is None:
         raise ExportError("torch.onnx.export handed back no program")
@@ -173,17 +175,11 @@ def shape_of(method: Method, parameter: str) -> Shape:
 
 def example_arguments(method: Method, render: Size, display: Size, previous: Size) -> list[Tensor]:
     """Noise of the shapes of the step's inputs, for tracing."""
-    half = ((display.height + 1) // 2, (display.width + 1) // 2)
-    others = [(previous.height + 2 * i, previous.width + i) for i in range(4)]
-    sizes = dict(zip((*RENDER, *DISPLAY, *HALF), (*render[::-1], *display[::-1], *half), strict=True))
-    for pair, size in zip((PREVIOUS, SHADED, EARLIER, BETWEEN), others, strict=True):
-        sizes |= dict(zip(pair, size, strict=True))
-    sizes[CHANNELS] = 3
+    sizes = extents(render=render, display=display, previous=previous) | {CHANNELS: 3}
+    for i, (height, width) in enumerate((SHADED, EARLIER, BETWEEN), 1):
+        sizes |= {height: previous.height + 2 * i, width: previous.width + i}
     names = [*method.inputs(), *(f"history_{name}" for name in method.history)]
-    noise = {
-        name: torch.rand([sizes[n] if isinstance(n, str) else n for n in shape_of(method, name)])
-        for name in names
-    }
+    noise = {name: torch.rand(sized(shape_of(method, name), sizes)) for name in names}
     return [torch.tensor(display) if name == "display_size" else noise[name] for name in names]
 
 

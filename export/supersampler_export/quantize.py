@@ -127,7 +127,7 @@ def folded(layer: nn.Module) -> tuple[Floats, Floats]:
 def packed_bytes() -> ByteLayout:
     """Layout of packed pixels: all inputs are in [0, 1] except the difference of depth, in [-1, 1]."""
     scale, zero = np.full(len(DEFAULT_INPUTS), 1.0 / BYTE), np.zeros(len(DEFAULT_INPUTS))
-    at = DEFAULT_INPUTS.index("difference")
+    at = DEFAULT_INPUTS.index("depth_difference")
     scale[at], zero[at] = 2.0 / BYTE, 0.5 * BYTE
     return ByteLayout(np.arange(4 * len(DEFAULT_INPUTS)), scale.repeat(4), zero.repeat(4))
 
@@ -189,10 +189,10 @@ def quantized(network: ClassifierNetwork, ranges: Mapping[str, float]) -> Arrays
         record,
         made_hidden.beside(ByteLayout.of(CLASSES, ranges["classes"] / SIGNED, MIDDLE)),
     )
-    mixing = network.mixing.out_channels
-    order = np.arange(mixing).reshape(-1, 4).T.ravel().tolist()  # pixel by pixel
-    weights, bias = _weights(network.mixing)[:, :, 0, 0], _weights(network.mixing, "bias")
-    layers["mixing"] = by_output(pixelwise(weights, bias, made_hidden, ByteLayout.of(order, 1.0)), mixing)
+    outputs = network.blend.out_channels
+    order = np.arange(outputs).reshape(-1, 4).T.ravel().tolist()  # pixel by pixel
+    weights, bias = _weights(network.blend)[:, :, 0, 0], _weights(network.blend, "bias")
+    layers["blend"] = by_output(pixelwise(weights, bias, made_hidden, ByteLayout.of(order, 1.0)), outputs)
     found = {f"{name}.{part}": array for name, layer in layers.items() for part, array in layer.items()}
     return {name: np.ascontiguousarray(array) for name, array in found.items()}
 

@@ -38,10 +38,10 @@ def made(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactor
     """A method with random weights, and its model: of the folder what the host needs alone."""
     method = Classifier(ClassifierConfig(network=TINY, **request.param._asdict())).eval()
     torch.manual_seed(0)
-    assert isinstance(method.net.mixing, nn.Conv2d)
-    assert method.net.mixing.bias is not None
-    nn.init.normal_(method.net.mixing.weight, std=0.5)  # zeros would hide what lies where
-    nn.init.normal_(method.net.mixing.bias, std=0.5)
+    assert isinstance(method.net.blend, nn.Conv2d)
+    assert method.net.blend.bias is not None
+    nn.init.normal_(method.net.blend.weight, std=0.5)  # zeros would hide what lies where
+    nn.init.normal_(method.net.blend.bias, std=0.5)
     folder = tmp_path_factory.mktemp("model")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(calibrate, "FRAMES", 2)

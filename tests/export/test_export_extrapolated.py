@@ -25,7 +25,7 @@ from supersampler_model.methods.weights_file import load_trained, shipped_weight
 SIZE, DISPLAY = (21, 13), (41, 27)
 SMALL = ClassifierConfig(
     network=NetworkConfig(levels=(8, 16, 32, 64), decoder=8, hidden=8),
-    around=(),
+    neighbourhood_inputs=(),
     corrected=False,
     rectified=False,
     own_motion=False,
@@ -38,7 +38,7 @@ SCENE = LitScene(velocity=(1.3, -0.6), radius=7.0, disc_velocity=(2.5, 0.5), sky
 def method() -> Extrapolate:
     torch.manual_seed(2)
     made = Extrapolate(SMALL)
-    for parameter in made.net.mixing.parameters():
+    for parameter in made.net.blend.parameters():
         torch.nn.init.normal_(parameter, std=0.2)
     return made.eval()
 
@@ -86,7 +86,7 @@ def test_upscalers_draw_what_torch_draws_however_frames_alternate(shipped: Extra
 def test_both_folders_say_what_they_are_and_have_one_history() -> None:
     folder = find_model("extrapolate")
     outer, inner = read_model_info(folder), read_model_info(folder / "extrapolated")
-    assert (outer.method, inner.method) == ("extrapolate", "extrapolate-drawn")
+    assert (outer.method, inner.method) == ("extrapolate", "extrapolate-unshaded")
     assert (outer.extrapolated, inner.extrapolated) == (folder / "extrapolated", None)
     assert (outer.only_extrapolated, inner.only_extrapolated) == (False, True)
     assert outer.history == inner.history
@@ -119,13 +119,19 @@ def test_each_is_written_to_its_own_folder(
     monkeypatch.setattr(folder_module, "_made", lambda one, _: {"model.json": one.name.encode()})
     write_model_folder(method, tmp_path / "mine")
     written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
-    assert written == {"mine/model.json": "extrapolate", "mine/extrapolated/model.json": "extrapolate-drawn"}
+    assert written == {
+        "mine/model.json": "extrapolate",
+        "mine/extrapolated/model.json": "extrapolate-unshaded",
+    }
 
 
 def test_in_half_precision_each_has_its_own_encoder(method: Extrapolate) -> None:
-    packed, carried = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.carried, 8, 8)
+    packed, half_inputs = torch.rand(1, 4 * SMALL.planes, 8, 8), torch.rand(1, SMALL.half_inputs, 8, 8)
     surface = torch.rand(1, 12, 8, 8)
-    for one, given in ((method, (packed, carried)), (method.on_extrapolated(), (packed, carried, surface))):
+    for one, given in (
+        (method, (packed, half_inputs)),
+        (method.on_extrapolated(), (packed, half_inputs, surface)),
+    ):
         half = to_half(one)
         assert half is not None
         with torch.no_grad():

@@ -120,7 +120,7 @@ def test_batch_normalisation_is_within_the_weights() -> None:
 
 
 def test_packed_pixels_are_from_0_to_1_but_for_the_difference_of_depth() -> None:
-    packed, at = packed_bytes(), DEFAULT_INPUTS.index("difference")
+    packed, at = packed_bytes(), DEFAULT_INPUTS.index("depth_difference")
     values = np.stack([(b - packed.zero) * packed.scale for b in (0.0, BYTE)])
     assert len(packed.channel) == 4 * len(DEFAULT_INPUTS)
     np.testing.assert_allclose(values[1], 1.0)

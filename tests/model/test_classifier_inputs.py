@@ -52,26 +52,26 @@ def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
     g = gathered()
     past = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
     seen = pixel_inputs(g.current, past, g.reprojection)
-    for name in ("past_to_sample", "beyond"):
+    for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
-    assert seen["past_to_frame"].any()
+    assert seen["history_to_frame"].any()
 
 
 def test_a_sample_brighter_than_all_of_the_past_around_is_beyond_it() -> None:
     g = gathered()
     dark = g.warped._replace(color=torch.full_like(g.warped.color, 0.01))
     seen = pixel_inputs(g.current, dark, g.reprojection)
-    torch.testing.assert_close(seen["beyond"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
-    assert not seen["past_contrast"].any()
+    torch.testing.assert_close(seen["beyond_range"], (seen["sample"] - 0.1).abs(), atol=1e-6, rtol=0.0)
+    assert not seen["history_contrast"].any()
 
 
 def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
     g = gathered()
     seen = pixel_inputs(g.current, g.warped, g.reprojection)
-    even = torch.full_like(seen["past"], 0.3)
+    even = torch.full_like(seen["history"], 0.3)
     checks = (torch.arange(DISPLAY.width) + torch.arange(DISPLAY.height)[:, None]) % 2 * 0.2 - 0.1
-    light = neighbourhood_inputs({"past": even + 0.1, "frame": even})
-    aliased = neighbourhood_inputs({"past": even + checks, "frame": even})
-    torch.testing.assert_close(light["grain"], aliased["grain"])
+    light = neighbourhood_inputs({"history": even + 0.1, "frame": even})
+    aliased = neighbourhood_inputs({"history": even + checks, "frame": even})
+    torch.testing.assert_close(light["mean_abs_difference"], aliased["mean_abs_difference"])
     inner = (..., slice(-3), slice(-3))  # the last pixels of an odd row are repeated
-    assert (light["drift"][inner] > 10.0 * aliased["drift"][inner]).all()
+    assert (light["mean_difference"][inner] > 10.0 * aliased["mean_difference"][inner]).all()

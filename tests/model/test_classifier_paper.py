@@ -143,10 +143,10 @@ def test_depth_difference_is_relative_and_positive_where_the_history_was_closer(
 
 def test_the_network_sees_the_twenty_buffers_of_section_3(method: PaperClassifier) -> None:
     here = gathered(method, depth_before=0.7)
-    packed, carried = method.network_inputs(here)
+    packed, half_inputs = method.network_inputs(here)
     planes = torch.nn.functional.pixel_shuffle(packed, 2)
     assert planes.shape == (1, 20, *DISPLAY[::-1])
-    assert carried.shape[1] == 0
+    assert half_inputs.shape[1] == 0
     expected = [0.2, 0.2, 0.2, 0.5, 0.0, 0.0, 1.0 / 5.0, 0.1, 0.1, 0.1, 0.9, 0.9, 0.9, 0.2 / 0.7, *[0.0] * 6]
     torch.testing.assert_close(planes[0, :, 8, 10], torch.tensor(expected), rtol=1e-4, atol=1e-5)
 

@@ -96,7 +96,7 @@ def changed(method: Extrapolate, encoder: str) -> Extrapolate:
     return method
 
 
-@pytest.mark.parametrize("encoder", ["encoder", "drawn_encoder"])
+@pytest.mark.parametrize("encoder", ["encoder", "extrapolated_encoder"])
 def test_each_encoder_sees_frames_of_one_kind_alone(
     weights: Trained, from_classifier: Extrapolate, encoder: str
 ) -> None:
@@ -110,7 +110,7 @@ def test_each_encoder_sees_frames_of_one_kind_alone(
 
 
 def test_once_trained_drawn_frames_depend_on_base_colour(from_classifier: Extrapolate) -> None:
-    drawn = changed(from_classifier, "drawn_encoder").on_extrapolated()
+    drawn = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     black = {**inputs, "gbuffer_base_color": torch.zeros_like(inputs["gbuffer_base_color"])}
@@ -140,7 +140,7 @@ def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
 def test_odd_sizes_are_drawn(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
     drawn, history = (
-        changed(from_classifier, "drawn_encoder").on_extrapolated(),
+        changed(from_classifier, "extrapolated_encoder").on_extrapolated(),
         first(from_classifier, render, display),
     )
     for index, method in enumerate((from_classifier, drawn, drawn, from_classifier)):
@@ -153,7 +153,7 @@ def test_odd_sizes_are_drawn(from_classifier: Extrapolate, render: Sizes, displa
 def test_base_colour_that_is_no_number_in_range_spoils_nothing(
     from_classifier: Extrapolate, bad: float
 ) -> None:
-    drawn = changed(from_classifier, "drawn_encoder").on_extrapolated()
+    drawn = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
     inputs["gbuffer_base_color"][:, :, 3:9, 4:20] = bad

@@ -126,7 +126,7 @@ def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) 
     network = GBufferNetwork(
         SMALL_NETWORK, ratio=2, blend_parameters=5
     )  # training: what is untrained is normalised as well
-    torch.nn.init.normal_(network.mixing.weight, std=0.1)
+    torch.nn.init.normal_(network.blend.weight, std=0.1)
     tensors = seen()
     with torch.no_grad():
         (said,) = network(*tensors)
@@ -138,20 +138,24 @@ def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) 
 def test_both_frames_of_the_past_are_refined_by_what_lies_beside_each() -> None:
     torch.manual_seed(1)
     network = GBufferNetwork(SMALL_NETWORK, ratio=2, blend_parameters=5).eval()
-    torch.nn.init.normal_(network.mixing.weight, std=0.1)
+    torch.nn.init.normal_(network.blend.weight, std=0.1)
     tensors = seen()
-    same = tensors._replace(earlier=tensors.past, beside_earlier=tensors.beside)
-    exchanged = tensors._replace(beside=tensors.beside_earlier, beside_earlier=tensors.beside)
+    same = tensors._replace(earlier=tensors.previous, earlier_refiner_inputs=tensors.refiner_inputs)
+    exchanged = tensors._replace(
+        refiner_inputs=tensors.earlier_refiner_inputs, earlier_refiner_inputs=tensors.refiner_inputs
+    )
     given: list[Tensor] = []
     handle = network.refiner.register_forward_pre_hook(lambda _, x: given.extend(x))
     with torch.no_grad():
         network(*same)
         network(*exchanged)
     handle.remove()
-    features, beside, _, exchanged_beside = given
+    features, refiner_inputs, _, exchanged_beside = given
     torch.testing.assert_close(features[0], features[1])
-    torch.testing.assert_close(beside[0], tensors.beside[0])
-    torch.testing.assert_close(exchanged_beside, torch.cat([tensors.beside_earlier, tensors.beside]))
+    torch.testing.assert_close(refiner_inputs[0], tensors.refiner_inputs[0])
+    torch.testing.assert_close(
+        exchanged_beside, torch.cat([tensors.earlier_refiner_inputs, tensors.refiner_inputs])
+    )
 
 
 def surfaces(side: int, **fields: Tensor) -> Surfaces:

@@ -109,7 +109,7 @@ def test_a_gain_brightens_all_alike_and_no_more_than_it_may() -> None:
     said = sure_of(now.light)
     plain = GuidedFlow().finish(now, said)
     said[:, 2] = 9.0
-    bright = GuidedFlow(GuidedFlowConfig(stops=1.0)).finish(now, said)
+    bright = GuidedFlow(GuidedFlowConfig(max_stops=1.0)).finish(now, said)
     torch.testing.assert_close(bright, 2.0 * plain, rtol=1e-4, atol=1e-5)
 
 

@@ -228,7 +228,7 @@ def learned(tmp_path: Path) -> Path:
         ({"hidden.scale": np.zeros(31, np.float32)}, "hidden.scale"),
         ({"hidden.scale": np.full(32, np.nan, np.float32)}, "'hidden.scale' from nan"),
         ({"logits.first": np.array([60])}, "logits.first"),
-        ({"mixing.bias": None}, "without 'mixing.bias'"),
+        ({"blend.bias": None}, "without 'blend.bias'"),
         ({"more": np.zeros(1)}, "with 'more'"),
         ({"0.first.weights": np.array([None])}, "network.npz"),
         ({"0.first.bias": np.zeros(1 << 20, np.float32)}, "bytes"),

@@ -155,9 +155,9 @@ def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, j
             use(folder / "extrapolated")
     with pytest.raises(ModelError, match=r"'joint-drawn' upscales, and extrapolates no unshaded frames"):
         make(joint, extrapolation=folder / "extrapolated")
-    assert not {"extrapolated", "extrapolate-drawn"} & {*model_names(), *extrapolation_names()}
-    with pytest.raises(ModelError, match="no model 'extrapolate-drawn'"):
-        Model.load("extrapolate-drawn")
+    assert not {"extrapolated", "extrapolate-unshaded"} & {*model_names(), *extrapolation_names()}
+    with pytest.raises(ModelError, match="no model 'extrapolate-unshaded'"):
+        Model.load("extrapolate-unshaded")
 
 
 def test_a_folder_whose_inner_one_is_damaged_is_refused(tmp_path: Path) -> None:

@@ -4,7 +4,7 @@ A separate graph, `aovs.onnx` in every model folder, so that frames without AOVs
 input is the method's `weight` output; zeros for a method without history.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -22,13 +22,6 @@ from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_
 SIGMA = 0.4  # Gaussian that upsamples this frame, render pixels
 
 
-class Step(NamedTuple):
-    """The blended channels, as image and as history."""
-
-    image: Tensor
-    history_aovs: Tensor
-
-
 class BlendAovs(Method):
     """Upsample, warp, blend."""
 
@@ -43,7 +36,7 @@ class BlendAovs(Method):
         display_size: Tensor,  # (2,) int64
         weight: Tensor,  # (1, 1, H, W) weight of the history
         history_aovs: Tensor,  # (1, k, H, W)
-    ) -> Step:
+    ) -> tuple[Tensor, Tensor]:
         """Return the channels at display size, (1, k, H, W); NaN and Inf count as 0."""
         display, render = display_size_of(display_size), render_size_of(aovs)
         grid = grid_of(display, render, jitter)
@@ -53,4 +46,4 @@ class BlendAovs(Method):
         reprojection = reproject(pick_first(closest, grid)[:, 1:], display, render)
         history = read(finite(history_aovs), reprojection.x, reprojection.y)
         blend = current + weight.clamp(0.0, 1.0) * (history - current)
-        return Step(blend, blend * 1.0)
+        return blend, blend * 1.0

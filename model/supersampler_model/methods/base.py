@@ -1,8 +1,9 @@
 """What a method does: a pure function step(frame inputs, history) -> (image, history), as one torch module.
 
-What it is (names, shapes, ratios, constants) says its `spec`, in the SDK. The parameters of `forward` are the
-spec's inputs and, with the prefix `history_`, its history tensors, in that order. It returns the image, the
-history in the order of the spec, then the auxiliary outputs. A history of zeros means no history.
+Its `spec`, in the SDK, has its facts: names, shapes, ratios, constants. The parameters of `forward` are the
+spec's inputs, then its history tensors, one by one with the prefix `history_` or as `*history`. It returns
+the image, the next history and the auxiliary outputs, in the order of the spec. A history of zeros means no
+history.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,17 +13,16 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
+from supersampler.methods.model_file import extents
 from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,
-    DISPLAY,
     EARLIER,
-    HALF,
-    PREVIOUS,
     RENDER,
     SHADED,
     MethodSpec,
     Shape,
+    sized,
 )
 
 
@@ -53,11 +53,12 @@ class Fused(NamedTuple):
 class Method(nn.Module):
     """Base of all methods. Stages: `gather` resamples, `network` infers, `finish` blends and sanitizes.
 
-    A subclass states its `spec` and nothing else of what is in it.
+    A subclass names its `spec` and repeats no fact of it.
 
     Attributes:
-        spec: what the method is.
+        spec: the facts of the method.
         name, history, ratios: those of the spec.
+        config: its constants, an instance of `spec.config`.
         learned: what weights were learned from, plain data; empty where nothing was.
     """
 
@@ -65,7 +66,12 @@ class Method(nn.Module):
     name: ClassVar[str]
     history: ClassVar[Mapping[str, Shape]]
     ratios: ClassVar[tuple[float, float]]
+    config: Any
     learned: Mapping[str, Any] = MappingProxyType({})
+
+    def __init__(self, config: Any = None) -> None:
+        super().__init__()
+        self.config = config or self.spec.config()
 
     def __init_subclass__(cls) -> None:
         super().__init_subclass__()
@@ -79,7 +85,7 @@ class Method(nn.Module):
 
     @classmethod
     def extrapolates(cls) -> bool:
-        """Whether it upscales nothing: it draws frames that were not shaded, at render size."""
+        """Whether it extrapolates unshaded frames at render size, in place of upscaling."""
         return cls.spec.image[2:] == RENDER
 
     @classmethod
@@ -123,13 +129,10 @@ class Method(nn.Module):
 
     def first_history(self, display: Size, render: Size, channels: int = 1) -> list[Tensor]:
         """Return zeros: no history."""
-        half = Size((display.width + 1) // 2, (display.height + 1) // 2)
-        names = (*DISPLAY, *HALF, *PREVIOUS, *SHADED, *EARLIER, *BETWEEN, CHANNELS)
-        extents = (*display[::-1], *half[::-1], *4 * render[::-1], channels)
-        sizes = dict(zip(names, extents, strict=True))
-        return [
-            torch.zeros([sizes[n] if isinstance(n, str) else n for n in s]) for s in self.history.values()
-        ]
+        sizes = extents(render=render, display=display, previous=render) | {CHANNELS: channels}
+        for pair in (SHADED, EARLIER, BETWEEN):
+            sizes |= dict(zip(pair, render[::-1], strict=True))
+        return [torch.zeros(sized(shape, sizes)) for shape in self.history.values()]
 
 
 def render_size_of(image: Tensor) -> Size:

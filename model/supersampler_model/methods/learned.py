@@ -2,7 +2,10 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
-from typing import Any, Self
+from dataclasses import is_dataclass
+from typing import Any, Self, get_type_hints
+
+from torch import nn
 
 from supersampler.errors import ArgumentError
 from supersampler_model.methods.base import Method
@@ -10,23 +13,58 @@ from supersampler_model.methods.weights_file import Trained
 
 
 class LearnedMethod(Method):
-    """Base of methods with weights."""
+    """Base of methods with weights.
+
+    Attributes:
+        net: the network, the only part with parameters.
+    """
+
+    net: nn.Module
+
+    def __init__(self, config: Any = None) -> None:
+        super().__init__(config)
+        self.net = self.make_network()
+
+    @abstractmethod
+    def make_network(self) -> nn.Module:
+        """Return the untrained network, of the widths in `config`."""
 
     @classmethod
-    @abstractmethod
     def configured(cls, config: Mapping[str, Any]) -> Self:
-        """Return the untrained method with the config of a weights file."""
+        """Return the untrained method with the config of a weights file; what it lacks has its default."""
+        return cls(_config(cls.spec.config, config))
 
     @classmethod
     def of(cls, trained: Trained) -> Self:
         """Return the method with trained weights, in evaluation mode.
 
         Raises:
-            ArgumentError: they are of another method.
+            ArgumentError: they are of another method, or of another version of this one.
         """
         if trained.method != cls.name:
             raise ArgumentError("weights", got=f"of {trained.method}", want=f"of {cls.name}")
-        method = cls.configured(trained.config)
-        method.load_state_dict(trained.tensors)
+        try:
+            method = cls.configured(trained.config)
+            method.load_state_dict(trained.tensors)
+        except (TypeError, KeyError, RuntimeError) as error:  # names that this version does not have
+            got = f"of another version ({' '.join(str(error).split())})"
+            want = f"of this version of {cls.name}: train it again"
+            raise ArgumentError("weights", got=got, want=want) from error
         method.learned = trained.facts
         return method.eval()
+
+
+def _config(kind: type[Any], plain: Mapping[str, Any]) -> Any:
+    """Return a config dataclass from plain data: mappings become dataclasses, lists become tuples.
+
+    Raises:
+        TypeError: a name is no field of the dataclass.
+    """
+    hints = get_type_hints(kind)
+    values: dict[str, Any] = {}
+    for name, value in plain.items():
+        if is_dataclass(hints.get(name)):
+            values[name] = _config(hints[name], value)
+        else:
+            values[name] = tuple(value) if isinstance(value, list) else value
+    return kind(**values)

@@ -37,11 +37,11 @@ class ClassifierTask(Task[Sample]):
         """Step all crops; from frame to frame gradients flow only through the history colour."""
         method = self.method
         gathered = [self.gather(sample, state) for sample, state in zip(samples, states, strict=True)]
-        packed, carried = (
+        packed, half_inputs = (
             torch.cat(parts) for parts in zip(*(method.network_inputs(g) for g in gathered), strict=True)
         )
         with torch.autocast(packed.device.type, torch.bfloat16, enabled=method.training):
-            logits, blend = method.net(packed, carried)
+            logits, blend = method.net(packed, half_inputs)
         return self.stepped(samples, gathered, logits.float(), blend.float(), self.losses.ghost)
 
     def stepped(

@@ -140,9 +140,11 @@ class ExtrapolateTask(ClassifierTask):
         for extrapolated in (False, True):
             of = [i for i, surface in enumerate(surfaces) if (surface is not None) is extrapolated]
             if of:
-                packed, carried = (torch.cat(parts) for parts in zip(*(inputs[i] for i in of), strict=True))
+                packed, half_inputs = (
+                    torch.cat(parts) for parts in zip(*(inputs[i] for i in of), strict=True)
+                )
                 surface = torch.cat([s for s in surfaces if s is not None]) if extrapolated else None
-                features = self.method.net.encode(packed, carried, surface)
+                features = self.method.net.encode(packed, half_inputs, surface)
                 found |= zip(of, torch.split(features, 1), strict=True)
         return [found[i] for i in range(len(inputs))]
 

@@ -1,4 +1,4 @@
-"""What arrays from outside must be: one check for states, recordings and network files."""
+"""Check arrays that come from files and users: states, recordings, network files."""
 
 import math
 import reprlib
@@ -16,12 +16,12 @@ LARGEST = float(np.finfo(np.float32).max)
 
 @dataclass(frozen=True)
 class ArraySpec:
-    """What an array must be.
+    """Type, shape and range of an array.
 
     Attributes:
         dtype: numpy's name of its type, in the byte order of this machine.
-        shape: numbers, and names of extents that are free: from 1 to MAX_SIDE, and the same everywhere.
-        values: least and largest value; NaN is in no range. None takes any.
+        shape: numbers, and names of free extents: from 1 to MAX_SIDE, equal wherever the name is equal.
+        values: minimum and maximum; NaN is in no range. None: any values.
     """
 
     dtype: str
@@ -34,13 +34,13 @@ class ArraySpec:
 
 
 Refusal = Callable[[str, str], Exception]
-"""Makes an exception of what came ("with 'a' (2,) float64") and what was wanted ("(1,) float32")."""
+"""Makes an exception from what was given ("with 'a' (2,) float64") and wanted ("(1,) float32")."""
 
 
 def checked_arrays(
     arrays: object, specs: Mapping[str, ArraySpec], refusal: Refusal
 ) -> dict[str, NDArray[Any]]:
-    """Return arrays by name after a check of each: they are as `specs` say, and no others are there.
+    """Check that there are the arrays of `specs` and no others, and return them.
 
     Args:
         arrays: a mapping.

@@ -1,4 +1,4 @@
-"""Whether what a model.json says is a model that this runtime drives: docs/contract.md, tensor by tensor."""
+"""Check a model.json against the graph contract (docs/contract.md), tensor by tensor."""
 
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, NoReturn
@@ -10,11 +10,11 @@ if TYPE_CHECKING:
     from supersampler.methods.model_file import ModelInfo, TensorInfo
 
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
-_MAPS = {"class_map", "weight", "count"}  # what a Result has room for
+_MAPS = {"class_map", "weight", "count"}  # fields of StepResult
 
 
 def check_contract(info: "ModelInfo") -> None:
-    """Raise ModelError where a tensor or map is none that this runtime knows what to do with."""
+    """Raise ModelError where this runtime cannot drive a tensor or map."""
     for tensor in info.inputs:
         if tensor.name not in INPUTS:
             _refuse(info, "inputs", repr(tensor.name), f"any of {', '.join(INPUTS)}")
@@ -30,20 +30,20 @@ def check_contract(info: "ModelInfo") -> None:
         *(h.output for h in info.history),
         *(tensor.name for tensor in info.aux_outputs),
     ]
-    _check_unique(info, "image, history's outputs and told", outputs)
+    _check_unique(info, "image, history's outputs and aux_outputs", outputs)
     if info.extrapolates:
         _check_extrapolation(info)
     else:
         _check_upscaling(info)
-    _check_told(info)
+    _check_aux_outputs(info)
 
 
-def check_extrapolated(info: "ModelInfo", drawn: "ModelInfo") -> None:
-    """Raise ModelError unless the model in a model's folder steps on the same history to the same image."""
-    tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (info, drawn)]
-    if not drawn.only_extrapolated or tensors[0] != tensors[1]:
-        want = f"true, with history, image and aux_outputs as in {info.folder / 'model.json'}"
-        _refuse(drawn, "only_extrapolated", repr(drawn.only_extrapolated), want)
+def check_extrapolated(outer: "ModelInfo", inner: "ModelInfo") -> None:
+    """Raise ModelError unless the inner model has the history, image and outputs of the outer one."""
+    tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (outer, inner)]
+    if not inner.only_extrapolated or tensors[0] != tensors[1]:
+        want = f"true, with history, image and aux_outputs as in {outer.folder / 'model.json'}"
+        _refuse(inner, "only_extrapolated", repr(inner.only_extrapolated), want)
 
 
 def _check_upscaling(info: "ModelInfo") -> None:
@@ -56,10 +56,12 @@ def _check_upscaling(info: "ModelInfo") -> None:
 
 
 def _check_extrapolation(info: "ModelInfo") -> None:
-    """Its history is what frames had, by the names of its inputs; of what was earlier after what is later."""
+    """Check that each history tensor is a frame's input by name, and `earlier_X` comes after `X`."""
     inputs = {tensor.name for tensor in info.inputs}
     if "color" in inputs or "step.onnx" not in info.files:
-        _refuse(info, "inputs and files", "with 'color' or without 'step.onnx'", "neither: it draws colour")
+        _refuse(
+            info, "inputs and files", "with 'color' or without 'step.onnx'", "neither: it computes the colour"
+        )
     before: set[str] = set()
     for tensor in (h.input for h in info.history):
         own = tensor.name.removeprefix("history.")
@@ -73,7 +75,7 @@ def _check_extrapolation(info: "ModelInfo") -> None:
         before.add(own)
 
 
-def _check_told(info: "ModelInfo") -> None:
+def _check_aux_outputs(info: "ModelInfo") -> None:
     for tensor in info.aux_outputs:
         named = tensor.shape[2:]
         if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):

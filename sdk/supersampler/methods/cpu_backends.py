@@ -1,4 +1,4 @@
-"""Which models run as kernels on this processor."""
+"""Choose the CPU backend of a model, if there is one and its kernels compile."""
 
 import os
 import warnings
@@ -27,11 +27,11 @@ _EXECUTORS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
 
 
 def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
-    """Return the CPU backend of a model; None where it has no kernels, or they cannot be compiled.
+    """Return the CPU backend of a model; None where it has no kernels, or they do not compile.
 
     Args:
         info: the model.
-        threads: how many; 0 takes every core that this process may use.
+        threads: number of threads; 0: one per core that this process may use.
         required: raise instead of falling back to ONNX Runtime.
 
     Raises:
@@ -52,7 +52,7 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
 
 
 def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpCpu | None:
-    """Return what extrapolates unshaded frames on the CPU; see `cpu_executor`."""
+    """Return the CPU backend of a model that extrapolates unshaded frames; see `cpu_executor`."""
     kernels = "guided-warp"
     if info.method != kernels or not GuidedWarpCpu.draws(info.config) or not has_known_history(info, kernels):
         return None

@@ -1,4 +1,4 @@
-"""What kernels ask of a model.json: the history that they know, and constants that they compute with."""
+"""Whether CPU kernels support a model.json: its history, and the ranges of its constants."""
 
 from typing import Any
 
@@ -16,13 +16,13 @@ _RINGS, _FARTHEST = 7, 64
 
 
 def has_known_history(info: ModelInfo, kernels: str) -> bool:
-    """Whether a model's history lies as the kernels of a method ("taa", say) read and leave it."""
+    """Whether the kernels of a method, such as "taa", support a model's history and auxiliary outputs."""
     spec, shapes = _SPECS[kernels], {h.input.name: h.input.shape for h in info.history}
     return shapes == spec.graph_history and {t.name for t in info.aux_outputs} <= {*spec.aux_outputs}
 
 
 def check_constants(info: ModelInfo, kernels: str) -> None:
-    """Raise ModelError where one of model.json's constants is none that these kernels compute with."""
+    """Raise ModelError where a constant of model.json is not in the range that these kernels support."""
     for name, (least, most) in constants_of(_SPECS[kernels]).items():
         value: Any = info.config.get(name)
         if type(value) not in (int, float) or not least <= value <= most:
@@ -33,7 +33,7 @@ def check_constants(info: ModelInfo, kernels: str) -> None:
 
 
 def are_rings(strides: object) -> bool:
-    """Whether these are radii of rings of samples, in pixels, from near to far, as `guided-warp` has them."""
+    """Whether these are radii of rings of samples for `guided-warp`: pixels, from near to far."""
     return (
         isinstance(strides, list)
         and 1 <= len(strides) <= _RINGS
@@ -43,5 +43,5 @@ def are_rings(strides: object) -> bool:
 
 
 def wrong_constant(info: ModelInfo, name: str, value: Any, want: str) -> ModelError:
-    """Return the error for a constant that will not do."""
+    """Return the error for a constant that is not supported."""
     return ModelError(f"{info.folder / 'model.json'}: config.{name} is {value!r:.60}; want {want}.")

@@ -1,4 +1,4 @@
-"""G-buffers by the names that graphs have for them: gbuffer_display_normal is `gbuffer_display["normal"]`."""
+"""G-buffers by tensor name: gbuffer_display_normal is `frame.gbuffer_display["normal"]`."""
 
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import replace
@@ -23,7 +23,7 @@ class HasGBuffers(Protocol):
 
 
 class Place(NamedTuple):
-    """Where a frame has a G-buffer; as text it is what a user writes: gbuffer_display['normal']."""
+    """The field and key of a G-buffer in a frame; `str` gives gbuffer_display['normal']."""
 
     group: str  # the frame's field
     key: str
@@ -34,7 +34,7 @@ class Place(NamedTuple):
 
     @property
     def of_display(self) -> bool:
-        """Whether it is of display size."""
+        """Whether it has display size."""
         return self.group == "gbuffer_display"
 
     def find(self, frame: HasGBuffers) -> Array | None:
@@ -53,15 +53,15 @@ GBUFFERS: Mapping[str, Place] = {
     for group, known in (("gbuffer", GBUFFER_CHANNELS), ("gbuffer_display", GBUFFER_DISPLAY_CHANNELS))
     for key, channels in known.items()
 }
-"""By the name of the tensor."""
+"""All G-buffers, by tensor name."""
 
 
 def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, method: str) -> None:
-    """Raise FrameError where a frame lacks a G-buffer, or has one of another size than the display's.
+    """Raise FrameError where a frame lacks a G-buffer, or its size is wrong.
 
     Args:
-        frame: whose other buffers are not looked at.
-        names: of the tensors that the method takes.
+        frame: its other buffers are not checked.
+        names: tensors that the method takes.
         display_size: (width, height).
         method: its name, for the message.
     """
@@ -71,18 +71,18 @@ def check_gbuffers(frame: Frame, names: Iterable[str], display_size: Size, metho
             where = "display size, at pixel centres without jitter" if place.of_display else "render size"
             hint = f"{method!r} reads it: render it at {where}, or take a method that asks for none."
             raise FrameError(str(place), got=None, want=want, hint=hint)
-        if array.shape != want:  # of render size, `Frame` has seen to it
-            hint = f"It is not of the display's size, {display_size[0]}x{display_size[1]}: render it so."
+        if array.shape != want:  # `Frame` has checked those of render size
+            hint = f"It does not have the display size, {display_size[0]}x{display_size[1]}: render it so."
             raise FrameError(str(place), got=array.shape, want=want, hint=hint)
 
 
 def names_of(frame: HasGBuffers) -> list[str]:
-    """Names of the tensors that a frame has G-buffers for."""
+    """Tensor names of the G-buffers that a frame has."""
     return [name for name, place in GBUFFERS.items() if place.find(frame) is not None]
 
 
 def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
-    """Return the frame with no other G-buffers than those that are among these tensors."""
+    """Return the frame without G-buffers other than these."""
     there = names_of(frame)
     if set(there) <= set(names):
         return frame
@@ -95,7 +95,7 @@ def only_gbuffers(frame: Frame, names: Collection[str]) -> Frame:
 def grouped(
     buffers: Mapping[str, Array],
 ) -> tuple[Mapping[str, Array] | None, Mapping[str, Array] | None]:
-    """Return `gbuffer` and `gbuffer_display` of a frame that has buffers by the names of tensors."""
+    """Group buffers by tensor name into a frame's `gbuffer` and `gbuffer_display`; None: there are none."""
     groups: dict[str, dict[str, Array]] = {"gbuffer": {}, "gbuffer_display": {}}
     for name, array in buffers.items():
         groups[GBUFFERS[name].group][GBUFFERS[name].key] = array
@@ -103,7 +103,7 @@ def grouped(
 
 
 def black(names: Iterable[str], render: Size, display: Size) -> Frame:
-    """Return a frame of zeros with the G-buffers of these tensors."""
+    """Return a frame of zeros with these G-buffers; sizes are (width, height)."""
     zeros = np.zeros((*render[::-1], 3), np.float32)
     buffers = {name: np.zeros(GBUFFERS[name].shape(render, display), np.float32) for name in names}
     gbuffer, gbuffer_display = grouped(buffers)
@@ -118,7 +118,7 @@ def black(names: Iterable[str], render: Size, display: Size) -> Frame:
 
 
 def listed(names: Collection[str]) -> str:
-    """Say which tensors' buffers these are: "normal at render size; normal, depth at display size"."""
+    """Return a text such as "normal at render size; normal, depth at display size"."""
     places = [GBUFFERS[name] for name in names]
     texts = []
     for of_display, size in ((False, "render"), (True, "display")):

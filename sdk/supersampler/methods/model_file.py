@@ -1,4 +1,4 @@
-"""model.json: what a model folder holds, which tensors its graph takes, and how far it is trusted."""
+"""Read model.json: the files of a model folder, the tensors of its graphs, its constants and tolerances."""
 
 import hashlib
 import json
@@ -20,17 +20,17 @@ from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.catalog import UNTRAINED
 from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
 
 CONTRACT = 2
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
 EXTRAPOLATED = "extrapolated"
-"""Folder in a model's folder, of what steps on frames whose colour was drawn."""
+"""Folder in a model's folder: the model that steps on extrapolated frames."""
 EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
-"""How `files` names it: the one name with a folder."""
+"""Its name in `files`, the only name with a folder in it."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
-"""Bytes of a model's file, and of model.json, at most."""
-_MANY, _CHANNELS = 100, 1024  # items of a list or object; numbers of a pixel
+"""Maximum bytes of a model's file and of model.json."""
+_MANY, _CHANNELS = 100, 1024  # maximum items of a list or object; maximum numbers per pixel
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _SHA256 = re.compile("[0-9a-f]{64}")
 
@@ -40,9 +40,9 @@ class TensorInfo:
     """One input, output or history tensor of a graph.
 
     Attributes:
-        name: its name in the graph.
+        name: in the graph.
         type: numpy's name of its element type.
-        shape: numbers, and names for what varies: render_width, display_height, previous_width, ...
+        shape: numbers, and names of free extents: render_width, display_height, previous_width, ...
     """
 
     name: str
@@ -50,23 +50,22 @@ class TensorInfo:
     shape: Shape
 
     def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
-        """Its shape at the given (width, height) sizes."""
-        named = extents(render=render, display=display, previous=previous)
-        return tuple(named[n] if isinstance(n, str) else n for n in self.shape)
+        """Return the shape at the given (width, height) sizes."""
+        return sized(self.shape, extents(render=render, display=display, previous=previous))
 
     def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
-        """What an array of it must be, of a history at the given sizes."""
+        """Return what an array of this history tensor must be, at the given (width, height) sizes."""
         shape = self.shape_for(render=render, display=display, previous=previous)
         return ArraySpec(self.type, shape, values_of(self.name))
 
     def spec_of_frames(self) -> ArraySpec:
-        """What an array of it must be, of a past that holds frames as they came: of any size and pixels."""
+        """Return what an array must be where the history is earlier frames: any size, any pixels."""
         return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
 
 
 @dataclass(frozen=True)
 class HistoryInfo:
-    """One history tensor: goes in under `input.name`, comes out under `output`, all zeros for no past."""
+    """One history tensor: `input` takes what the previous step returned as `output`; zeros: no history."""
 
     input: TensorInfo
     output: str
@@ -74,7 +73,11 @@ class HistoryInfo:
 
 @dataclass(frozen=True)
 class ModelInfo:
-    """What model.json says; see `supersampler info MODEL`."""
+    """The content of model.json, checked; `supersampler info MODEL` prints it.
+
+    `multiply_adds` are those of the network, per display pixel. `only_extrapolated`: the model steps on
+    extrapolated frames alone, beside the model in the parent folder.
+    """
 
     folder: Path
     contract: int
@@ -87,61 +90,59 @@ class ModelInfo:
     aux_outputs: tuple[TensorInfo, ...]
     maps: Mapping[str, MapOf]
     files: Mapping[str, str]
-    multiply_adds: float  # of what is learned, per pixel of the display
+    multiply_adds: float
     config: Mapping[str, Any]
     parity: Mapping[str, Any]
     licence: str
     attributions: tuple[str, ...]
     versions: Mapping[str, str]
-    only_extrapolated: (
-        bool  # steps on frames whose colour was drawn alone, for the model whose folder this is in
-    )
+    only_extrapolated: bool
 
     @property
     def extrapolated(self) -> Path | None:
-        """Folder of the model that steps on frames whose colour was drawn; None where this one does."""
+        """Folder of the model that steps on extrapolated frames; None where this one does."""
         return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
 
     @property
     def steps(self) -> Mapping[str, Path]:
-        """Graphs of the whole recurrent step, by the precision of what is learned."""
+        """Graphs of the whole recurrent step, by the precision of the network."""
         names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
         return {kind: self.folder / name for kind, name in names.items() if name in self.files}
 
     @property
     def gbuffers(self) -> tuple[str, ...]:
-        """Names of the inputs that are G-buffers, as in `supersampler.methods.gbuffers`."""
+        """Names of the inputs that are G-buffers, keys of GBUFFERS."""
         return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
 
     @property
     def extrapolates(self) -> bool:
-        """Whether it upscales nothing, but draws frames that were not shaded: its image is of render size."""
+        """Whether it extrapolates unshaded frames in place of upscaling: its image has render size."""
         return _of_render_size(self.image.shape)
 
     @property
     def takes(self) -> list[TensorInfo]:
-        """All that its graph takes."""
+        """All inputs of the graph."""
         return [*self.inputs, *(h.input for h in self.history)]
 
     @property
     def gives(self) -> list[TensorInfo]:
-        """All that its graph gives; a history as long and wide as it goes in, but for the sizes' names."""
-        left = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
-        return [self.image, *left, *self.aux_outputs]
+        """All outputs of the graph."""
+        next_history = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
+        return [self.image, *next_history, *self.aux_outputs]
 
     @property
     def only_ratio(self) -> float | None:
-        """The ratio of display to render size that it draws at; None where there is a range of them."""
+        """The only ratio of display to render size; None where there is a range."""
         return only_ratio(self.ratios)
 
     @property
     def aovs_path(self) -> Path:
-        """The graph that blends what frames carry along."""
+        """The graph that blends AOVs."""
         return self.folder / "aovs.onnx"
 
 
 def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
-    """Return what the names in shapes stand for at the given (width, height) sizes."""
+    """Return the free extents by name, at the given (width, height) sizes."""
     half = (display[0] + 1) // 2, (display[1] + 1) // 2
     sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
     return {
@@ -155,7 +156,7 @@ def model_names() -> list[str]:
 
 
 def extrapolation_names() -> list[str]:
-    """Names of those that draw frames that were not shaded, for `Upscaler(extrapolation=name)`."""
+    """Names of the shipped models that extrapolate unshaded frames, for `Upscaler(extrapolation=name)`."""
     return _names(extrapolate=True)
 
 
@@ -165,7 +166,7 @@ def _names(*, extrapolate: bool) -> list[str]:
 
 
 def _described() -> dict[str, Path]:
-    """Each shipped model's model.json, by the model's name."""
+    """Path of each shipped model.json, by the model's name."""
     return {path.parent.name: path for path in _shipped().glob("*/model.json")}
 
 
@@ -195,12 +196,12 @@ def find_model(name_or_path: str | Path) -> Path:
 
 
 def shipped_model(name: str) -> Path:
-    """Folder of a model that ships, whatever lies in the working directory by that name."""
+    """Folder of a shipped model, even if the working directory has a folder of that name."""
     return _shipped() / name
 
 
 def is_shipped(path: Path) -> bool:
-    """Whether a file is one of this package's, which are trusted."""
+    """Whether a file is in this package; such files are trusted."""
     return path.resolve().is_relative_to(_shipped().resolve())
 
 
@@ -232,13 +233,13 @@ def read_upscaling_info(name_or_path: str | Path) -> ModelInfo:
     info = read_model_info(find_model(name_or_path))
     if info.extrapolates:
         raise ModelError(
-            f"{info.method!r} upscales nothing: it draws frames that were not shaded. "
+            f"{info.method!r} upscales nothing: it extrapolates unshaded frames. "
             f"Upscaler(extrapolation={info.folder.name!r}) takes it beside a model that upscales."
         )
     if info.only_extrapolated:
         raise ModelError(
-            f"{info.method!r} steps only on frames whose colour was drawn, beside the model whose folder "
-            f"it is in. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
+            f"{info.method!r} steps only on frames that were extrapolated, beside the model in the parent "
+            f"folder. Upscaler({str(info.folder.parent)!r}, extrapolation='guided-warp') takes both."
         )
     return info
 

@@ -1,4 +1,4 @@
-"""What a method is: its names, shapes, ratios, outputs and constants, which all other code reads from here.
+"""The facts of a method: names, shapes, ratios, outputs, constants. All other code reads them here.
 
 Each method has a `spec.py` in its folder with a `MethodSpec` and, where it has constants, a frozen dataclass
 of them. A constant that kernels compute with is annotated by its range: `gamma: Number = 1.0`.
@@ -43,7 +43,7 @@ INPUTS: Mapping[str, Shape] = {
         for name, place in GBUFFERS.items()
     },
 }
-"""Inputs that a step may ask for, by the names that graphs have for them."""
+"""Inputs that a step may take, by tensor name."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
 """Of the auxiliary output "weight": weight of the history in the image."""
 TENSORS: Mapping[str, Shape] = {**INPUTS, "aovs": (1, CHANNELS, *RENDER), "weight": WEIGHT}
@@ -71,7 +71,7 @@ Share = Annotated[float, Range(0.0, 1.0)]
 
 
 class MapOf(NamedTuple):
-    """A map for people to look at: `channels` of the graph's output `output`, from `first` on."""
+    """A map for debugging views: `channels` channels of the graph's output `output`, from `first` on."""
 
     output: str
     first: int
@@ -85,16 +85,16 @@ class NoConstants:
 
 @dataclass(frozen=True, kw_only=True)
 class MethodSpec:
-    """What a method is.
+    """The facts of one method.
 
     Attributes:
         name: as in `Upscaler(name)`, and of its model folder.
         source: the paper or definition that it follows.
-        inputs: of INPUTS, what its step asks for, in the order of the graph.
+        inputs: those of INPUTS that the step takes, in the order of the graph.
         history: shape of each history tensor, in the order of the graph: the input `history.NAME` takes what
             the previous step returned as `next.NAME`. All of them start as zeros, which mean no history.
         aux_outputs: of TENSORS, outputs that the next step does not need.
-        maps: maps for people to look at, by name.
+        maps: debugging views, by name.
         image: shape of the image.
         ratios: least and largest ratio of display to render size, per axis. Where both are equal, display
             sizes are exactly that many times the render size.
@@ -118,6 +118,11 @@ class MethodSpec:
     def graph_history(self) -> dict[str, Shape]:
         """Shape of each history tensor by its name as an input of the graph."""
         return {f"history.{name}": shape for name, shape in self.history.items()}
+
+
+def sized(shape: Shape, extents: Mapping[str, int]) -> tuple[int, ...]:
+    """Return a shape with numbers in place of the names of free extents."""
+    return tuple(extents[extent] if isinstance(extent, str) else extent for extent in shape)
 
 
 def constants_of(spec: MethodSpec) -> dict[str, Range]:

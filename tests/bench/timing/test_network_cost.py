@@ -16,7 +16,7 @@ def by_hand() -> float:
     """Multiply-adds a display pixel, of sizes that all levels divide."""
     config = SmallClassifier().config
     network, packed = config.network, 4 * config.planes
-    channels, total, seen = packed + config.carried, 0.0, 0.0
+    channels, total, seen = packed + config.half_inputs, 0.0, 0.0
     for level, width in enumerate(network.levels):
         total += (channels * width + 9 * width + width * width) / 4**level
         kept = width if level == 3 else width // 2

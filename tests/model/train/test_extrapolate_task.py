@@ -129,7 +129,7 @@ def test_what_both_encoders_find_is_compared_on_shaded_frames_that_could_be_draw
 
 
 def test_gradients_reach_all_weights(data: Dataset, task: ExtrapolateTask) -> None:
-    for parameter in task.method.net.mixing.parameters():
+    for parameter in task.method.net.blend.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     loss = torch.zeros(())
     for done in stepped(task.__class__(task.method), samples(data, 1)[:3]):

@@ -61,7 +61,7 @@ def test_errors_weigh_more_where_normals_have_turned(task: GBufferTask, samples:
 def test_states_go_from_frame_to_frame_and_gradients_reach_all_weights(
     task: GBufferTask, samples: list[Sample]
 ) -> None:
-    for parameter in task.method.net.mixing.parameters():
+    for parameter in task.method.net.blend.parameters():
         torch.nn.init.normal_(parameter, std=0.1)
     states = [task.first_state(samples[0])]
     loss = torch.zeros(())

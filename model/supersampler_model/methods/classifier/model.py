@@ -12,13 +12,13 @@ restarts after it, until such light is there for a third frame in a row. So does
 measured exposure is an outlier (`is_flash`).
 """
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from collections.abc import Sequence
+from typing import ClassVar
 
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig, NetworkConfig
+from supersampler.methods.classifier.spec import CLASSES, CLASSIFIER, ClassifierConfig
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import (
     Fused,
@@ -50,6 +50,7 @@ from supersampler_model.ops.color import (
     without_glare,
     ycocg,
 )
+from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -88,35 +89,24 @@ class Classifier(LearnedMethod):
     """Classify, then compose."""
 
     spec: ClassVar = CLASSIFIER
-
-    def __init__(self, config: ClassifierConfig | None = None) -> None:
-        super().__init__()
-        self.config: ClassifierConfig = config or self.spec.config()
-        self.net = self.make_network()
+    config: ClassifierConfig
 
     def make_network(self) -> nn.Module:
         """Return the untrained network."""
         c = self.config
         return ClassifierNetwork(
-            c.network, packed=4 * c.planes, carried=c.carried, blend_parameters=c.blend_parameters
+            c.network, packed=4 * c.planes, half_inputs=c.half_inputs, blend_parameters=c.blend_parameters
         )
 
     def fused(self) -> Fused | None:
         """Classifier and compositor, on packed pixels; tensor names are those of released graphs."""
         c = self.config
-        inputs = {"packed": (1, 4 * c.planes, *HALF), "carried": (1, c.carried, *HALF)}
+        inputs = {"packed": (1, 4 * c.planes, *HALF), "half_inputs": (1, c.half_inputs, *HALF)}
         return Fused(
-            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+            self.net,
+            inputs,
+            {"logits": (1, CLASSES, *HALF), "blend_parameters": (1, 4 * c.blend_parameters, *HALF)},
         )
-
-    @classmethod
-    def configured(cls, config: Mapping[str, Any]) -> Self:
-        """See `LearnedMethod`."""
-        settings = dict(config)
-        network = dict(settings.pop("network"))
-        network["levels"] = tuple(network["levels"])
-        settings |= {name: tuple(settings[name]) for name in ("inputs", "around")}
-        return cls(cls.spec.config(network=NetworkConfig(**network), **settings))
 
     def forward(
         self,
@@ -126,21 +116,24 @@ class Classifier(LearnedMethod):
         jitter: Tensor,  # (1, 2) render pixels
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
-        history_color: Tensor,  # (1, 3, H, W)
-        history_state: Tensor,  # (1, 3, H, W)
-        history_classes: Tensor,  # (1, 6, H / 2, W / 2)
-        history_depth: Tensor,  # (1, 2, h', w')
-        history_jitter: Tensor,  # (1, 2)
-        history_exposure: Tensor,  # (1,)
+        *history: Tensor,  # as in `Classifier.history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
-        display = display_size_of(display_size)
-        now = View(display, render_size_of(color), jitter)
-        before = View(display, render_size_of(history_depth), history_jitter)
-        history = History(history_color, history_state, history_classes, history_depth, history_exposure)
-        gathered = self.gather(color, depth, motion, exposure, history, now, before)
+        history_tensors, now, before = self.group_history(history, color, jitter, display_size)
+        gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
         logits, blend = self.net(*self.network_inputs(gathered))
         return self.step_outputs(gathered, logits, blend, jitter)
+
+    @staticmethod
+    def group_history(
+        history: Sequence[Tensor], color: Tensor, jitter: Tensor, display_size: Tensor
+    ) -> tuple[History, View, View]:
+        """Return the history tensors by name, and the views of this frame and of the previous one."""
+        history_color, state, classes, depth, history_jitter, exposure = history
+        display = display_size_of(display_size)
+        now = View(display, render_size_of(color), jitter)
+        before = View(display, render_size_of(depth), history_jitter)
+        return History(history_color, state, classes, depth, exposure), now, before
 
     def step_outputs(
         self, gathered: Gathered, logits: Tensor, blend: Tensor, jitter: Tensor
@@ -248,7 +241,7 @@ class Classifier(LearnedMethod):
         around = neighbourhood_inputs(pixels)
         classes = gathered.warped.classes[:, : CLASSES * c.recurrent]
         packed = pack(torch.cat([pixels[name] for name in c.inputs], dim=1))
-        return packed, torch.cat([classes, *(around[name] for name in c.around)], dim=1)
+        return packed, torch.cat([classes, *(around[name] for name in c.neighbourhood_inputs)], dim=1)
 
     def history_colors(
         self, gathered: Gathered, sharpness: Tensor, cross: Tensor
@@ -288,19 +281,10 @@ class Classifier(LearnedMethod):
             (current.frame, 0.05 * sampled_here),
             (kernel, 0.05 * sampled_here),
         ]
-        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
-        weights = [b * factors[:, i : i + 1].exp() for i, b in enumerate(initial_weights)]
-        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
-        total = (history_weight + new).clamp(min=1e-12)  # 0 without any sample: black
-        color = sum_of(
-            [w / total * c for w, (c, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
-        )
+        color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(TONES[self.config.tone_space].inverse(color) / gathered.exposure)
 
         classes = torch.cat([class_probabilities(logits[:, :3]), class_probabilities(logits[:, 3:])], dim=1)
-        odds = (
-            history_weight / new.clamp(min=1e-12) * sum_of(initial_weights[len(history_colors) :])
-        )  # effective number of samples in the history
         count = torch.minimum(odds, warped.samples).clamp(max=self.config.samples) + current.confidence
         luma = luminance(current.sample)
         trust = (4.0 * odds / warped.samples.clamp(min=1e-6)).clamp(max=1.0) * (warped.samples > 0.0)
@@ -314,4 +298,4 @@ class Classifier(LearnedMethod):
         count = torch.where(unconfirmed | gathered.flash, torch.zeros_like(count), count)
         glared = torch.where(unconfirmed, warped.glare + 1.0, CONFIRMED * current.glare)
         state = torch.cat([count, range_[:, :1], range_[:, 1:2] + GLARE * glared], dim=1)
-        return Finished(image, state, classes, history_weight / total)
+        return Finished(image, state, classes, weight)

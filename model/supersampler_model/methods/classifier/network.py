@@ -64,38 +64,39 @@ class ClassifierNetwork(nn.Module):
     Args:
         config: widths.
         packed: channels of the packed input.
-        carried: channels of the input at half display size.
-        blend_parameters: number of them per display pixel. Their layer is called `mixing` in released
-            weights.
+        half_inputs: channels of the input at half display size.
+        blend_parameters: number of them per display pixel.
     """
 
-    def __init__(self, config: NetworkConfig, *, packed: int, carried: int, blend_parameters: int) -> None:
+    def __init__(
+        self, config: NetworkConfig, *, packed: int, half_inputs: int, blend_parameters: int
+    ) -> None:
         super().__init__()
-        self.encoder = Encoder(packed + carried, config.levels)
+        self.encoder = Encoder(packed + half_inputs, config.levels)
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = nn.Conv2d(config.decoder, CLASSES, 1)
         self.hidden = Pointwise(packed + config.decoder, config.hidden)
-        self.mixing = nn.Conv2d(config.hidden, 4 * blend_parameters, 1)
-        for parameter in self.mixing.parameters():
+        self.blend = nn.Conv2d(config.hidden, 4 * blend_parameters, 1)
+        for parameter in self.blend.parameters():
             nn.init.zeros_(parameter)  # zeros: the blend is then a running mean
 
-    def forward(self, packed: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Infer classes and blend parameters.
 
         Args:
             packed: (n, 4 c, h, w) from `pack`.
-            carried: (n, d, h, w) inputs at half display size.
+            half_inputs: (n, d, h, w) inputs at half display size.
 
         Returns:
             Logits of CLASSES (n, 6, h, w) and packed blend parameters (n, 4 m, h, w).
         """
-        return self.decode(packed, encode(self.encoder, packed, carried))
+        return self.decode(packed, encode(self.encoder, packed, half_inputs))
 
     def decode(self, packed: Tensor, features: Tensor) -> tuple[Tensor, Tensor]:
         """Return the results of `forward` from the encoder's features."""
         features = self.decoder(features)
-        blend = self.mixing(self.hidden(torch.cat([packed, features], dim=1)))
+        blend = self.blend(self.hidden(torch.cat([packed, features], dim=1)))
         return self.classes(features), blend
 
 

@@ -40,18 +40,18 @@ def pixel_inputs(
     return {
         "frame": luminance(frame),
         "sample": luma,
-        "past": luma_before,
-        "past_to_sample": largest((color - sample).abs()),
-        "past_to_frame": largest((color - frame).abs()),
+        "history": luma_before,
+        "history_to_sample": largest((color - sample).abs()),
+        "history_to_frame": largest((color - frame).abs()),
         "contrast": _root(_root(largest(current.second - current.first * current.first))),
-        "past_contrast": high - low,
-        "beyond": torch.maximum(low - luma, luma - high).clamp(min=0.0),
-        "least": range_[:, :1],
-        "most": range_[:, 1:2],
+        "history_contrast": high - low,
+        "beyond_range": torch.maximum(low - luma, luma - high).clamp(min=0.0),
+        "min_luma": range_[:, :1],
+        "max_luma": range_[:, 1:2],
         "detail": _root(largest(warped.detail.abs())),
         "confidence": current.confidence,
         "count": COUNTS[count](warped.samples),
-        "difference": warped.difference,
+        "depth_difference": warped.difference,
         "surface": warped.surface,
         "speed": speed / (speed + 4.0),
         "blur": 2.0 * (across * (1.0 - across) + down * (1.0 - down)),
@@ -64,8 +64,8 @@ def neighbourhood_inputs(pixels: dict[str, Tensor]) -> dict[str, Tensor]:
 
     Aliasing averages out over a neighbourhood, a change of lighting does not.
     """
-    apart = pixels["past"] - pixels["frame"]
-    return {"drift": _root(_mean(apart).abs()), "grain": _root(_mean(apart.abs()))}
+    apart = pixels["history"] - pixels["frame"]
+    return {"mean_difference": _root(_mean(apart).abs()), "mean_abs_difference": _root(_mean(apart.abs()))}
 
 
 def _mean(image: Tensor) -> Tensor:

@@ -17,9 +17,8 @@ from supersampler_model.methods.classifier.network import (
     Encoder,
     Pointwise,
     class_probabilities,
-    cut_to,
+    encode,
     pack,
-    padded,
 )
 from supersampler_model.ops.color import TONES, bounded, sanitize
 from supersampler_model.ops.motion import Reprojection, read, read_cubic
@@ -42,10 +41,10 @@ class PaperNetwork(nn.Module):
             nn.Conv2d(PIXEL, config.hidden, 1), nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid()
         )
 
-    def forward(self, packed: Tensor, carried: Tensor) -> tuple[Tensor, Tensor]:
+    def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits (n, 6, h, w) twice: the compositor runs at display size, in `finish`."""
-        del carried
-        logits = self.classes(self.decoder(cut_to(self.encoder(padded(packed)), packed)))
+        del half_inputs
+        logits = self.classes(self.decoder(encode(self.encoder, packed)))
         return logits, logits
 
 

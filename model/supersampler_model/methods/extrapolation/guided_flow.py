@@ -7,17 +7,14 @@ size is moved accordingly where surfaces are similar and the network is confiden
 4.3).
 """
 
-from collections.abc import Mapping
-from typing import Any, ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
 
 from supersampler.methods.extrapolation.spec import (
     GUIDED_FLOW,
-    FlowNetworkConfig,
     GuidedFlowConfig,
-    GuidedWarpConfig,
 )
 from supersampler.methods.spec import HALF
 from supersampler_model.methods.base import (
@@ -67,7 +64,7 @@ class FlowHistory(NamedTuple):
 class Lights(NamedTuple):
     """The network inputs."""
 
-    later: Tensor  # (1, PICTURE, h / 2, w / 2) light of the last shaded frame, toned, and roughness
+    later: Tensor  # (1, LIGHT, h / 2, w / 2) light of the last shaded frame, toned, and roughness
     earlier: Tensor  # the same of the one before
 
 
@@ -80,27 +77,6 @@ class Gathered(NamedTuple):
     motion: Tensor  # (1, 2, h, w) back to the last shaded frame
 
 
-class Step(NamedTuple):
-    """The image and the next history."""
-
-    image: Tensor
-    history_color: Tensor
-    history_base_color: Tensor
-    history_normal: Tensor
-    history_depth: Tensor
-    history_jitter: Tensor
-    history_motion: Tensor
-    history_motion_jitter: Tensor
-    history_shaded_motion: Tensor
-    history_earlier_color: Tensor
-    history_earlier_base_color: Tensor
-    history_earlier_normal: Tensor
-    history_earlier_depth: Tensor
-    history_earlier_jitter: Tensor
-    history_earlier_motion: Tensor
-    history_earlier_motion_jitter: Tensor
-
-
 class GuidedFlow(LearnedMethod):
     """Light each pixel like similar surfaces, then extrapolate the motion of light.
 
@@ -109,25 +85,17 @@ class GuidedFlow(LearnedMethod):
     """
 
     spec: ClassVar = GUIDED_FLOW
+    config: GuidedFlowConfig
+    net: FlowNetwork
 
-    def __init__(self, config: GuidedFlowConfig | None = None) -> None:
-        super().__init__()
-        self.config = config or GuidedFlowConfig()
-        self.net = FlowNetwork(self.config.network)
-
-    @classmethod
-    def configured(cls, config: Mapping[str, Any]) -> Self:
-        """See `LearnedMethod`."""
-        settings = dict(config)
-        network = FlowNetworkConfig(tuple(settings.pop("network")["levels"]))
-        warp = dict(settings.pop("warp"))
-        warp["strides"] = tuple(warp["strides"])
-        return cls(GuidedFlowConfig(network=network, warp=GuidedWarpConfig(**warp), **settings))
+    def make_network(self) -> FlowNetwork:
+        """Return FRNet."""
+        return FlowNetwork(self.config.network)
 
     def fused(self) -> Fused | None:
         """All of FRNet; tensor names are those of released graphs."""
         inputs = dict.fromkeys(("later", "earlier"), (1, LIGHT, *HALF))
-        return Fused(self.net, inputs, {"said": (1, FLOW + GAIN + SHARE, *HALF)}, ratio=1)
+        return Fused(self.net, inputs, {"flow": (1, FLOW + GAIN + SHARE, *HALF)}, ratio=1)
 
     def forward(
         self,
@@ -137,45 +105,15 @@ class GuidedFlow(LearnedMethod):
         gbuffer_base_color: Tensor,  # (1, 3, h, w)
         gbuffer_normal: Tensor,  # (1, 3, h, w)
         gbuffer_roughness: Tensor,  # (1, 1, h, w)
-        history_color: Tensor,  # (1, 3, h', w') linear RGB
-        history_base_color: Tensor,  # (1, 3, h', w')
-        history_normal: Tensor,  # (1, 3, h', w')
-        history_depth: Tensor,  # (1, 1, h', w')
-        history_jitter: Tensor,  # (1, 2)
-        history_motion: Tensor,  # (1, 2, h'', w'')
-        history_motion_jitter: Tensor,  # (1, 2)
-        history_shaded_motion: Tensor,  # (1, 2, h', w')
-        history_earlier_color: Tensor,  # (1, 3, ., .) linear RGB
-        history_earlier_base_color: Tensor,
-        history_earlier_normal: Tensor,
-        history_earlier_depth: Tensor,
-        history_earlier_jitter: Tensor,  # (1, 2)
-        history_earlier_motion: Tensor,
-        history_earlier_motion_jitter: Tensor,  # (1, 2)
-    ) -> Step:
+        *history: Tensor,  # as in `GuidedFlow.history`
+    ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
-        history = flow_history(
-            history_color,
-            history_base_color,
-            history_normal,
-            history_depth,
-            history_jitter,
-            history_motion,
-            history_motion_jitter,
-            history_shaded_motion,
-            history_earlier_color,
-            history_earlier_base_color,
-            history_earlier_normal,
-            history_earlier_depth,
-            history_earlier_jitter,
-            history_earlier_motion,
-            history_earlier_motion_jitter,
-        )
+        grouped = flow_history(*history)
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
-        gathered = self.gather(now, gbuffer_roughness, motion, jitter, history)
+        gathered = self.gather(now, gbuffer_roughness, motion, jitter, grouped)
         (flow,) = self.net(*gathered.lights)
         image = self.finish(gathered, flow)
-        return Step(image, *self.next_history(gathered.motion, jitter, history))
+        return (image, *self.next_history(gathered.motion, jitter, grouped))
 
     def gather(
         self, now: Surface, roughness: Tensor, motion: Tensor, jitter: Tensor, history: FlowHistory
@@ -205,7 +143,7 @@ class GuidedFlow(LearnedMethod):
         """(1, 4, h, w) surface features in standard deviations: normal and logarithm of depth."""
         c = self.config
         distance = surface.depth.clamp(min=FARTHEST).log()  # differences of logarithms are relative
-        return torch.cat([surface.normal / c.turned, distance / c.apart], dim=1)
+        return torch.cat([surface.normal / c.normal_sigma, distance / c.depth_sigma], dim=1)
 
     def refined(self, light: Tensor, guides: Tensor, flow: Tensor) -> Tensor:
         """Move the light and apply the gain, weighted by the share that the network infers.
@@ -220,10 +158,10 @@ class GuidedFlow(LearnedMethod):
         c = self.config
         flow = between(flow, render_size_of(light))
         flow, gain, sure = flow[:, :FLOW], flow[:, FLOW : FLOW + GAIN], flow[:, FLOW + GAIN :]
-        there = moved(torch.cat([light, guides], dim=1), (2.0 * flow).clamp(-c.farthest, c.farthest))
+        there = moved(torch.cat([light, guides], dim=1), (2.0 * flow).clamp(-c.max_motion, c.max_motion))
         difference = there[:, 3:] - guides
         alike = (-0.5 * sum_of([difference[:, i : i + 1] ** 2 for i in range(4)])).exp()
-        brighter = (gain.clamp(-1.0, 1.0) * (c.stops * 0.6931472)).exp()
+        brighter = (gain.clamp(-1.0, 1.0) * (c.max_stops * 0.6931472)).exp()
         refined = (light + alike * (there[:, :3] - light)) * brighter
         return light + sure.sigmoid() * (refined - light)
 

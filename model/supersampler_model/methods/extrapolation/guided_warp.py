@@ -5,7 +5,7 @@ surfaces of the last shaded frame (`guided.py`) and multiplied by each pixel's o
 this frame's samples and jitter: an upscaler steps on it as on a shaded frame.
 """
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from torch import Tensor
 
@@ -22,19 +22,6 @@ from supersampler_model.methods.extrapolation.guided import (
 from supersampler_model.ops.color import bounded
 
 
-class Step(NamedTuple):
-    """The image and the next history."""
-
-    image: Tensor
-    history_color: Tensor
-    history_base_color: Tensor
-    history_normal: Tensor
-    history_depth: Tensor
-    history_jitter: Tensor
-    history_motion: Tensor
-    history_motion_jitter: Tensor
-
-
 class GuidedWarp(Method):
     """Light each pixel like similar surfaces of the last shaded frame.
 
@@ -44,10 +31,7 @@ class GuidedWarp(Method):
     """
 
     spec: ClassVar = GUIDED_WARP
-
-    def __init__(self, config: GuidedWarpConfig | None = None) -> None:
-        super().__init__()
-        self.config = config or GuidedWarpConfig()
+    config: GuidedWarpConfig
 
     def forward(
         self,
@@ -63,7 +47,7 @@ class GuidedWarp(Method):
         history_jitter: Tensor,  # (1, 2)
         history_motion: Tensor,  # (1, 2, h'', w'')
         history_motion_jitter: Tensor,  # (1, 2)
-    ) -> Step:
+    ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, h, w), linear RGB >= 0, and the next history."""
         now = surface_of(gbuffer_base_color, gbuffer_normal, depth)
         then = shaded_of(history_color, history_base_color, history_normal, history_depth, history_jitter)
@@ -71,4 +55,4 @@ class GuidedWarp(Method):
         x, y = samples_at(total, jitter, render_size_of(then.color), then.jitter)
         light = guided_light(now, then, x, y, self.config)
         image = bounded(light * reflectance(now, self.config))
-        return Step(image, then.color, *then.surface, then.jitter * 1.0, total, jitter * 1.0)
+        return (image, then.color, *then.surface, then.jitter * 1.0, total, jitter * 1.0)

@@ -14,8 +14,7 @@ from supersampler.errors import ArgumentError
 from supersampler.methods.classifier.spec import CLASSES
 from supersampler.methods.extrapolation.spec import EXTRAPOLATE, EXTRAPOLATE_UNSHADED
 from supersampler.methods.spec import HALF
-from supersampler_model.methods.base import Fused, display_size_of, render_size_of
-from supersampler_model.methods.classifier.buffers import History
+from supersampler_model.methods.base import Fused, render_size_of
 from supersampler_model.methods.classifier.model import Classifier
 from supersampler_model.methods.classifier.network import pack
 from supersampler_model.methods.classifier.small import SmallClassifier
@@ -39,7 +38,7 @@ class TwoEncoders(Classifier):
         return ExtraSSNetwork(
             c.network,
             packed=4 * c.planes,
-            carried=c.carried,
+            half_inputs=c.half_inputs,
             surface=4 * SURFACE,
             blend_parameters=c.blend_parameters,
         )
@@ -87,11 +86,13 @@ class UnshadedExtrapolate(TwoEncoders):
         c = self.config
         inputs = {
             "packed": (1, 4 * c.planes, *HALF),
-            "carried": (1, c.carried, *HALF),
+            "half_inputs": (1, c.half_inputs, *HALF),
             "surface": (1, 4 * SURFACE, *HALF),
         }
         return Fused(
-            self.net, inputs, {"logits": (1, CLASSES, *HALF), "mixing": (1, 4 * c.blend_parameters, *HALF)}
+            self.net,
+            inputs,
+            {"logits": (1, CLASSES, *HALF), "blend_parameters": (1, 4 * c.blend_parameters, *HALF)},
         )
 
     def forward(  # type: ignore[override]  # one more input
@@ -103,19 +104,11 @@ class UnshadedExtrapolate(TwoEncoders):
         exposure: Tensor,  # (1,) 0: measure
         display_size: Tensor,  # (2,) int64
         gbuffer_base_color: Tensor,  # (1, 3, h, w)
-        history_color: Tensor,  # (1, 3, H, W)
-        history_state: Tensor,  # (1, 3, H, W)
-        history_classes: Tensor,  # (1, 6, H / 2, W / 2)
-        history_depth: Tensor,  # (1, 2, h', w')
-        history_jitter: Tensor,  # (1, 2)
-        history_exposure: Tensor,  # (1,)
+        *history: Tensor,  # as in `Classifier.history`
     ) -> tuple[Tensor, ...]:
         """Return the results of `Classifier.forward`."""
-        display = display_size_of(display_size)
-        now = View(display, render_size_of(color), jitter)
-        before = View(display, render_size_of(history_depth), history_jitter)
-        history = History(history_color, history_state, history_classes, history_depth, history_exposure)
-        gathered = self.gather(color, depth, motion, exposure, history, now, before)
+        history_tensors, now, before = self.group_history(history, color, jitter, display_size)
+        gathered = self.gather(color, depth, motion, exposure, history_tensors, now, before)
         logits, blend = self.net(*self.network_inputs(gathered), packed_base_color(gbuffer_base_color, now))
         return self.step_outputs(gathered, logits, blend, jitter)
 

@@ -16,41 +16,39 @@ class ExtraSSNetwork(ClassifierNetwork):
     Args:
         config: widths.
         packed: see `ClassifierNetwork`.
-        carried: see `ClassifierNetwork`.
+        half_inputs: see `ClassifierNetwork`.
         surface: packed channels of base colour of an extrapolated frame.
         blend_parameters: see `ClassifierNetwork`.
     """
 
     def __init__(
-        self, config: NetworkConfig, *, packed: int, carried: int, surface: int, blend_parameters: int
+        self, config: NetworkConfig, *, packed: int, half_inputs: int, surface: int, blend_parameters: int
     ) -> None:
-        super().__init__(config, packed=packed, carried=carried, blend_parameters=blend_parameters)
-        self.drawn_encoder = Encoder(
-            packed + carried + surface, config.levels
-        )  # its name in released weights
+        super().__init__(config, packed=packed, half_inputs=half_inputs, blend_parameters=blend_parameters)
+        self.extrapolated_encoder = Encoder(packed + half_inputs + surface, config.levels)
 
     def forward(
-        self, packed: Tensor, carried: Tensor, surface: Tensor | None = None
+        self, packed: Tensor, half_inputs: Tensor, surface: Tensor | None = None
     ) -> tuple[Tensor, Tensor]:
         """Infer classes and blend parameters; see `ClassifierNetwork`.
 
         Args:
             packed: (n, 4 c, h, w).
-            carried: (n, d, h, w).
+            half_inputs: (n, d, h, w).
             surface: (n, 4 s, h, w) of extrapolated frames; None: the frames are shaded.
         """
-        return self.decode(packed, self.encode(packed, carried, surface))
+        return self.decode(packed, self.encode(packed, half_inputs, surface))
 
-    def encode(self, packed: Tensor, carried: Tensor, surface: Tensor | None = None) -> Tensor:
+    def encode(self, packed: Tensor, half_inputs: Tensor, surface: Tensor | None = None) -> Tensor:
         """Return the features of the encoder for this kind of frame, its four levels concatenated."""
         if surface is None:
-            return encode(self.encoder, packed, carried)
-        return encode(self.drawn_encoder, packed, carried, surface)
+            return encode(self.encoder, packed, half_inputs)
+        return encode(self.extrapolated_encoder, packed, half_inputs, surface)
 
     def copy_shaded_encoder(self) -> None:
         """Copy the encoder of shaded frames to that of extrapolated ones, with zero weights for surfaces."""
         begun = self.encoder.state_dict()
         first = next(iter(begun))  # the first 1x1 convolution; its last inputs are the surfaces
-        own = self.drawn_encoder.state_dict()[first]
+        own = self.extrapolated_encoder.state_dict()[first]
         more = own.new_zeros(own.shape[0], own.shape[1] - begun[first].shape[1], 1, 1)
-        self.drawn_encoder.load_state_dict({**begun, first: torch.cat([begun[first], more], dim=1)})
+        self.extrapolated_encoder.load_state_dict({**begun, first: torch.cat([begun[first], more], dim=1)})

@@ -7,7 +7,7 @@ from torch import Tensor
 from supersampler_model.methods.gbuffer.network import NetworkInputs
 from supersampler_model.ops.sampling import View
 
-PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.beside`
+PREVIOUS_NORMAL = slice(13, 16)  # channels of `NetworkInputs.refiner_inputs`
 
 
 class Surfaces(NamedTuple):
@@ -83,7 +83,7 @@ class Gathered(NamedTuple):
     @property
     def previous_normal(self) -> Tensor:
         """(1, 3, h, w) normals of the previous frame, warped; 0 where they are masked."""
-        return self.inputs.beside[:, PREVIOUS_NORMAL]
+        return self.inputs.refiner_inputs[:, PREVIOUS_NORMAL]
 
 
 class Finished(NamedTuple):

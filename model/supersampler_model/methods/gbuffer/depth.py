@@ -27,33 +27,12 @@ class DepthGBuffer(GBuffer):
         exposure: Tensor,
         display_size: Tensor,
         gbuffer_display_depth: Tensor,
-        history_color: Tensor,
-        history_reflectance: Tensor,
-        history_count: Tensor,
-        history_frame: Tensor,
-        history_frame_before: Tensor,
-        history_motion: Tensor,
-        history_jitter: Tensor,
-        history_jitter_before: Tensor,
-        history_exposure: Tensor,
+        *history: Tensor,
     ) -> tuple[Tensor, ...]:
         """See `GBuffer.forward`."""
         render, display = self.surfaces_of({"gbuffer_display_depth": gbuffer_display_depth}, depth)
-        history = History(
-            history_color,
-            history_reflectance,
-            history_count,
-            history_frame,
-            history_frame_before,
-            history_motion,
-            history_jitter,
-            history_jitter_before,
-            history_exposure,
-        )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        return self.step_outputs(
-            self.gather(color, motion, exposure, render, display, history, view), history
-        )
+        return self.step_outputs(color, motion, exposure, render, display, History(*history), view)
 
     @staticmethod
     def surfaces_of(gbuffer: Mapping[str, Tensor], depth: Tensor) -> tuple[Surfaces, Surfaces]:

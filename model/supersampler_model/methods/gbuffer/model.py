@@ -8,12 +8,12 @@ neighbours and with the previous image, which reduces the noise of one sample pe
 """
 
 from collections.abc import Mapping
-from typing import Any, ClassVar, Self
+from typing import ClassVar
 
 import torch
 from torch import Tensor
 
-from supersampler.methods.gbuffer.spec import FRAME, GBUFFER, GBUFFER_4X, GBufferConfig, GBufferNetworkConfig
+from supersampler.methods.gbuffer.spec import FRAME, GBUFFER, GBUFFER_4X, GBufferConfig
 from supersampler.methods.spec import DISPLAY, RENDER, Shape
 from supersampler_model.methods.base import (
     Fused,
@@ -29,10 +29,10 @@ from supersampler_model.methods.gbuffer.buffers import (
     WarpedHistory,
 )
 from supersampler_model.methods.gbuffer.network import (
-    BESIDE,
     COLORS,
     CURRENT,
     GRADIENTS,
+    REFINER_INPUTS,
     SAMPLES,
     SURFACES,
     GBufferNetwork,
@@ -52,6 +52,7 @@ from supersampler_model.methods.gbuffer.surfaces import (
 )
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.ops.color import bounded, exposure_for, inverse_tone, sanitize, tone, valid
+from supersampler_model.ops.compositing import composite
 from supersampler_model.ops.motion import (
     Reprojection,
     dilate_motion_2x2,
@@ -91,33 +92,30 @@ class GBuffer(LearnedMethod):
     """Resample light by surface similarity, then blend with the history."""
 
     spec: ClassVar = GBUFFER
+    config: GBufferConfig
+    net: GBufferNetwork
 
-    def __init__(self, config: GBufferConfig | None = None) -> None:
-        super().__init__()
-        self.config: GBufferConfig = config or self.spec.config()
+    def make_network(self) -> GBufferNetwork:
+        """Return the network of figure 2."""
         c = self.config
-        self.net = GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
+        return GBufferNetwork(c.network, ratio=c.ratio, blend_parameters=sum(c.parts))
 
     def fused(self) -> Fused | None:
         """All of figure 2; tensor names are those of released graphs."""
         of_display = {"surfaces": SURFACES, "gradients": GRADIENTS, "colors": COLORS}
-        of_render = {"samples": SAMPLES, "beside": BESIDE, "beside_earlier": BESIDE}
+        of_render = {
+            "samples": SAMPLES,
+            "refiner_inputs": REFINER_INPUTS,
+            "earlier_refiner_inputs": REFINER_INPUTS,
+        }
         inputs: dict[str, Shape] = {
             name: (1, of_display[name], *DISPLAY)
             if name in of_display
             else (1, of_render.get(name, CURRENT), *RENDER)
             for name in NetworkInputs._fields
         }
-        outputs = {"said": (1, sum(self.config.parts), *DISPLAY)}
+        outputs = {"blend_parameters": (1, sum(self.config.parts), *DISPLAY)}
         return Fused(self.net, inputs, outputs, self.config.ratio)
-
-    @classmethod
-    def configured(cls, config: Mapping[str, Any]) -> Self:
-        """See `LearnedMethod`."""
-        settings = dict(config)
-        network = dict(settings.pop("network"))
-        network |= {name: tuple(network[name]) for name in ("surfaces", "detailed", "levels")}
-        return cls(cls.spec.config(network=GBufferNetworkConfig(**network), **settings))
 
     def forward(
         self,
@@ -138,15 +136,7 @@ class GBuffer(LearnedMethod):
         gbuffer_display_metallic: Tensor,
         gbuffer_display_specular: Tensor,
         gbuffer_display_depth: Tensor,
-        history_color: Tensor,  # (1, 3, H, W)
-        history_reflectance: Tensor,  # (1, 3, H, W)
-        history_count: Tensor,  # (1, 1, H, W)
-        history_frame: Tensor,  # (1, FRAME, h, w)
-        history_frame_before: Tensor,  # (1, FRAME, h, w)
-        history_motion: Tensor,  # (1, 2, h, w)
-        history_jitter: Tensor,  # (1, 2)
-        history_jitter_before: Tensor,  # (1, 2)
-        history_exposure: Tensor,  # (1,)
+        *history: Tensor,  # as in `GBuffer.history`
     ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         render = Surfaces(
@@ -160,24 +150,21 @@ class GBuffer(LearnedMethod):
             gbuffer_display_specular,
             gbuffer_display_depth,
         )
-        history = History(
-            history_color,
-            history_reflectance,
-            history_count,
-            history_frame,
-            history_frame_before,
-            history_motion,
-            history_jitter,
-            history_jitter_before,
-            history_exposure,
-        )
         view = View(display_size_of(display_size), render_size_of(color), jitter)
-        return self.step_outputs(
-            self.gather(color, motion, exposure, render, display, history, view), history
-        )
+        return self.step_outputs(color, motion, exposure, render, display, History(*history), view)
 
-    def step_outputs(self, gathered: Gathered, history: History) -> tuple[Tensor, ...]:
-        """Finish the step and return the results of `forward`."""
+    def step_outputs(
+        self,
+        color: Tensor,
+        motion: Tensor,
+        exposure: Tensor,
+        render: Surfaces,
+        display: Surfaces,
+        history: History,
+        view: View,
+    ) -> tuple[Tensor, ...]:
+        """Return the results of `forward`; the parameters are those of `gather`."""
+        gathered = self.gather(color, motion, exposure, render, display, history, view)
         (blend,) = self.net(*gathered.inputs)
         done = self.finish(gathered, blend, history)
         return (done.image, *done.history, done.weight)
@@ -302,17 +289,8 @@ class GBuffer(LearnedMethod):
             (relit, 0.2 * confidence + 0.05),
             (current.near, 0.2 * confidence + 1e-3),
         ]
-        initial_weights = [weight for _, weight in (*history_colors, *current_colors)]
-        weights = [b * factor for b, factor in zip(initial_weights, channels_of(factors.exp()), strict=True)]
-        history_weight, new = sum_of(weights[: len(history_colors)]), sum_of(weights[len(history_colors) :])
-        total = history_weight + new
-        color = sum_of(
-            [s / total * v for s, (v, _) in zip(weights, (*history_colors, *current_colors), strict=True)]
-        )
+        color, weight, odds = composite(history_colors, current_colors, factors)
         image = bounded(inverse_tone(color) / current.exposure)
-        odds = (
-            history_weight / new * sum_of(initial_weights[len(history_colors) :])
-        )  # effective number of samples in the history
         count = torch.minimum(odds, warped.counted).clamp(max=c.samples) + confidence
         next_history = History(
             image,
@@ -325,7 +303,7 @@ class GBuffer(LearnedMethod):
             history.jitter * 1.0,
             current.followed,
         )
-        return Finished(image, next_history, history_weight / total)
+        return Finished(image, next_history, weight)
 
 
 def _lit(light: Tensor, reflected: Tensor) -> Tensor:

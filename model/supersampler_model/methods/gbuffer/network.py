@@ -19,7 +19,7 @@ from supersampler_model.methods.classifier.network import Block, Pointwise, cut_
 SURFACES = 10  # base colour, normal, roughness, metallic, specular, relative depth
 GRADIENTS = 2  # of base colour and of normals
 CURRENT = 6  # of a frame: toned colour, relative depth, jitter
-BESIDE = 18  # inputs of the refiner beside features of a previous frame
+REFINER_INPUTS = 18  # inputs of the refiner, besides the features of a previous frame
 SAMPLES = 6  # of the frame's samples: motion, jitter, 1 where usable, relative depth
 COLORS = 15  # toned colours at display size, count, visibility, likeness
 
@@ -30,10 +30,10 @@ class NetworkInputs(NamedTuple):
     surfaces: Tensor  # (n, SURFACES, H, W)
     gradients: Tensor  # (n, GRADIENTS, H, W)
     current: Tensor  # (n, CURRENT, h, w)
-    past: Tensor  # (n, CURRENT, h, w) the previous frame, warped and masked
-    beside: Tensor  # (n, BESIDE, h, w)
+    previous: Tensor  # (n, CURRENT, h, w) the previous frame, warped and masked
+    refiner_inputs: Tensor  # (n, REFINER_INPUTS, h, w)
     earlier: Tensor  # (n, CURRENT, h, w) the one before that
-    beside_earlier: Tensor  # (n, BESIDE, h, w)
+    earlier_refiner_inputs: Tensor  # (n, REFINER_INPUTS, h, w)
     samples: Tensor  # (n, SAMPLES, h, w)
     colors: Tensor  # (n, COLORS, H, W)
 
@@ -102,13 +102,13 @@ class Refiner(nn.Module):
 
     def __init__(self, width: int, *, separable: bool) -> None:
         super().__init__()
-        self.down = _block(width + BESIDE, width, separable=separable)
+        self.down = _block(width + REFINER_INPUTS, width, separable=separable)
         self.below = _block(width, width, separable=separable)
         self.up = _block(2 * width, width, separable=separable)
 
-    def forward(self, features: Tensor, beside: Tensor) -> Tensor:
-        """(n, width, h, w) and (n, BESIDE, h, w) to (n, width, h, w)."""
-        here = self.down(padded(torch.cat([features, beside], dim=1)))
+    def forward(self, features: Tensor, refiner_inputs: Tensor) -> Tensor:
+        """(n, width, h, w) and (n, REFINER_INPUTS, h, w) to (n, width, h, w)."""
+        here = self.down(padded(torch.cat([features, refiner_inputs], dim=1)))
         below = doubled(self.below(F.max_pool2d(here, 2)))
         return cut_to(self.up(torch.cat([here, below], dim=1)), features)
 
@@ -143,8 +143,7 @@ class GBufferNetwork(nn.Module):
     Args:
         config: widths.
         ratio: display over render size.
-        blend_parameters: number of them per display pixel. Their layer is called `mixing` in released
-            weights.
+        blend_parameters: number of them per display pixel.
     """
 
     def __init__(self, config: GBufferNetworkConfig, *, ratio: int, blend_parameters: int) -> None:
@@ -154,14 +153,14 @@ class GBufferNetwork(nn.Module):
         self.surfaces = GatedEncoder(config, ratio)
         self.frame = FrameEncoder(frame, separable=config.separable)
         self.enhancer = Enhancer(ratio, frame, config.attention)
-        self.refiner: nn.Module = Pointwise(frame + BESIDE, frame)
+        self.refiner: nn.Module = Pointwise(frame + REFINER_INPUTS, frame)
         if config.refined:
             self.refiner = Refiner(frame, separable=config.separable)
         self.colors = Pointwise(COLORS * ratio**2 + SAMPLES, surfaces)
         channels = 2 * surfaces + 3 * frame
         self.fusion = FusionNetwork(channels, config.levels, separable=config.separable)
-        self.mixing = nn.Conv2d(fused + frame + surfaces, blend_parameters * ratio**2, 1)
-        for parameter in self.mixing.parameters():
+        self.blend = nn.Conv2d(fused + frame + surfaces, blend_parameters * ratio**2, 1)
+        for parameter in self.blend.parameters():
             nn.init.zeros_(parameter)  # zeros: the blend then has its initial weights
 
     def forward(
@@ -169,29 +168,29 @@ class GBufferNetwork(nn.Module):
         surfaces: Tensor,
         gradients: Tensor,
         current: Tensor,
-        past: Tensor,
-        beside: Tensor,
+        previous: Tensor,
+        refiner_inputs: Tensor,
         earlier: Tensor,
-        beside_earlier: Tensor,
+        earlier_refiner_inputs: Tensor,
         samples: Tensor,
         colors: Tensor,
     ) -> tuple[Tensor]:
         """Return the blend parameters (n, blend_parameters, H, W); inputs are those of `NetworkInputs`."""
         n = current.shape[0]
-        features, shallow = self.frame(torch.cat([current, past, earlier]))  # in one pass
+        features, shallow = self.frame(torch.cat([current, previous, earlier]))  # in one pass
         now, history_colors = features[:n], features[n:]
-        refined = self._refined(history_colors, torch.cat([beside, beside_earlier]))
+        refined = self._refined(history_colors, torch.cat([refiner_inputs, earlier_refiner_inputs]))
         known = self.colors(torch.cat([F.pixel_unshuffle(colors, self.ratio), samples], dim=1))
         parts = [self.surfaces(surfaces), self.enhancer(now, gradients), refined[:n], refined[n:], known]
         fused = self.fusion(torch.cat(parts, dim=1))
-        blend = self.mixing(torch.cat([fused, shallow[:n], known], dim=1))
+        blend = self.blend(torch.cat([fused, shallow[:n], known], dim=1))
         return (F.pixel_shuffle(blend, self.ratio),)
 
-    def _refined(self, features: Tensor, beside: Tensor) -> Tensor:
+    def _refined(self, features: Tensor, refiner_inputs: Tensor) -> Tensor:
         if self.config.refined:
-            refined: Tensor = self.refiner(features, beside)
+            refined: Tensor = self.refiner(features, refiner_inputs)
         else:
-            refined = self.refiner(torch.cat([features, beside], dim=1))
+            refined = self.refiner(torch.cat([features, refiner_inputs], dim=1))
         return refined
 
 

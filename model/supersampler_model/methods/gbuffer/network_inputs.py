@@ -43,10 +43,10 @@ def network_inputs(
         surfaces=torch.cat([*display[:5], display_depth], dim=1),
         gradients=gradients(display),
         current=torch.cat([current.toned, depth, jitter], dim=1),
-        past=last[0],
-        beside=last[1],
+        previous=last[0],
+        refiner_inputs=last[1],
         earlier=earlier[0],
-        beside_earlier=earlier[1],
+        earlier_refiner_inputs=earlier[1],
         samples=torch.cat([_short(motion), jitter, current.usable, depth], dim=1),
         colors=torch.cat(
             [
@@ -88,9 +88,9 @@ def _warped(
         relative_depth(previous_depth, closest) * kept,
     )
     place = offset + jitter[:, :, None, None]  # position of the sample relative to the pixel
-    beside = [_short(motion), render.base_color, render.normal, depth, render.roughness]
-    beside += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, previous_depth]
-    return torch.cat([toned * kept, previous_depth, place * kept], dim=1), torch.cat(beside, dim=1)
+    refiner_inputs = [_short(motion), render.base_color, render.normal, depth, render.roughness]
+    refiner_inputs += [torch.cat([base, normal], dim=1) * kept, 1.0 - kept, previous_depth]
+    return torch.cat([toned * kept, previous_depth, place * kept], dim=1), torch.cat(refiner_inputs, dim=1)
 
 
 def _short(motion: Tensor) -> Tensor:

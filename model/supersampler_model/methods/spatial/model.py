@@ -1,6 +1,6 @@
 """`bilinear` and `bicubic`: spatial upsampling without history. The baselines of the bench."""
 
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 from torch import Tensor
 
@@ -8,12 +8,6 @@ from supersampler.methods.spatial.spec import BICUBIC, BILINEAR
 from supersampler_model.methods.base import Method, display_size_of, render_size_of
 from supersampler_model.ops.color import bounded, sanitize
 from supersampler_model.ops.sampling import catmull_rom, grid_of, linear, resample, taps
-
-
-class Step(NamedTuple):
-    """The result of a step without history."""
-
-    image: Tensor
 
 
 class Spatial(Method):
@@ -30,13 +24,13 @@ class Spatial(Method):
         color: Tensor,  # (1, 3, h, w) linear RGB
         jitter: Tensor,  # (1, 2) render pixels
         display_size: Tensor,  # (2,) int64
-    ) -> Step:
+    ) -> tuple[Tensor]:
         """Return the image (1, 3, H, W), linear RGB >= 0."""
         display, render = display_size_of(display_size), render_size_of(color)
         grid = grid_of(display, render, jitter)
         x = taps(grid.x, render.width, self.kernel, reach=self.reach)
         y = taps(grid.y, render.height, self.kernel, reach=self.reach)
-        return Step(bounded(resample(sanitize(color, 0.0), x, y)))
+        return (bounded(resample(sanitize(color, 0.0), x, y)),)
 
 
 class Bilinear(Spatial):

@@ -54,23 +54,11 @@ class Gathered(NamedTuple):
     box: Rect
 
 
-class Step(NamedTuple):
-    """The image, the next history and the weight of the history."""
-
-    image: Tensor
-    history_color: Tensor
-    history_exposure: Tensor
-    weight: Tensor
-
-
 class Taa(Method):
     """Variance-clipping temporal anti-aliasing."""
 
     spec: ClassVar = TAA
-
-    def __init__(self, config: TaaConfig | None = None) -> None:
-        super().__init__()
-        self.config = config or TaaConfig()
+    config: TaaConfig
 
     def forward(
         self,
@@ -81,7 +69,7 @@ class Taa(Method):
         display_size: Tensor,  # (2,) int64
         history_color: Tensor,  # (1, 3, H, W) linear RGB
         history_exposure: Tensor,  # (1,) 0: no history
-    ) -> Step:
+    ) -> tuple[Tensor, ...]:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         usable, color = valid(color), sanitize(color, 0.0)
         followed = exposure_for(color, usable, exposure, history_exposure)
@@ -89,7 +77,7 @@ class Taa(Method):
         gathered = self.gather(color, motion, jitter, exposure, display_size, history_color)
         weight = self.network(gathered, history_exposure)
         image = self.finish(gathered, weight, exposure)
-        return Step(image, image, followed, 1.0 - weight)
+        return image, image, followed, 1.0 - weight
 
     def gather(
         self,

@@ -136,10 +136,7 @@ class Taau(Method):
     """Temporal upsampling of accumulated samples."""
 
     spec: ClassVar = TAAU
-
-    def __init__(self, config: TaauConfig | None = None) -> None:
-        super().__init__()
-        self.config = config or TaauConfig()
+    config: TaauConfig
 
     def forward(
         self,

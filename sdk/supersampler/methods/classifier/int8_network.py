@@ -59,7 +59,7 @@ class ByteNetwork:
             tuple(_layer(arrays, f"{level}.{part}") for part in ("first", "spatial", "last"))
             for level in range(len(KEPT))
         ]
-        self.layers = FinishLayers(*(_layer(arrays, name) for name in ("decoder", "hidden", "mixing")))
+        self.layers = FinishLayers(*(_layer(arrays, name) for name in ("decoder", "hidden", "blend")))
         self.logits, self.logits_scale = arrays["logits.first"].item(), arrays["logits.scale"].item()
         self.level = level
 

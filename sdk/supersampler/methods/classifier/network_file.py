@@ -76,7 +76,7 @@ def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
     specs |= _layer("decoder", (1, sum(KEPT) // _WORD, _BLOCK, _WORD), _BLOCK)
     blocks, words = _blocks(hidden + _CLASSES), SEEN + -(-decoder // _WORD)
     specs |= _layer("hidden", (blocks, words, _BLOCK, _WORD), blocks * _BLOCK)
-    specs |= _layer("mixing", (outputs, -(-hidden // _WORD), _WORD), outputs)
+    specs |= _layer("blend", (outputs, -(-hidden // _WORD), _WORD), outputs)
     specs["logits.first"] = ArraySpec("int64", (1,), (hidden, hidden))
     specs["logits.scale"] = ArraySpec("float64", (1,), (0.0, LARGEST))
     return specs

@@ -10,18 +10,18 @@ CLASSES = 6
 INPUTS = (
     "frame",  # luma of this frame, upsampled
     "sample",  # luma of the samples near the pixel
-    "past",  # luma of the warped history
-    "past_to_sample",  # largest difference of a channel
-    "past_to_frame",
+    "history",  # luma of the warped history
+    "history_to_sample",  # largest difference of a channel
+    "history_to_frame",
     "contrast",  # standard deviation of the samples around
-    "past_contrast",  # of the warped history in 3x3 pixels
-    "beyond",  # distance of the sample from that range
-    "least",  # minimum luma of the accumulated samples
-    "most",  # maximum
+    "history_contrast",  # of the warped history in 3x3 pixels
+    "beyond_range",  # distance of the sample from that range
+    "min_luma",  # minimum luma of the accumulated samples
+    "max_luma",  # maximum
     "detail",  # cubic minus bilinear resampling of the history
     "confidence",  # sum of Gaussian weights of the samples near the pixel
     "count",  # number of accumulated samples
-    "difference",  # relative difference of depth, equation 10
+    "depth_difference",  # relative difference of depth, equation 10
     "surface",  # 0 where disoccluded
     "speed",  # length of the motion
     "blur",  # of the resampling of the history
@@ -33,8 +33,8 @@ DEFAULT_INPUTS = tuple(name for name in INPUTS if name not in ("speed", "blur"))
 """The default sixteen: four pixels fill one vector of bytes (docs/methods.md)."""
 
 NEIGHBOURHOOD_INPUTS = (
-    "drift",  # absolute mean difference of history and frame: the lighting changed
-    "grain",  # mean absolute difference: also of detail alone
+    "mean_difference",  # absolute mean difference of history and frame: the lighting changed
+    "mean_abs_difference",  # mean absolute difference: also of detail alone
 )
 """Inputs per neighbourhood of about ten display pixels, (1, 1, H / 2, W / 2) each."""
 
@@ -64,7 +64,7 @@ class ClassifierConfig:
     """Widths of the network."""
     inputs: tuple[str, ...] = DEFAULT_INPUTS
     """Network inputs per pixel, names of INPUTS."""
-    around: tuple[str, ...] = NEIGHBOURHOOD_INPUTS
+    neighbourhood_inputs: tuple[str, ...] = NEIGHBOURHOOD_INPUTS
     """Network inputs per neighbourhood, names of NEIGHBOURHOOD_INPUTS."""
     count_code: CountCode = "saturating"
     """Encoding of the sample count."""
@@ -103,9 +103,9 @@ class ClassifierConfig:
         return len(self.inputs)
 
     @property
-    def carried(self) -> int:
+    def half_inputs(self) -> int:
         """Number of network inputs at half display size."""
-        return CLASSES * self.recurrent + len(self.around)
+        return CLASSES * self.recurrent + len(self.neighbourhood_inputs)
 
     @property
     def candidates(self) -> int:

@@ -41,13 +41,13 @@ class GuidedFlowConfig:
     """Widths of the network."""
     warp: GuidedWarpConfig = field(default_factory=GuidedWarpConfig)
     """Constants of `guided-warp`."""
-    farthest: float = 64.0
+    max_motion: float = 64.0
     """Maximum motion of light, render pixels."""
-    stops: float = 2.0
+    max_stops: float = 2.0
     """Maximum gain in stops; 0 disables the gain."""
-    turned: float = 0.5
+    normal_sigma: float = 0.5
     """Standard deviation of normals; light only moves along similar surfaces."""
-    apart: float = 0.1
+    depth_sigma: float = 0.1
     """Standard deviation of relative depth."""
 
 
@@ -93,7 +93,7 @@ EXTRAPOLATE = replace(
 )
 EXTRAPOLATE_UNSHADED = replace(
     EXTRAPOLATE,
-    name="extrapolate-drawn",
+    name="extrapolate-unshaded",
     inputs=(*EXTRAPOLATE.inputs, "gbuffer_base_color"),
     only_extrapolated=True,
 )

@@ -1,0 +1,35 @@
+"""The compositor of the learned methods: colours weighted by counts of samples times learned factors."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from torch import Tensor
+
+from supersampler_model.ops.sampling import channels_of, sum_of
+
+
+class Composite(NamedTuple):
+    """Blended colours at display size."""
+
+    color: Tensor  # (1, 3, H, W) weighted mean; black where all weights are 0
+    weight: Tensor  # (1, 1, H, W) weight of the history in it, [0, 1]
+    odds: Tensor  # (1, 1, H, W) effective number of samples in the history, >= 0
+
+
+def composite(
+    history: Sequence[tuple[Tensor, Tensor]], current: Sequence[tuple[Tensor, Tensor]], factors: Tensor
+) -> Composite:
+    """Blend colours of the history and of this frame.
+
+    Args:
+        history: colours (1, 3, H, W) and their initial weights (1, 1, H, W), >= 0, in numbers of samples.
+        current: the same of this frame.
+        factors: (1, n, H, W) logarithms of factors to the weights of all n colours, the history's first.
+    """
+    colors = [*history, *current]
+    weights = [weight * f for (_, weight), f in zip(colors, channels_of(factors.exp()), strict=True)]
+    of_history, of_current = sum_of(weights[: len(history)]), sum_of(weights[len(history) :])
+    total = (of_history + of_current).clamp(min=1e-12)
+    color = sum_of([weight / total * c for weight, (c, _) in zip(weights, colors, strict=True)])
+    odds = of_history / of_current.clamp(min=1e-12) * sum_of([weight for _, weight in current])
+    return Composite(color, of_history / total, odds)
