@@ -304,7 +304,7 @@ class Upscaler:
         if self._on_extrapolated is not self.model:
             self._on_extrapolated.run(frame, history)
         if self.model.capture:
-            from supersampler.recording.tensors import tensors_of_frame  # with it come image files
+            from supersampler.backends.onnx.tensors import tensors_of_frame  # with it come image files
 
             tensors = tensors_of_frame(frame, self.model.device)
             self.model.run_tensors(tensors, history, jitter=frame.jitter)

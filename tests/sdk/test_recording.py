@@ -344,8 +344,8 @@ upscaler.step(noise(2))
 @pytest.mark.parametrize(
     ("name", "message"),
     [
-        ("0001.exr", r"0001\.exr: is not an EXR image"),
-        ("sampled/0001.exr", r"sampled.0001\.exr: is not an EXR image"),
+        ("0001.exr", r"a\.recording.0001\.exr: is not as it was recorded"),
+        ("sampled/0001.exr", r"sampled.0001\.exr: is not as it was recorded"),
         ("calls.jsonl", r"calls\.jsonl: line 3 is not JSON"),
     ],
 )
@@ -367,9 +367,9 @@ def test_damage_is_an_error_after_the_frames_before(
 @pytest.mark.parametrize(
     ("content", "message"),
     [
-        ({"format": 99}, "is of format 99; this package reads 2"),
-        ({"format": 2, "contract": 99}, "is of contract 99; this package reads"),
-        ({"format": 2, "contract": CONTRACT}, 'has no "folder"'),
+        ({"format": 99}, "is of format 99; this package reads 3"),
+        ({"format": 3, "contract": 99}, "is of contract 99; this package reads"),
+        ({"format": 3, "contract": CONTRACT}, "has no 'folder'"),
         ([], "want an object"),
     ],
 )

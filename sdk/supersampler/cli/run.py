@@ -244,7 +244,7 @@ def _page(
         title=shot.name,
         method=info.method,
         display_size=display_size,
-        frame_rate=shot.frame_rate,
+        frame_rate=shot.frame_rate or 30.0,
         facts=facts,
         legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],

@@ -11,9 +11,9 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import read_exr
+from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, read_reference, take
-from supersampler.io.shot.json_keys import JsonKeys, read_json
 from supersampler.io.shot.numbered import Jitter, check_no_gap, numbered_files, read_jitter
 from supersampler.io.shot.shot import Shot
 
@@ -98,26 +98,20 @@ def import_described_channels(folder: Path | str) -> Shot:
         ShotError: as `import_channels`; or channels.json is missing or wrong.
     """
     folder = Path(folder)
-    keys = JsonKeys(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
-    channel_map, conventions = keys.take("channels", dict), keys.take("conventions", dict)
-    display_size = keys.take_size("display_size") if "display_size" in keys else None
-    frame_rate, cuts = keys.take_or("frame_rate", float, 24.0), keys.take_or("cuts", list, [])
-    name = keys.take("name", str) if "name" in keys else None
-    keys.check_no_more()
-    if not 0 < frame_rate < float("inf"):
-        raise keys.wrong("frame_rate", frame_rate, "frames a second, > 0")
+    data = Field(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
+    data.check_names(("channels", "conventions", "display_size", "frame_rate", "cuts", "name"))
     try:
         return import_channels(
             folder,
-            channel_map,
-            conventions=Conventions.from_json(conventions),
-            display_size=display_size,
-            frame_rate=frame_rate,
-            cuts=cuts,
-            name=name,
+            data["channels"].of(dict),
+            conventions=Conventions.from_json(data["conventions"].of(dict)),
+            display_size=data.read("display_size", Field.size, None),
+            frame_rate=data.read("frame_rate", Field.rate, 24.0),
+            cuts=data.read("cuts", lambda cuts: cuts.of(list), ()),
+            name=data.read("name", lambda name: name.of(str), None),
         )
     except ArgumentError as error:
-        raise ShotError(keys.path, f"will not do: {error}") from error
+        raise ShotError(data.path, f"will not do: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)

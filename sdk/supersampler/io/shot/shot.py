@@ -110,8 +110,8 @@ class Shot:
         return self.info.display_size
 
     @property
-    def frame_rate(self) -> float:
-        """Frames a second."""
+    def frame_rate(self) -> float | None:
+        """Frames a second; None where nobody has said."""
         return self.info.frame_rate
 
     @property
