@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from supersampler import __version__
 from supersampler.arguments import Skip, checked_scale, checked_size, checked_skip, checked_threads
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Size
@@ -106,8 +105,7 @@ def setup_here(model: "Model", extrapolation: Sequence[ModelInfo], **arguments: 
 
 def versions() -> dict[str, str]:
     """Return the versions of this package, Python and the packages that images depend on."""
-    own = {"supersampler": __version__, "Python": platform.python_version()}
-    return own | installed_versions(*_PACKAGES)
+    return installed_versions("supersampler", *_PACKAGES) | {"Python": platform.python_version()}
 
 
 def read_setup(folder: Path) -> Setup:
