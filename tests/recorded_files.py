@@ -1,8 +1,29 @@
-"""Recordings whose files have been changed, with hashes that fit: a stranger can write any hash."""
+"""Recordings made, replayed and changed, with hashes that fit: a stranger can write any hash."""
 
 import hashlib
 import json
 from pathlib import Path
+from typing import Any
+
+from supersampler import Model, Upscaler
+from supersampler.recording import open_recording
+from supersampler.recording.replay import Replay, Replayed
+
+DISPLAY = (64, 36)
+
+
+def recorded(model: Model, file: Path, **arguments: Any) -> Upscaler:
+    return Upscaler(model, **{"display_size": DISPLAY, "validate": "off", "record": file, **arguments})
+
+
+def replayed(file: Path, **arguments: Any) -> list[Replayed]:
+    replay = Replay(open_recording(file), **arguments)
+    return [step for step in map(replay.call, replay.recording) if step is not None]
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in files}
 
 
 def with_hashes(files: dict[str, bytes]) -> dict[str, bytes]:
@@ -23,5 +44,4 @@ def with_hashes(files: dict[str, bytes]) -> dict[str, bytes]:
 
 def mend_hashes(folder: Path) -> None:
     """Write the log of a recording anew, with the hashes of the files that are there."""
-    files = {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*.*")}
-    (folder / "calls.jsonl").write_bytes(with_hashes(files)["calls.jsonl"])
+    (folder / "calls.jsonl").write_bytes(with_hashes(contents(folder))["calls.jsonl"])

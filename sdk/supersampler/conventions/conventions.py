@@ -21,8 +21,8 @@ class Conventions(ConventionFields):
         motion_unit: unit of the vectors after `motion_scale`.
         motion_scale: (x, y), not 0. Multiplied in first: FSR's motionVectorScale, Streamline's mvecScale,
             XeSS's velocity scale.
-        motion_direction: "previous_minus_current" vectors are added to a pixel to find its past,
-            "current_minus_previous" ones are subtracted.
+        motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
+            frame, "current_minus_previous" ones are subtracted.
         motion_flip_y: True where the vectors' y points the other way than their unit says.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
             takes the one at its centre + jitter.

@@ -114,9 +114,8 @@ class Replay:
         folder = _recorded_model(recording, setup, "--model") if model is None else find_model(model)
         if extrapolation is None and setup.extrapolation is not None:
             extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolation")
-        used = None if extrapolation is None else RecordedModel.of(read_model_info(find_model(extrapolation)))
-        is_same = setup.is_of(read_model_info(folder))
-        self.is_recorded_model = is_same and used == setup.extrapolation
+        pairs = [(setup, folder), (setup.extrapolation, extrapolation)]
+        self.is_recorded_model = all(_is_same(recorded, used) for recorded, used in pairs)
         if providers is None:
             try:
                 providers = resolve_providers(setup.providers)
@@ -223,6 +222,12 @@ def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference
         differences.append(np.abs(difference).ravel())
     values = np.nan_to_num(np.concatenate(differences), nan=1.0)
     return Difference(float(values.mean()), float(np.quantile(values, 0.99)), float(values.max()))
+
+
+def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
+    if recorded is None or used is None:
+        return recorded is None and used is None
+    return recorded.is_of(read_model_info(find_model(used)))
 
 
 def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:

@@ -1,9 +1,10 @@
 """Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.arguments import IMAGE_SIZES, is_image_size
 from supersampler.backends.onnx.runtime import ort
@@ -53,6 +54,25 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
         want = "a contiguous tensor that speaks DLPack (detached, if of torch)"
         got = f"{type(tensor).__name__} ({' '.join(str(error).split())})"
         raise FrameError(name, got=got, want=want) from error
+
+
+def graph_inputs(
+    infos: Iterable[TensorInfo], tensors: Mapping[str, Tensor], vectors: Mapping[str, NDArray[Any]]
+) -> dict[str, ort.OrtValue]:
+    """Return what a graph takes, by name: a frame's tensors, and the `vectors` beside them.
+
+    Raises:
+        FrameError: a tensor is missing, or cannot be shared.
+    """
+    values = {}
+    for info in infos:
+        if info.name in vectors:
+            values[info.name] = ort.OrtValue.ortvalue_from_numpy(vectors[info.name])
+        elif info.name not in tensors:
+            raise FrameError(info.name, got=None, want=f"a tensor {info.shape}")
+        else:
+            values[info.name] = taken(tensors[info.name], info.name)
+    return values
 
 
 def render_size_of(color: ort.OrtValue) -> Size:

@@ -45,7 +45,7 @@ def import_channels(
     Args:
         folder: where the files are.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); as wanted
-            base_color, normal (3 each), roughness, metallic, specular (1 each), carry (any number), reference
+            base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any number), reference
             (3). `motion/*.exr:R` is channel R of the files of that pattern; without a pattern it is `*.exr`.
             References are matched by frame number, and may be there for some frames only.
         conventions: how these channels are to be read.
@@ -68,8 +68,8 @@ def import_channels(
     first = files.read_raw(0, offsets[0], reset=True)
     height, width = first.depth.shape
     if display_size is None and files.references:
-        picture = files.read_reference(files.numbers.index(next(iter(files.references))))
-        display_size = (picture.shape[1], picture.shape[0])
+        image = files.read_reference(files.numbers.index(next(iter(files.references))))
+        display_size = (image.shape[1], image.shape[0])
     info = ShotInfo(
         name=name or files.folder.resolve().name,
         render_size=(width, height),
@@ -193,7 +193,7 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
         if name not in _COUNTS and name != "aovs":
-            want = f"one of {', '.join(_COUNTS)}, carry"
+            want = f"one of {', '.join(_COUNTS)}, aovs"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
         texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
         count = _COUNTS.get(name, len(texts))

@@ -28,8 +28,8 @@ class ShotInfo:
         display_size: (width, height) of the references and display-size buffers; None where there are none.
         frame_rate: frames a second, > 0; None where nobody has said.
         conventions: how the stored colour, depth, motion and jitter are to be read.
-        license: of the pictures; "" is unknown.
-        attribution: whom to name where the pictures are shown, one line each.
+        license: of the images; "" is unknown.
+        attribution: whom to name where the images are shown, one line each.
     """
 
     name: str
@@ -51,7 +51,7 @@ class FrameEntry:
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies colour before the tone curve; None is measured.
         display_file: EXR file of the display-size channels, or None.
-        reference: EXR file of the picture that a perfect upscaler would return, or None.
+        reference: EXR file of the image that a perfect upscaler would return, or None.
         render_size: (width, height), where it is not the shot's.
         shaded: False where the frame has no colour (extrapolation).
     """

@@ -121,12 +121,12 @@ class Shot:
 
     @property
     def license(self) -> str:
-        """Licence of the pictures; "" is unknown."""
+        """Licence of the images; "" is unknown."""
         return self.info.license
 
     @property
     def attribution(self) -> list[str]:
-        """Whom to name where the pictures are shown."""
+        """Whom to name where the images are shown."""
         return list(self.info.attribution)
 
     @property

@@ -51,8 +51,8 @@ class ShotWriter:
         display_size: (width, height) of references and display-size buffers; None where there are none.
         frame_rate: frames a second; None where it is not known.
         conventions: of the RawFrames that are written.
-        license: of the pictures.
-        attribution: whom to name where the pictures are shown.
+        license: of the images.
+        attribution: whom to name where the images are shown.
         resume: go on after the frames that are there already.
         variant: name of one of several shots in the folder that share their display-size files, "2x" say: it
             is described by 2x.json, and its frames are 2x/0000.exr and so on.
