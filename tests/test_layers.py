@@ -6,6 +6,7 @@ import re
 import subprocess
 import sys
 from collections.abc import Iterator
+from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 import pytest
@@ -35,6 +36,10 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("upscaler",),
     ("recording.replay",),
     ("cli",),
+)
+KNOWN_CIRCLES = (  # (module, what it imports of those above it)
+    ("supersampler.methods.contract", "supersampler.methods.model_file"),  # for types alone
+    ("supersampler.backends.cpu.kernel_loader", "supersampler.backends.cpu.kernel_compiler"),  # in a function
 )
 RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", "rich"}  # a runtime install
 
@@ -109,6 +114,40 @@ def test_inside_the_sdk_imports_point_down() -> None:
             if floor_of(name) > floor_of(module)
         ]
     assert upwards == []
+
+
+def imports_of(top: Path) -> dict[str, set[str]]:
+    """Return which modules of a package each of them imports, for type checkers alone too."""
+    names = {
+        ".".join((top.name, *file.relative_to(top).with_suffix("").parts)).removesuffix(".__init__"): file
+        for file in top.rglob("*.py")
+    }
+    found: dict[str, set[str]] = {}
+    for module, file in names.items():
+        nodes = list(ast.walk(ast.parse(file.read_text(encoding="utf-8"))))
+        wanted = [alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names]
+        for node in nodes:
+            if isinstance(node, ast.ImportFrom):
+                of_it = (f"{node.module}.{alias.name}" for alias in node.names)
+                wanted += [name if name in names else str(node.module) for name in of_it]
+        found[module] = names.keys() & set(wanted)
+    return found
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_no_modules_import_each_other_in_a_circle_not_even_for_types(package: str) -> None:
+    imports = imports_of(ROOT / PACKAGES[package] / package)
+    for module, other in KNOWN_CIRCLES:
+        imports.get(module, set()).discard(other)
+    tuple(TopologicalSorter(imports).static_order())  # raises CycleError, which names the modules
+
+
+def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
+    (tmp_path / "pack").mkdir()
+    (tmp_path / "pack" / "a.py").write_text("from pack.b import f\n")
+    (tmp_path / "pack" / "b.py").write_text("if TYPE_CHECKING:\n    from pack.a import T\n")
+    with pytest.raises(CycleError):
+        tuple(TopologicalSorter(imports_of(tmp_path / "pack")).static_order())
 
 
 def test_few_modules_lie_at_the_root_of_the_sdk() -> None:

@@ -15,7 +15,7 @@ import torch
 from supersampler import __version__
 from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
-from supersampler.io.shot.json_keys import read_json
+from supersampler.io.json_fields import read_json
 from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_of

@@ -55,16 +55,16 @@ def _spread(tiles: Float32, height: int, width: int) -> Float32:
     return np.kron(tiles, np.ones((TILE, TILE), np.float32))[:height, :width]
 
 
-def class_colors(shares: Float32) -> Bytes:
-    """Mix the classes' colours by their shares; ghosting hides aliasing, and both have a colour of their own.
+def class_colors(probabilities: Float32) -> Bytes:
+    """Mix the classes' colours by their probabilities; aliased ghosting has a colour of its own.
 
     Args:
-        shares: (h, w, 6), see `StepResult.class_map`.
+        probabilities: (h, w, 6), see `StepResult.class_map`.
 
     Returns:
         (h, w, 3) uint8 sRGB.
     """
-    _, disoccluded, changed, plain, geometry, texture = (shares[..., i, None] for i in range(6))
+    _, disoccluded, changed, plain, geometry, texture = (probabilities[..., i, None] for i in range(6))
     colors = {name: np.array(color, np.float32) for name, color in CLASS_COLORS.items()}
     aliasing = plain * np.array(NO_CLASS) + geometry * colors["geometry"] + texture * colors["texture"]
     ghosting = plain * colors["visibility"] + (1.0 - plain) * colors["visibility, aliased"]

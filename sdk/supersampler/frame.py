@@ -31,7 +31,7 @@ _HALF_OR_SINGLE = (np.dtype(np.float16), *_SINGLE)
 class Frame:
     """One rendered frame at render size (w, h). Row 0 is the top row; x points right, y down.
 
-    Arrays are numpy arrays, or anything with DLPack (a torch tensor, say), which is brought to the host.
+    Arrays are numpy arrays, or anything with DLPack (a torch tensor, say), which is copied to the CPU.
     Shapes and types are always checked, pixel values never: `Upscaler(validate=...)` reads those.
 
     Attributes:
@@ -182,7 +182,7 @@ def checked_reset(reset: object) -> bool:
 def as_array(
     name: str, value: object, error: type[FrameError] | type[ArgumentError] = FrameError
 ) -> NDArray[Any]:
-    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the host.
+    """Return `value` as a numpy array, by DLPack where it is not one; device memory is copied to the CPU.
 
     Raises:
         FrameError: it is neither, has a mask, or is larger than an image may be; or `error` in its place.

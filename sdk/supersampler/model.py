@@ -25,9 +25,8 @@ from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.onnx.aovs import AovBlender, check_aovs
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import CPU, resolve_providers
-from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import pixels_of, session_options, vector_inputs
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, render_size_of, taken
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, graph_inputs, render_size_of, taken
 from supersampler.backends.plan import Plan
 from supersampler.conventions.ratios import check_ratio
 from supersampler.errors import ArgumentError, FrameError
@@ -127,11 +126,12 @@ class Model:
             want = f"what {info.method!r} has: a graph in {' or '.join(info.steps)}, or kernels, on the CPU"
             raise ArgumentError("executor", got=got, want=want, hint="Only graphs are captured." * capture)
         graph = OnnxExecutor(info, threads, names, kind, capture=capture)
-        on_extrapolated = (
-            None
-            if info.extrapolated is None
-            else _on_extrapolated(info.extrapolated, kind, graph.providers, threads)
-        )
+        if info.extrapolated is None:
+            return cls(info, graph, aov_blender, graph.providers, threads)
+        other = read_model_info(info.extrapolated)
+        steps = OnnxExecutor(other, threads, graph.providers, kind, capture=False)  # without run_tensors
+        blender = AovBlender(other, session_options(threads))
+        on_extrapolated = cls(other, steps, blender, steps.providers, threads)
         return cls(info, graph, aov_blender, graph.providers, threads, on_extrapolated)
 
     @property
@@ -273,14 +273,7 @@ class Model:
         check_histories(history, history_out, self._kind, self._executor.fits)
         jitter, exposure = checked_jitter(jitter), checked_exposure(exposure)
         vectors = vector_inputs(jitter, exposure, history.display_size)
-        given, tensors = {}, checked_tensors(tensors)
-        for tensor in self.info.inputs:
-            if tensor.name in vectors:
-                given[tensor.name] = ort.OrtValue.ortvalue_from_numpy(vectors[tensor.name])
-            elif tensor.name not in tensors:
-                raise FrameError(tensor.name, got=None, want=f"a tensor {tensor.shape}")
-            else:
-                given[tensor.name] = taken(tensors[tensor.name], tensor.name)
+        given = graph_inputs(self.info.inputs, checked_tensors(tensors), vectors)
         render_size = render_size_of(given["color"])
         check_ratio(self.info.ratios, render_size, history.display_size)
         next_history = self._prepared(history_out, history.display_size, render_size)
@@ -317,11 +310,9 @@ class Model:
 
         Any executor of the model can load them.
         """
-        names = [h.input.name for h in self.info.history]
-        copies: dict[str, NDArray[Any]] = {
-            name: np.array(self._executor.tensor(history.buffers, name)) for name in names
-        }
-        copies |= self._executor.memory(history.buffers)
+        buffers, names = history.buffers, [h.input.name for h in self.info.history]
+        copies = {name: np.array(self._executor.tensor(buffers, name)) for name in names}
+        copies |= self._executor.memory(buffers)
         return copies if history.aovs is None else {**copies, AOVS: history.aovs.copy()}
 
     def work(self, history: History) -> Float32:
@@ -406,9 +397,3 @@ class Model:
         if history is not None and self._executor.fits(history.buffers, display, render):
             return History(display, render, history.buffers, kind=self._kind)
         return self.first_history(display, render)
-
-
-def _on_extrapolated(folder: Path, precision: str, providers: list[str], threads: int) -> Model:
-    info = read_model_info(folder)
-    graph = OnnxExecutor(info, threads, providers, precision, capture=False)  # without run_tensors
-    return Model(info, graph, AovBlender(info, session_options(threads)), graph.providers, threads)

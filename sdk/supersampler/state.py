@@ -1,15 +1,16 @@
-"""`State`: a copy of what an Upscaler remembers."""
+"""What an Upscaler remembers: `Memory`, while it runs, and `State`, a copy to keep or send."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from numpy.typing import NDArray
 
 from supersampler.arguments import checked_size
 from supersampler.errors import ArgumentError
+from supersampler.extrapolation import ShadedHistory
 from supersampler.frame import Size
-from supersampler.history import History
+from supersampler.history import History, Stats
 
 if TYPE_CHECKING:
     from supersampler.model import Model
@@ -17,6 +18,24 @@ if TYPE_CHECKING:
 
 STATE_VERSION = 1
 """Version of what a State holds. Another one is refused: what its arrays mean may have changed."""
+
+
+class Memory(NamedTuple):
+    """What an Upscaler remembers. Replaced as a whole: an interrupted step changes all of it or nothing.
+
+    Attributes:
+        display_size: (width, height) of the images; with `scale` None until the first frame.
+        history: for the next frame; None where there is none.
+        spare: the history before, whose buffers the next step writes to.
+        shaded: what unshaded frames are extrapolated from.
+        stats: see `Upscaler`.
+    """
+
+    display_size: Size | None
+    history: History | None = None
+    spare: History | None = None
+    shaded: ShadedHistory | None = None
+    stats: Stats = Stats()
 
 
 @dataclass(frozen=True)

@@ -5,42 +5,24 @@ from collections.abc import Collection, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, NamedTuple, overload
+from typing import TYPE_CHECKING, overload
 
 from supersampler.arguments import checked_names, checked_path, checked_scale, checked_size
-from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors
+from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
 from supersampler.extrapolation import Extrapolation, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
-from supersampler.history import History, Stats, StepResult
+from supersampler.history import Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
 from supersampler.model import ExecutorName, Model, Precision, Skip
 from supersampler.planning import plan
 from supersampler.presets import PresetName, chosen, loaded_model
-from supersampler.state import State
+from supersampler.state import Memory, State
 from supersampler.validation import FrameChecker, Validate
 
 if TYPE_CHECKING:
     from supersampler.recording.recorder import Recorder
-
-
-class _Memory(NamedTuple):
-    """What an Upscaler remembers. Replaced as a whole: an interrupted step changes all of it or nothing.
-
-    Attributes:
-        display_size: (width, height) of the images; with `scale` None until the first frame.
-        history: for the next frame; None where there is none.
-        spare: the history before, whose buffers the next step writes to.
-        shaded: what unshaded frames are extrapolated from.
-        stats: see `Upscaler`.
-    """
-
-    display_size: Size | None
-    history: History | None = None
-    spare: History | None = None
-    shaded: ShadedHistory | None = None
-    stats: Stats = Stats()
 
 
 class Upscaler:
@@ -109,8 +91,7 @@ class Upscaler:
         if (display_size is None) == (scale is None):
             got = "neither" if scale is None else "both"
             raise ArgumentError("display_size or scale", got=got, want="one of the two")
-        if display_size is not None:
-            display_size = checked_size("display_size", display_size)
+        display_size = None if display_size is None else checked_size("display_size", display_size)
         self._scale = 1.0 if scale is None else checked_scale(scale)
         self._render_size = None if render_size is None else checked_size("render_size", render_size)
         self._checker = FrameChecker(validate)
@@ -119,7 +100,7 @@ class Upscaler:
         self.model = loaded_model(model, providers, threads, executor, precision, capture=capture)
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
-        self._memory = _Memory(display_size)
+        self._memory = Memory(display_size)
         self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
         self._on_extrapolated = self.model.on_extrapolated if self._extrapolation.infos else self.model
         infos = (self.model.info, self._on_extrapolated.info, *self._extrapolation.infos)
@@ -131,14 +112,8 @@ class Upscaler:
             from supersampler.recording import recorder
             from supersampler.recording.setup import setup_here
 
-            setup = setup_here(
-                self.model,
-                self._extrapolation.infos,
-                display_size=display_size,
-                scale=self._scale,
-                skip=self.skip,
-                validate=validate,
-            )
+            made = {"display_size": display_size, "scale": self._scale, "skip": self.skip}
+            setup = setup_here(self.model, self._extrapolation.infos, **made, validate=validate)
             self._recorder = recorder.Recorder(record, setup, inputs)
 
     plan = staticmethod(plan)
@@ -304,8 +279,6 @@ class Upscaler:
         if self._on_extrapolated is not self.model:
             self._on_extrapolated.run(frame, history)
         if self.model.capture:
-            from supersampler.recording.tensors import tensors_of_frame  # with it come image files
-
             tensors = tensors_of_frame(frame, self.model.device)
             self.model.run_tensors(tensors, history, jitter=frame.jitter)
 
@@ -331,12 +304,12 @@ class Upscaler:
         shaded = self._extrapolation.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
-        self._memory = _Memory(state.display_size, history, None, shaded, self.stats)
+        self._memory = Memory(state.display_size, history, None, shaded, self.stats)
         self._checker.reset()
 
     def close(self) -> None:
         """Free the history, and end the recording; all but `close` raise ArgumentError afterwards."""
-        self._memory = _Memory(self.display_size, stats=self.stats)
+        self._memory = Memory(self.display_size, stats=self.stats)
         self._closed = True
         if self._recorder is not None:
             self._recorder.close()
@@ -351,9 +324,8 @@ class Upscaler:
         self.close()
 
     def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> Float32 | StepResult:
-        shaded = None
-        if frame.color is not None:
-            shaded = self._extrapolation.after_shaded(frame, self._memory.shaded)
+        before = self._memory.shaded
+        shaded = None if frame.color is None else self._extrapolation.after_shaded(frame, before)
         return self._upscaled(self.model, frame, frame, shaded, out, outputs)
 
     def _extrapolate(
@@ -361,8 +333,8 @@ class Upscaler:
     ) -> Float32 | StepResult:
         started = time.perf_counter()
         shaded_frame, shaded = self._extrapolation.extrapolate(frame, self._memory.shaded)
-        seconds = time.perf_counter() - started
-        return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, seconds)
+        took = time.perf_counter() - started
+        return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, took)
 
     def _upscaled(
         self,
@@ -391,7 +363,7 @@ class Upscaler:
             seconds=time.perf_counter() - started,
             extrapolation_seconds=extrapolation_seconds,
         )
-        self._memory = _Memory(display, next_history, history, shaded, stats)
+        self._memory = Memory(display, next_history, history, shaded, stats)
         return result if outputs else result.image
 
     def _step_tensors(
@@ -412,9 +384,8 @@ class Upscaler:
         image, next_history = self.model.run_tensors(
             tensors, history, jitter=jitter, exposure=exposure, out=out, history_out=memory.spare
         )
-        seconds = time.perf_counter() - started
-        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=seconds)
-        self._memory = _Memory(display, next_history, history, None, stats)
+        stats = memory.stats.after_step(fresh=kept is None, work=1.0, seconds=time.perf_counter() - started)
+        self._memory = Memory(display, next_history, history, None, stats)
         return image
 
     def _check_open(self) -> None:

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from fuzzing import damaged, examples, replaced, run_apart
+from recorded_files import with_hashes
 from still_states import FRAMES, frame, loaded, still_state
 from supersampler import Upscaler
 from supersampler.recording import open_recording
@@ -59,7 +60,7 @@ def hostile(files: dict[str, bytes], rng: Rng) -> dict[str, bytes]:
                 files[name] = damaged(files[name], rng)
                 continue
         files["calls.jsonl"] = b"".join(line + b"\n" for line in lines)
-    return files
+    return with_hashes(files) if rng.random() < 0.9 else files
 
 
 def _changed(text: bytes, rng: Rng) -> bytes:

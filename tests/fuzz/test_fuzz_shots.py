@@ -107,9 +107,13 @@ def change(shot: Path, text: str, other: str) -> None:
 
 
 CHANGES = {
-    "a number without end": ('"frame_rate": 30.0', f'"frame_rate": {10**400}', '"frame_rate" of the file'),
-    "an exposure without end": ('"exposure": 0.5', f'"exposure": {10**400}', '"exposure" of frame 1'),
-    "a jitter without end": ('"jitter": [', f'"jitter": [{10**400}, 0], "x": [', '"jitter" of frame 0'),
+    "a number without end": ('"frame_rate": 30.0', f'"frame_rate": {10**400}', "frame_rate is "),
+    "an exposure without end": ('"exposure": 0.5', f'"exposure": {10**400}', r"frames\[1\].exposure is"),
+    "a jitter without end": (
+        '"jitter": [',
+        f'"jitter": [{10**400}, 0], "reference": [',
+        r"jitter\[0\] is",
+    ),
     "a huge size": ('"render_size": [32, 18]', f'"render_size": [{10**9}, {10**9}]', "each at most 32768"),
     "many pixels": ('"display_size": [64, 36]', '"display_size": [32768, 32768]', "134217728 pixels"),
     "a long name": ('"0001.exr"', f'"{"a" * 300}.exr"', "names of at most 255 bytes"),
@@ -133,7 +137,7 @@ def test_a_description_that_never_ends_or_is_too_large_is_refused(
     shot: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with monkeypatch.context() as patch:
-        patch.setattr("supersampler.io.shot.json_keys.JSON_BYTES", 100)
+        patch.setattr("supersampler.io.json_fields.JSON_BYTES", 100)
         with pytest.raises(ShotError, match="is larger than"):
             Shot.open(shot)
     (shot / "shot.json").unlink()

@@ -19,6 +19,7 @@ from supersampler import ArgumentError, Frame, FrameError, Model, Upscaler
 from supersampler.backends.onnx.cuda_graph import with_display_size
 from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import NAMES, capturing
+from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import ProviderError
 from supersampler.methods.model_file import (
     extents,
@@ -27,7 +28,6 @@ from supersampler.methods.model_file import (
     model_names,
     read_model_info,
 )
-from supersampler.recording.tensors import tensors_of_frame
 
 DISPLAY = (63, 35)
 METHODS = ["bilinear", "taau", "classifier-small"]

@@ -13,12 +13,12 @@ from gbuffer_method import DARK, RATIO, WANTED, exported, gbuffers, lit
 from noise import noise
 from supersampler import ArgumentError, Conventions, Frame, FrameError, Model, RawFrame, Upscaler
 from supersampler.backends.onnx.session import image_of, planes_of
+from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import FrameWarning
 from supersampler.frame import Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped, listed, names_of
 from supersampler.recording import StepCall, open_recording
 from supersampler.recording.replay import Replay
-from supersampler.recording.tensors import tensors_of_frame
 from supersampler.validation import FrameChecker
 
 RENDER, DISPLAY = (32, 18), (64, 36)

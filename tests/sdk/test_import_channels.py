@@ -69,7 +69,7 @@ def test_the_map_can_lie_in_the_folder(tmp_path: Path) -> None:
             r"channels\.json: will not do: channel_map\['color'\] is \['R'\]; want 3",
         ),
         ({"channels": {"color": 3}}, r"channel_map\['color'\] is 3; want 3 channel names"),
-        ({"channel": {}}, r'channels\.json: the file has the unknown key "channel"'),
+        ({"channel": {}}, r"channels\.json: the file has the unknown key 'channel'"),
         ({"cuts": ["a"]}, r"channels\.json: will not do: cuts is \['a'\]; want indices of frames, 0 to 0"),
     ],
 )

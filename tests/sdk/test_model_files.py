@@ -115,14 +115,14 @@ def test_a_field_of_model_json_that_is_not_as_it_must_be_is_named(
 @pytest.mark.parametrize(
     ("content", "match"),
     [
-        (b"[" * 100_000, "RecursionError"),
+        (b"[" * 100_000, "is not JSON"),
         (b"[]", "want an object"),
-        (b"\xff", "UnicodeDecodeError"),
+        (b"\xff", "is not JSON"),
         (b'{"contract": NaN}', "not finite"),
         (b'{"contract": 1e999}', "not finite"),
         (b"9" * 5000, "digits"),
         (b" " * (MAX_DESCRIPTION + 1), "larger than"),
-        (b"", "not a model description"),
+        (b"", "is not JSON"),
     ],
 )
 def test_a_model_json_that_is_none_is_refused(content: bytes, match: str, folder: Path) -> None:
@@ -134,7 +134,7 @@ def test_a_model_json_that_is_none_is_refused(content: bytes, match: str, folder
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="no named pipes here")
 def test_what_is_no_file_is_not_waited_for(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "model.json")
-    with pytest.raises(ModelError, match="no such file"):
+    with pytest.raises(ModelError, match="is no regular file"):
         read_fields(tmp_path / "model.json", 10)
 
 

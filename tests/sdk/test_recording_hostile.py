@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from noise import noise
+from recorded_files import mend_hashes
 from supersampler import ArgumentError, Model, Upscaler
 from supersampler.errors import RecordingError
 from supersampler.io.images import write_exr
@@ -19,6 +20,7 @@ from supersampler.recording.recording import MAX_LINE
 from supersampler.recording.replay import Replay
 
 FRAME = {"file": "0000.exr", "jitter": [0, 0], "render_size": [32, 18]}
+STEP = {"call": "step", "outputs": [], "sha256": dict.fromkeys(("0000.exr", "0009.exr", "shot.json"), "")}
 STATE = {"method": "taau", "history": False, "shaded": False, "version": 1}
 
 
@@ -44,12 +46,11 @@ def recorded(model: Model, file: Path) -> Upscaler:
         {"threads": -1},
         {"threads": 10**6},
         {"threads": 1.5},
-        {"threads": float("inf")},
         {"display_size": [2**40, 2**40]},
         {"display_size": "ab"},
-        {"scale": float("nan")},
+        {"scale": 0.5},
         {"scale": 1e300},
-        {"skip": float("nan")},
+        {"skip": 2.0},
         {"skip": "never"},
         {"executor": "gpu"},
         {"precision": []},
@@ -77,26 +78,31 @@ def append(file: Path, *lines: object) -> None:
 @pytest.mark.parametrize(
     ("line", "message"),
     [
-        ({"call": "explode"}, '"call" of line 4 is "explode"'),
-        ({"call": 1}, '"call" of line 4 is 1'),
-        ({}, 'line 4 has no "call"'),
+        ({"call": "explode"}, "line 4.call is 'explode'"),
+        ({"call": 1}, "line 4.call is 1"),
+        ({}, "line 4 has no 'call'"),
         ([], "line 4 is "),
-        ({"call": "step"}, 'no "frame"'),
-        ({"call": "step", "frame": 1}, '"frame" of line 4 is 1'),
-        ({"call": "step", "frame": {**FRAME, "file": "../0000.exr"}}, '"file"'),
-        ({"call": "step", "frame": {**FRAME, "file": "/etc/passwd"}}, '"file"'),
-        ({"call": "step", "frame": {**FRAME, "file": "0009.exr"}}, "no such file"),
-        ({"call": "step", "frame": {**FRAME, "file": "shot.json"}}, "is not an EXR image"),
-        ({"call": "step", "frame": {**FRAME, "jitter": [9, 9]}}, "frame.jitter"),
-        ({"call": "step", "frame": {**FRAME, "jitter": [0, 10**400]}}, '"jitter"'),
-        ({"call": "step", "frame": {**FRAME, "exposure": float("nan")}}, "frame.exposure"),
-        ({"call": "step", "frame": {**FRAME, "render_size": [18, 32]}}, "32x18"),
-        ({"call": "step", "frame": {**FRAME, "render_size": None}}, "render_size"),
-        ({"call": "step", "frame": {**FRAME, "surprise": 1}}, "surprise"),
-        ({"call": "step", "frame": FRAME, "outputs": "aovs"}, '"outputs"'),
-        ({"call": "load_state", **STATE}, "no such file"),
-        ({"call": "close"}, '"image"'),
-        ({"call": "close", "image": 7}, '"image"'),
+        (STEP, "no 'frame'"),
+        ({**STEP, "frame": 1}, "line 4.frame is 1"),
+        ({**STEP, "frame": {**FRAME, "file": "../0000.exr"}}, "file is "),
+        ({**STEP, "frame": {**FRAME, "file": "/etc/passwd"}}, "file is "),
+        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}}, "is missing"),
+        ({**STEP, "frame": {**FRAME, "file": "0001.exr"}}, "sha256 has no '0001.exr'"),
+        ({**STEP, "frame": {**FRAME, "file": "shot.json"}}, "is not an EXR image"),
+        ({**STEP, "frame": {**FRAME, "jitter": [9, 9]}}, "frame.jitter"),
+        ({**STEP, "frame": {**FRAME, "jitter": [0, 10**400]}}, "jitter"),
+        ({**STEP, "frame": {**FRAME, "exposure": float("nan")}}, "NaN is not finite"),
+        ({**STEP, "frame": {**FRAME, "exposure": -1.0}}, "frame.exposure"),
+        ({**STEP, "frame": {**FRAME, "render_size": [18, 32]}}, "32x18"),
+        ({**STEP, "frame": {**FRAME, "render_size": None}}, "render_size"),
+        ({**STEP, "frame": {**FRAME, "surprise": 1}}, "surprise"),
+        ({**STEP, "frame": FRAME, "outputs": "aovs"}, "outputs is 'aovs'"),
+        ({**STEP, "frame": {**FRAME, "file": "0009.exr"}, "sha256": {"0009.exr": 7}}, "is 7; want str"),
+        ({**STEP, "frame": FRAME, "sha256": []}, r"sha256 is \[\]"),
+        ({"call": "load_state", **STATE, "sha256": {"states/0000.safetensors": ""}}, "is missing"),
+        ({"call": "load_state", **STATE}, "no 'sha256'"),
+        ({"call": "close", "sha256": {}}, "sha256 has no 'last.exr'"),
+        ({"call": "close", "sha256": 7}, "sha256 is 7"),
     ],
 )
 def test_a_line_that_no_upscaler_writes_is_refused(
@@ -104,6 +110,7 @@ def test_a_line_that_no_upscaler_writes_is_refused(
 ) -> None:
     recorded(taau, file).close()
     append(file, line)
+    mend_hashes(file)
     with pytest.raises(RecordingError, match=message):
         list(open_recording(file))
 
@@ -142,7 +149,8 @@ def test_a_state_that_no_upscaler_has_is_refused(changes: dict[str, Any], taau: 
 )
 def test_an_outcome_that_no_step_has_is_refused(outcome: object, taau: Model, file: Path) -> None:
     recorded(taau, file).close()
-    append(file, {"call": "step", "frame": FRAME}, outcome)
+    append(file, {**STEP, "frame": FRAME}, outcome)
+    mend_hashes(file)
     with pytest.raises(RecordingError, match="line 5"):
         list(open_recording(file))
 
@@ -178,6 +186,19 @@ def test_a_pipe_in_place_of_a_file_is_refused(name: str, taau: Model, file: Path
         list(open_recording(file))
 
 
+@pytest.mark.parametrize("name", ["0000.exr", "sampled/0000.exr", "states/0000.safetensors", "last.exr"])
+def test_a_flipped_bit_in_pixels_or_arrays_is_found(name: str, taau: Model, file: Path) -> None:
+    upscaler = recorded(taau, file)
+    upscaler.load_state(upscaler.save_state())
+    upscaler.close()
+    assert len(list(open_recording(file))) == 3
+    data = bytearray((file / name).read_bytes())
+    data[-7] ^= 1
+    (file / name).write_bytes(data)
+    with pytest.raises(RecordingError, match=f"{name}: is not as it was recorded"):
+        list(open_recording(file))
+
+
 def test_a_state_in_a_recording_is_checked_as_any_state(taau: Model, file: Path) -> None:
     upscaler = recorded(taau, file)
     upscaler.load_state(upscaler.save_state())
@@ -185,6 +206,7 @@ def test_a_state_in_a_recording_is_checked_as_any_state(taau: Model, file: Path)
     path = file / "states" / "0000.safetensors"
     arrays = {name: np.array(array) for name, array in open_safetensors(path)[0].items()}
     write_safetensors(path, {**arrays, "history.surface": arrays["history.surface"][..., 1:]})
+    mend_hashes(file)
     replay = Replay(open_recording(file))
     with pytest.raises(ArgumentError, match=r"state is with 'history\.surface'"):
         list(map(replay.call, replay.recording))
@@ -195,6 +217,7 @@ def test_pixels_of_another_size_are_beyond_tolerance(taau: Model, file: Path) ->
     write_exr(file / "sampled" / "0000.exr", np.zeros((2, 2, 3), np.float16))
     log = (file / "calls.jsonl").read_text()
     (file / "calls.jsonl").write_text(re.sub(r'"image": \d+', '"image": 1', log))
+    mend_hashes(file)
     replay = Replay(open_recording(file))
     (step,) = filter(None, map(replay.call, replay.recording))
     assert (step.exact, step.within) == (False, False)

@@ -133,7 +133,7 @@ def test_a_damaged_file_is_an_error_after_what_is_to_be_said_of_the_frames_befor
     done = run("replay", file)
     assert done.exit_code == 1
     assert f"{COUNT} of {COUNT} frames are bit for bit" in done.stdout
-    assert "last.exr: is not an EXR image" in done.stderr
+    assert "last.exr: is not as it was recorded" in done.stderr
 
 
 def test_a_strangers_file_has_no_say_over_the_terminal(file: Path) -> None:

@@ -290,7 +290,7 @@ def test_a_damaged_model_folder_is_refused(tmp_path: Path, models: dict[str, Mod
     with pytest.raises(ModelError, match="contract is 99; this runtime drives 2"):
         Model.load(folder)
     (folder / "model.json").write_text("{")
-    with pytest.raises(ModelError, match="not a model description"):
+    with pytest.raises(ModelError, match="is not JSON"):
         Model.load(folder)
 
 

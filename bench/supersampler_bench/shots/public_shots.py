@@ -13,8 +13,8 @@ from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Size
 from supersampler.io.atomic import replacing
+from supersampler.io.json_fields import read_json
 from supersampler.io.shot import Shot
-from supersampler.io.shot.json_keys import read_json
 from supersampler_model.data.shots import variant_name
 
 NAME = "test-shots"

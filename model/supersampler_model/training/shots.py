@@ -45,7 +45,9 @@ def dataset_of_shots(
     assert size is not None  # noqa: S101 - the loop has seen to it
     entries = tuple(
         SequenceEntry(
-            spec=SequenceSpec(family=FAMILY, seed=index, frames=len(shot), frame_rate=shot.frame_rate),
+            spec=SequenceSpec(
+                family=FAMILY, seed=index, frames=len(shot), frame_rate=shot.frame_rate or 30.0
+            ),
             ratio=size[0] / shot.render_size[0],
             split=split,
         )

@@ -125,7 +125,7 @@ def _conventions(text: str) -> "Conventions":
 
 
 def _read_json(path: Path, option: str) -> dict[str, Any]:
-    from supersampler.io.shot.json_keys import read_json
+    from supersampler.io.json_fields import read_json
 
     try:
         content = read_json(path)

@@ -132,7 +132,7 @@ def _shot_rows(shot: "Shot") -> dict[str, str]:
     return {
         "shot": shot.name,
         "folder": str(shot.path),
-        "frames": f"{len(shot)} at {shot.frame_rate:g} a second",
+        "frames": f"{len(shot)}" + (f" at {shot.frame_rate:g} a second" if shot.frame_rate else ""),
         "render size": size_text(shot.render_size),
         "display size": size_text(shot.display_size),
         "references": f"{len(shot.reference_indices)} frames",

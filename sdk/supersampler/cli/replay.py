@@ -1,6 +1,7 @@
 """`supersampler replay`."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -18,7 +19,7 @@ from supersampler.cli.arguments import (
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
     from supersampler.recording import Call
-    from supersampler.recording.replay import Replay, Replayed, Summary
+    from supersampler.recording.replay import Replay, Replayed
 
 
 def replay(
@@ -65,7 +66,7 @@ def replay(
       supersampler replay kitchen.recording -o out --format png --executor onnx
     """  # noqa: D301  # \b is click's mark for lines that are not to be joined
     from supersampler.recording import open_recording
-    from supersampler.recording.replay import Replay, Summary
+    from supersampler.recording.replay import Replay
 
     replayed = Replay(
         open_recording(recording),
@@ -77,15 +78,15 @@ def replay(
     )
     formats = sorted({item.value for item in format or [Format.exr]})
     results = None if output is None else _begun(replayed, output, formats, overwrite=overwrite)
-    summary = Summary()
+    steps: list[Replayed] = []
     for line in _heads(replayed):
         _say(line)
     try:
-        _run(replayed, summary, results)
+        _run(replayed, steps, results)
     finally:  # also of the frames before a damaged file
-        for line in _verdict(replayed, summary):
+        for line in _verdict(replayed, steps):
             _say(line)
-    if summary.beyond is not None:
+    if not all(step.within for step in steps):
         raise typer.Exit(1)
 
 
@@ -143,8 +144,8 @@ def _place(
     return f"{provider} ({executor}, {precision}); {packages}; {where}"
 
 
-def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> None:
-    """Make all calls; print, count and write their outcomes."""
+def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:
+    """Make all calls; print, keep and write their outcomes."""
     from rich.console import Console
 
     from supersampler.cli.frame_warnings import frame_warnings
@@ -156,10 +157,10 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
     for call in replay.recording:
         if isinstance(call, StepCall) and call.outcome is None:  # it may end this process, too
             _say(f"frame {call.index}: its outcome was not recorded")
-        with frame_warnings(console, summary.steps):
+        with frame_warnings(console, len(steps)):
             step = replay.call(call)
         if step is not None:
-            summary.add(step)
+            steps.append(replace(step, result=None))
             if step.note:
                 _say(f"frame {step.index}: {step.note}")
             if step.result is not None:
@@ -172,23 +173,28 @@ def _run(replay: "Replay", summary: "Summary", results: "Results | None") -> Non
         results.write_recorded(last.index, call.image, last.exposure)
 
 
-def _verdict(replay: "Replay", summary: "Summary") -> Iterator[str]:
+def _verdict(replay: "Replay", steps: "list[Replayed]") -> Iterator[str]:
     """Return lines that say whether images differ, from which frame on, and by how much."""
     if not replay.is_recorded_model:
         yield "The model is not the recorded one: images are bound to differ."
-    same = f"{summary.exact} of {summary.steps - summary.unknown} frames are bit for bit what they were"
-    if summary.first is None:
+    known = [step for step in steps if step.exact is not None]
+    differ = [step for step in known if not step.exact]
+    same = f"{len(known) - len(differ)} of {len(known)} frames are bit for bit what they were"
+    if not differ:
         yield f"{same}."
         return
-    yield f"{same}; frame {summary.first} is the first that is not."
-    apart, tolerance = summary.apart, replay.tolerance
-    if summary.largest is not None:
+    yield f"{same}; frame {differ[0].index} is the first that is not."
+    apart = {step.index: step.difference for step in differ if step.difference is not None}
+    if apart:
+        frame = max(apart, key=lambda index: apart[index].largest)
+        mean, most = (max(getattr(d, name) for d in apart.values()) for name in ("mean", "most"))
         yield (
-            f"Largest difference: {apart.largest:.2g} of [0, 1] on a screen, in frame {summary.largest}; "
-            f"mean up to {apart.mean:.2g}, at 99 % up to {apart.most:.2g}."
+            f"Largest difference: {apart[frame].largest:.2g} of [0, 1] on a screen, in frame {frame}; "
+            f"mean up to {mean:.2g}, at 99 % up to {most:.2g}."
         )
-    limits = f"mean {tolerance.mean:.2g}, at 99 % {tolerance.most:.2g}"
-    if summary.beyond is None:
-        yield f"That is within tolerance: {limits}."
+    limits = f"mean {replay.tolerance.mean:.2g}, at 99 % {replay.tolerance.most:.2g}"
+    beyond = [step.index for step in differ if not step.within]
+    if beyond:
+        yield f"Frame {beyond[0]} is the first beyond tolerance: {limits}."
     else:
-        yield f"Frame {summary.beyond} is the first beyond tolerance: {limits}."
+        yield f"That is within tolerance: {limits}."

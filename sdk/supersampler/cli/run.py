@@ -49,7 +49,7 @@ COMPARE_FRAMES = 64
 """A page holds the last so many frames: with more, browsers load it slowly."""
 
 _NOTES = (
-    "Pictures as a screen shows them: exposure, c / (1 + max(r, g, b)), sRGB; JPEG of quality 92, small ones "
+    "Images as a screen shows them: exposure, c / (1 + max(r, g, b)), sRGB; JPEG of quality 92, small ones "
     "PNG. The input is as rendered, with its jitter.",
     "error: mean over r, g, b of |output − reference| of these images. PSNR: of the same before they are "
     "rounded to 8 bits, whole frame.",
@@ -204,7 +204,7 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
     job.console.print(f"{stats.frames} frames in {seconds:.1f} s: {rates}")
     if stats.extrapolated:
         each = stats.extrapolation_seconds / stats.extrapolated
-        job.console.print(f"{stats.extrapolated} were not shaded; drawing one took {each:.2f} s")
+        job.console.print(f"{stats.extrapolated} were not shaded; extrapolating one took {each:.2f} s")
     if stats.work < stats.frames:
         job.console.print(f"{1 - stats.work / stats.frames:.0%} of the work was skipped: nothing moved.")
 
@@ -244,7 +244,7 @@ def _page(
         title=shot.name,
         method=info.method,
         display_size=display_size,
-        frame_rate=shot.frame_rate,
+        frame_rate=shot.frame_rate or 30.0,
         facts=facts,
         legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],

@@ -15,7 +15,7 @@ from typing import Any
 
 from supersampler.errors import ShotError
 from supersampler.io.atomic import is_own_folder, is_regular, is_there, replacing
-from supersampler.io.shot.json_keys import read_json
+from supersampler.io.json_fields import read_json
 
 FILE_NAME = "upscale.json"
 PAGE = "compare.html"

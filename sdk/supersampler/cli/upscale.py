@@ -77,7 +77,7 @@ def upscale(
         str | None,
         typer.Option(
             metavar="MODEL",
-            help="Draws frames of SHOT that were not shaded: guided-warp, or a model folder. "
+            help="Extrapolates frames of SHOT that were not shaded: guided-warp, or a model folder. "
             "All frames need G-buffers.",
         ),
     ] = None,

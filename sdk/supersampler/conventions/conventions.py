@@ -2,29 +2,16 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
-from typing import Any, Literal, Self, get_args
+from typing import Any, Self
 
-from supersampler.arguments import as_number, checked_choice
 from supersampler.conventions.converter import Converter
-from supersampler.conventions.depth import DepthKind
+from supersampler.conventions.fields import ConventionFields
 from supersampler.errors import ArgumentError, did_you_mean, shown
 from supersampler.frame import Size
 
-Unit = Literal["pixels", "uv", "ndc"]
-Direction = Literal["previous_minus_current", "current_minus_previous"]
-Resolution = Literal["render", "display"]
-
-_CHOICES: Mapping[str, tuple[str, ...]] = {
-    "motion_unit": get_args(Unit), "motion_direction": get_args(Direction),
-    "motion_resolution": get_args(Resolution), "depth": get_args(DepthKind), "jitter_unit": get_args(Unit),
-}  # fmt: skip
-_LEAST, _MOST = 1e-30, 1e30  # that single precision, in which frames are converted, multiplies and divides by
-_RANGE = f"{_LEAST:g} to {_MOST:g}"
-_SWITCHES = ("motion_flip_y", "motion_jittered", "jitter_flip_y", "bottom_up", "srgb")
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, repr=False)
-class Conventions:
+class Conventions(ConventionFields):
     """How to read an engine's frame. The defaults are this package's own conventions, those of `Frame`.
 
     Units: "pixels" are those of the buffer's own grid; "uv" spans the image from 0 to 1, "ndc" from -1 to 1.
@@ -34,8 +21,8 @@ class Conventions:
         motion_unit: unit of the vectors after `motion_scale`.
         motion_scale: (x, y), not 0. Multiplied in first: FSR's motionVectorScale, Streamline's mvecScale,
             XeSS's velocity scale.
-        motion_direction: "previous_minus_current" vectors are added to a pixel to find its past,
-            "current_minus_previous" ones are subtracted.
+        motion_direction: "previous_minus_current" vectors are added to a pixel to find it in the previous
+            frame, "current_minus_previous" ones are subtracted.
         motion_flip_y: True where the vectors' y points the other way than their unit says.
         motion_resolution: "render"; or "display": vectors at display size, already dilated. Each render pixel
             takes the one at its centre + jitter.
@@ -57,53 +44,6 @@ class Conventions:
     Raises:
         ArgumentError: a field has a value that is not listed, or contradicts another.
     """
-
-    motion_unit: Unit = "pixels"
-    motion_scale: tuple[float, float] = (1.0, 1.0)
-    motion_direction: Direction = "previous_minus_current"
-    motion_flip_y: bool = False
-    motion_resolution: Resolution = "render"
-    motion_jittered: bool = False
-    depth: DepthKind = "reversed_infinite"
-    near: float = 0.1
-    far: float | None = None
-    jitter_unit: Unit = "pixels"
-    jitter_sign: int = 1
-    jitter_flip_y: bool = False
-    bottom_up: bool = False
-    srgb: bool = False
-
-    def __post_init__(self) -> None:
-        for name, choices in _CHOICES.items():
-            checked_choice(name, getattr(self, name), choices)
-        for name in _SWITCHES:
-            if not isinstance(getattr(self, name), bool):
-                raise ArgumentError(name, got=shown(getattr(self, name)), want="True or False")
-        if _number(self.jitter_sign) not in (1.0, -1.0):
-            raise ArgumentError("jitter_sign", got=shown(self.jitter_sign), want="+1 or -1")
-        object.__setattr__(self, "motion_scale", _checked_scale(self.motion_scale))
-        self._check_planes()
-
-    def _check_planes(self) -> None:
-        if not _is_usable(self.near) or self.near <= 0:
-            hint = "near is the distance of the near plane, also where depth is reversed."
-            raise ArgumentError(
-                "near", got=shown(self.near), want=f"a finite distance > 0, {_RANGE}", hint=hint
-            )
-        if self.far is None:
-            if self.depth in ("reversed", "forward"):
-                hint = f"Without a far plane it is depth='{self.depth}_infinite'."
-                raise ArgumentError(
-                    "far", got=None, want=f"a distance, as depth is '{self.depth}'", hint=hint
-                )
-            return
-        if not _is_usable(self.far) or self.far <= self.near:
-            hint = "far is the farther plane, also where depth is reversed."
-            raise ArgumentError(
-                "far", got=shown(self.far), want=f"finite and > near = {self.near}, or None", hint=hint
-            )
-        if self.depth.endswith("infinite"):
-            raise ArgumentError("far", got=self.far, want=f"None, as depth is '{self.depth}'")
 
     def __repr__(self) -> str:
         """Return the call that makes this value, without what is as by default."""
@@ -244,20 +184,3 @@ class Conventions:
         """
         preset = {"motion_direction": "current_minus_previous", "depth": "forward_infinite"}
         return cls._preset(preset, overrides)
-
-
-def _number(value: object) -> float | None:
-    """One of Python, which JSON can hold."""
-    return as_number(value) if isinstance(value, int | float) else None
-
-
-def _is_usable(value: object) -> bool:
-    number = _number(value)
-    return number is not None and _LEAST <= abs(number) <= _MOST
-
-
-def _checked_scale(scale: object) -> tuple[float, float]:
-    if isinstance(scale, tuple | list) and len(scale) == 2 and all(map(_is_usable, scale)):
-        return float(scale[0]), float(scale[1])
-    want = f"(x, y), two finite numbers that are not 0, {_RANGE}"
-    raise ArgumentError("motion_scale", got=shown(scale), want=want)

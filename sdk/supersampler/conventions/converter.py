@@ -1,9 +1,7 @@
 """`RawFrame` to `Frame` and back, following the frames of one sequence."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,6 +9,7 @@ from numpy.typing import NDArray
 from supersampler.arguments import checked_size
 from supersampler.conventions.depth import from_reversed_infinite, to_reversed_infinite
 from supersampler.conventions.factors import jitter_factor, motion_factor
+from supersampler.conventions.fields import ConventionFields
 from supersampler.conventions.raw_frame import RawFrame
 from supersampler.conventions.srgb import srgb_decoded, srgb_encoded
 from supersampler.errors import ArgumentError, FrameError, shown
@@ -26,9 +25,6 @@ from supersampler.frame import (
     pair_of,
 )
 
-if TYPE_CHECKING:
-    from supersampler.conventions.conventions import Conventions
-
 _Pair = tuple[float, float]
 
 
@@ -39,7 +35,7 @@ class Converter:
     that is refused does not count as seen. The two directions are independent of each other.
     """
 
-    def __init__(self, conventions: Conventions, *, display_size: Size | None = None) -> None:
+    def __init__(self, conventions: ConventionFields, *, display_size: Size | None = None) -> None:
         self.conventions = conventions
         self.display_size = None if display_size is None else checked_size("display_size", display_size)
         self._previous_in: _Pair | None = None  # in UV, as the render size may change

@@ -1,16 +1,10 @@
 """What vectors and offsets are multiplied by to be in render pixels, x right and y down."""
 
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
+from supersampler.conventions.fields import ConventionFields
 from supersampler.frame import Size
 
-if TYPE_CHECKING:
-    from supersampler.conventions.conventions import Conventions
 
-
-def motion_factor(conventions: Conventions, size: Size, own_size: Size) -> tuple[float, float]:
+def motion_factor(conventions: ConventionFields, size: Size, own_size: Size) -> tuple[float, float]:
     """Return (x, y) that brings a stored vector to render pixels, previous minus current.
 
     Args:
@@ -24,7 +18,7 @@ def motion_factor(conventions: Conventions, size: Size, own_size: Size) -> tuple
     return sign * scale_x * x, sign * scale_y * (-y if conventions.motion_flip_y else y)
 
 
-def jitter_factor(conventions: Conventions, size: Size) -> tuple[float, float]:
+def jitter_factor(conventions: ConventionFields, size: Size) -> tuple[float, float]:
     """Return (x, y) that brings a stored jitter to render pixels from the pixel's centre to the sample."""
     x, y = _pixels_per_unit(conventions.jitter_unit, size, size)
     sign = conventions.jitter_sign

@@ -19,7 +19,7 @@ class RawFrame:
         exposure: > 0, multiplies the colour before the tone curve, or None.
         gbuffer: at render size, names as in `Frame`.
         gbuffer_display: at display size, names as in `Frame`; its depth is of the same kind as `depth`.
-        carry: (h, w, k) at render size.
+        aovs: (h, w, k) at render size.
     """
 
     depth: Array

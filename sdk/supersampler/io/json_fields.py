@@ -3,65 +3,92 @@
 import json
 import math
 import reprlib
-from collections.abc import Iterator
+from collections.abc import Callable, Collection, Iterator
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
-from supersampler.errors import ModelError
+from supersampler.errors import ModelError, ShotError
+from supersampler.frame import Size
+from supersampler.io.limits import IMAGE_PIXELS, IMAGE_SIDE, JSON_BYTES, image_size_problem
+
+_Value = TypeVar("_Value")
+_Default = TypeVar("_Default")
+_MAX_FLOAT = 1e308
 
 
 class Field:
-    """A value of a JSON file, and where it is: `history[2].shape`."""
+    """A value of a JSON file, and where it is: `history[2].shape`.
 
-    def __init__(self, path: Path, place: str, value: Any) -> None:
-        self.path, self.place, self.value = path, place, value
+    Args:
+        path: the file.
+        place: of the value; "the file" for all of it.
+        value: as JSON gives it.
+        error: makes the error to raise, of the file and the problem; a ShotError where None.
+    """
+
+    def __init__(
+        self, path: Path, place: str, value: Any, error: Callable[[Path, str], Exception] | None = None
+    ) -> None:
+        self.path, self.place, self.value, self._error = path, place, value, error or _shot_error
 
     def refuse(self, want: str) -> NoReturn:
-        """Raise ModelError: it is not what is wanted."""
-        got = reprlib.repr(self.value)
-        raise ModelError(f"{self.path}: {self.place} is {got}; want {want}. Export the model again.")
+        """Raise the error: the value is not what is wanted."""
+        raise self._error(self.path, f"{self.place} is {reprlib.repr(self.value)}; want {want}")
 
     def __getitem__(self, name: str) -> "Field":
         """A member that must be there."""
         member = self.optional(name)
         if member is None:
-            raise ModelError(
-                f"{self.path}: {self.place} has no {name!r}; docs/contract.md lists what it has. "
-                "Export the model again."
-            )
+            raise self._error(self.path, f"{self.place} has no {name!r}")
         return member
 
     def optional(self, name: str) -> "Field | None":
-        """A member; None where there is none."""
+        """A member; None where there is none, or null."""
         if not isinstance(self.value, dict):
             self.refuse("an object {...}")
         place = name if self.place == "the file" else f"{self.place}.{name}"
-        return Field(self.path, place, self.value[name]) if name in self.value else None
+        value = self.value.get(name)
+        return None if value is None else Field(self.path, place, value, self._error)
 
-    def members(self, most: int) -> dict[str, "Field"]:
-        """Members of an object that is a mapping, at most so many, by names in plain letters."""
-        if not isinstance(self.value, dict) or len(self.value) > most:
-            self.refuse(f"an object {{...}} of at most {most} members")
-        for name in self.value:
-            Field(self.path, f"a name in {self.place}", name).text()
-        return {name: self[name] for name in self.value}
+    def read(self, name: str, read: "Callable[[Field], _Value]", default: _Default) -> _Value | _Default:
+        """What `read` makes of a member; `default` where there is none, or null."""
+        member = self.optional(name)
+        return default if member is None else read(member)
+
+    def check_names(self, known: Collection[str]) -> None:
+        """Refuse other members than these: they are misspelt, or of a later version."""
+        for name in self.members():
+            if name not in known:
+                raise self._error(self.path, f"{self.place} has the unknown key {reprlib.repr(name)}")
+
+    def members(self, most: int | None = None) -> dict[str, "Field"]:
+        """Members of an object, at most so many; with a limit, by names in plain letters."""
+        if not isinstance(self.value, dict) or (most is not None and len(self.value) > most):
+            self.refuse("an object {...}" + ("" if most is None else f" of at most {most} members"))
+        for name in self.value if most is not None else ():
+            Field(self.path, f"a name in {self.place}", name, self._error).text()
+        place = "" if self.place == "the file" else f"{self.place}."
+        return {n: Field(self.path, f"{place}{n}", v, self._error) for n, v in self.value.items()}
 
     def items(self, most: int) -> Iterator["Field"]:
         """Items of a list, at most so many."""
         if not isinstance(self.value, list) or len(self.value) > most:
             self.refuse(f"a list of at most {most} items")
         for index, item in enumerate(self.value):
-            yield Field(self.path, f"{self.place}[{index}]", item)
+            yield Field(self.path, f"{self.place}[{index}]", item, self._error)
+
+    def of(self, kind: type[_Value]) -> _Value:
+        """A value of this very type: True is no int."""
+        if not isinstance(self.value, kind) or type(self.value) is not kind:
+            self.refuse(kind.__name__)
+        return self.value
 
     def text(self, most: int = 4096) -> str:
         """Printable text; at least a character."""
-        if (
-            not isinstance(self.value, str)
-            or not 1 <= len(self.value) <= most
-            or not self.value.isprintable()
-        ):
+        text = self.value
+        if not isinstance(text, str) or not 1 <= len(text) <= most or not text.isprintable():
             self.refuse(f"printable text of 1 to {most} characters")
-        return self.value
+        return text
 
     def whole(self, least: int, most: int) -> int:
         """A whole number."""
@@ -69,11 +96,18 @@ class Field:
             self.refuse(f"a whole number from {least} to {most}")
         return self.value
 
-    def number(self, least: float, most: float) -> float:
-        """A number."""
+    def number(self, least: float = -_MAX_FLOAT, most: float = _MAX_FLOAT) -> float:
+        """A number, as it was written: an int stays one."""
         if type(self.value) not in (int, float) or not least <= self.value <= most:
-            self.refuse(f"a number from {least:g} to {most:g}")
-        return self.value  # type: ignore[no-any-return]  # as it was written
+            self.refuse("a number" if most == _MAX_FLOAT else f"a number from {least:g} to {most:g}")
+        return self.value  # type: ignore[no-any-return]
+
+    def rate(self) -> float:
+        """Frames a second."""
+        rate = float(self.number())
+        if rate <= 0:
+            self.refuse("frames a second, > 0")
+        return rate
 
     def flag(self) -> bool:
         """True or false."""
@@ -81,27 +115,91 @@ class Field:
             self.refuse("true or false")
         return self.value
 
+    def one_of(self, *choices: str) -> str:
+        """One of a few words."""
+        if self.value not in choices:
+            self.refuse(f"one of {', '.join(choices)}")
+        return str(self.value)
+
+    def texts(self) -> tuple[str, ...]:
+        """A list of texts."""
+        if not isinstance(self.value, list) or not all(isinstance(text, str) for text in self.value):
+            self.refuse("a list of texts")
+        return tuple(self.value)
+
+    def pair(self) -> tuple[float, float]:
+        """Two numbers, [x, y]."""
+        if not isinstance(self.value, list) or len(self.value) != 2:
+            self.refuse("[x, y]")
+        x, y = (float(item.number()) for item in self.items(2))
+        return x, y
+
+    def size(self) -> Size:
+        """[width, height], both > 0 and within `limits`."""
+        value = self.value
+        if not isinstance(value, list) or len(value) != 2 or not all(type(n) is int and n > 0 for n in value):
+            self.refuse("[width, height], both > 0")
+        if image_size_problem(*value) is not None:
+            self.refuse(f"[width, height], each at most {IMAGE_SIDE} and {IMAGE_PIXELS} pixels together")
+        return value[0], value[1]
+
+
+def read_json(path: Path, most: int | None = None) -> Any:  # JSON is anything
+    """Return the content of a JSON file.
+
+    Raises:
+        ShotError: it is missing, cannot be read, is not JSON, or is larger than `most` bytes
+            (`limits.JSON_BYTES` where None).
+    """
+    most = JSON_BYTES if most is None else most
+    try:
+        if path.exists() and not path.is_file():  # a pipe, say, which never ends
+            raise ShotError(path, "is no regular file")
+        with path.open("rb") as file:
+            text = file.read(most + 1)
+        if len(text) > most:
+            raise ShotError(path, f"is larger than {most >> 20} MiB", "Is it the right file?")
+        return parse_json(text)
+    except FileNotFoundError:
+        raise ShotError(path, "there is no such file", "Is the path right, is the drive connected?") from None
+    except (ValueError, RecursionError) as error:
+        raise ShotError(path, f"is not JSON ({error})", "Mend it there, or write it again.") from error
+    except OSError as error:
+        raise (
+            error if isinstance(error, ShotError) else ShotError(path, f"cannot be read ({error})")
+        ) from error
+
+
+def parse_json(text: bytes) -> Any:
+    """Return the content of a JSON text, whose numbers are finite.
+
+    Raises:
+        ValueError, RecursionError: it is none, or nested too deeply.
+    """
+    return json.loads(text, parse_constant=_finite, parse_float=_finite)
+
 
 def read_fields(path: Path, most: int) -> Field:
-    """Read a JSON file of at most so many bytes.
+    """Read a model's description, of at most so many bytes.
 
     Raises:
         ModelError: it is missing or larger, or not JSON.
     """
     try:
-        if not path.is_file():  # what else there is may have no end
-            raise ModelError(f"{path}: there is no such file. Copy the whole folder again.")
-        with path.open("rb") as file:
-            content = file.read(most + 1)
-        if len(content) > most:
-            raise ModelError(f"{path}: is larger than {most} bytes; no model description is. Copy it again.")
-        value = json.loads(content.decode(), parse_constant=_finite, parse_float=_finite)
+        value = read_json(path, most)
         json.dumps(value, ensure_ascii=False).encode()  # halves of characters, which no text can be made of
-        return Field(path, "the file", value)
-    except (OSError, ValueError, RecursionError) as error:
-        if isinstance(error, ModelError):
-            raise
-        raise ModelError(f"{path}: not a model description ({type(error).__name__}: {error})") from error
+    except (ShotError, UnicodeEncodeError, RecursionError) as error:
+        problem = error.problem if isinstance(error, ShotError) else f"is not JSON ({error})"
+        raise ModelError(f"{path}: {problem}. Copy the whole folder again.") from error
+    return Field(path, "the file", value, _model_error)
+
+
+def _shot_error(path: Path, problem: str) -> ShotError:
+    return ShotError(path, problem, "docs/shots.md lists the keys.")
+
+
+def _model_error(path: Path, problem: str) -> ModelError:
+    return ModelError(f"{path}: {problem}. Export the model again; docs/contract.md lists what it has.")
 
 
 def _finite(text: str) -> float:

@@ -7,8 +7,8 @@ from typing import Any, TypeAlias
 from numpy.typing import NDArray
 
 from supersampler.arguments import checked_size
-from supersampler.frame import Float32, Frame
-from supersampler.io.shot.json_keys import JsonKeys
+from supersampler.frame import Float32, Frame, Size
+from supersampler.io.json_fields import Field
 from supersampler.recording.outcome import Outcome
 from supersampler.state import State
 
@@ -64,14 +64,8 @@ Call: TypeAlias = StepCall | ResetCall | LoadStateCall | CloseCall
 
 def state_json(state: State) -> dict[str, Any]:
     """Return a state without its arrays as JSON values."""
-    return {
-        "method": state.method,
-        "display_size": state.display_size,
-        "render_size": state.render_size,
-        "history": state.history is not None,
-        "shaded": state.shaded is not None,
-        "version": state.version,
-    }
+    flags = {name: getattr(state, name) is not None for name in ("history", "shaded")}
+    return {**vars(state), **flags}
 
 
 def state_arrays(state: State) -> dict[str, NDArray[Any]]:
@@ -80,21 +74,23 @@ def state_arrays(state: State) -> dict[str, NDArray[Any]]:
     return {**(state.history or {}), **shaded}
 
 
-def state_of(keys: JsonKeys, arrays: Mapping[str, NDArray[Any]]) -> State:
+def state_of(data: Field, arrays: Mapping[str, NDArray[Any]]) -> State:
     """Undo `state_json` and `state_arrays`. `Upscaler.load_state` checks the arrays.
 
     Raises:
         ShotError, ArgumentError: a value is missing, or of a wrong type or range.
     """
-    names = ("display_size", "render_size")
-    display, render = (checked_size(n, keys.take(n, list)) if n in keys else None for n in names)
     shaded = {n.removeprefix(_SHADED): array for n, array in arrays.items() if n.startswith(_SHADED)}
     history = {n: array for n, array in arrays.items() if not n.startswith(_SHADED)}
     return State(
-        keys.take("method", str),
-        display,
-        render,
-        history if keys.take("history", bool) else None,
-        shaded if keys.take("shaded", bool) else None,
-        keys.take("version", int),
+        data["method"].of(str),
+        data.read("display_size", _size, None),
+        data.read("render_size", _size, None),
+        history if data["history"].flag() else None,
+        shaded if data["shaded"].flag() else None,
+        data["version"].of(int),
     )
+
+
+def _size(data: Field) -> Size:
+    return checked_size(data.place, data.value)

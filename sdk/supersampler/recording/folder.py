@@ -10,22 +10,17 @@ from supersampler.io.atomic import is_own_folder, is_regular, is_there, remove_f
 SETUP = "recording.json"
 CALLS = "calls.jsonl"
 LAST_IMAGE = "last.exr"
+FRAME = "{:04d}.exr"
+DISPLAY = "display/{:04d}.exr"
+SAMPLED = "sampled/{:04d}.exr"
+STATE = "states/{:04d}.safetensors"
+"""Files of a step, by its number from 0, and of a load_state call."""
 
 _FOLDERS = ("display", "sampled", "states")
 _FILES = re.compile(
     r"((display|sampled)/)?\d{4,}\.exr|states/\d{4,}\.safetensors|last\.exr|(recording|shot)\.json|calls\.jsonl"
     r"|((display|sampled|states)/)?\.\w+\.[0-9a-f]{8}\.partial\.\w+"  # of a killed process; see `io.atomic`
 )
-
-
-def sampled_path(folder: Path, step: int) -> Path:
-    """Return the file of the pixels that are kept of a step's images."""
-    return folder / "sampled" / f"{step:04d}.exr"
-
-
-def state_path(folder: Path, number: int) -> Path:
-    """Return the file of the state of the load_state call of this number, from 0."""
-    return folder / "states" / f"{number:04d}.safetensors"
 
 
 def is_recording(path: Path) -> bool:
@@ -63,7 +58,6 @@ def remove_recording(path: Path) -> None:
         return
     if not holds_only_a_recording(path):
         raise RecordingError(path, "is no recording, or holds other files, too", "Move it away.")
-    places = [path / name for name in _FOLDERS if is_own_folder(path / name)] + [path]
-    for place in places:
+    for place in (*(path / name for name in _FOLDERS if is_own_folder(path / name)), path):
         remove_files(file for file in place.iterdir() if file.is_file())
         place.rmdir()

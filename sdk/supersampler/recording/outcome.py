@@ -2,8 +2,8 @@
 
 import math
 import zlib
-from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32
 from supersampler.history import StepResult
-from supersampler.io.images import Channel, read_exr, write_exr
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.json_fields import Field
 from supersampler.io.shot.frame_files import AOVS, COLOR, take, take_aovs
-from supersampler.io.shot.json_keys import JsonKeys
 
 SAMPLES = 4096
 """Pixels of each image that are kept, about: few beside those of a frame."""
@@ -37,11 +37,10 @@ class Outcome:
 
 def returned(index: int, result: StepResult) -> Outcome:
     """Return the outcome of the step of this index, which returned `result`."""
-    arrays = {f.name: getattr(result, f.name) for f in fields(result)}
-    there = {name: array for name, array in arrays.items() if array is not None}
+    arrays = {name: array for name, array in vars(result).items() if array is not None}
     return Outcome(
-        {name: _crc32(array) for name, array in there.items()},
-        {name: sampled(index, there[name]) for name in ("image", "aovs") if name in there},
+        {name: _crc32(array) for name, array in arrays.items()},
+        {name: sampled(index, arrays[name]) for name in ("image", "aovs") if name in arrays},
     )
 
 
@@ -68,23 +67,23 @@ def outcome_json(outcome: Outcome) -> dict[str, Any]:
     return {"raised": outcome.error} if any(outcome.error) else {"returned": outcome.digests}
 
 
-def read_outcome(keys: JsonKeys, samples: Path) -> Outcome:
-    """Undo `outcome_json` and `write_samples`.
+def read_outcome(line: Field, samples: Callable[[], Path]) -> Outcome:
+    """Undo `outcome_json` and `write_samples`; `samples` gives the file of the pixels.
 
     Raises:
         ShotError: a value is of a wrong type or range, or the pixels cannot be read.
     """
-    if "raised" in keys:
-        error = keys.take_texts("raised")
-        if len(error) != 2:
-            raise keys.wrong("raised", error, "[class, text]")
-        return Outcome(error=(error[0], error[1]))
-    digests = keys.take("returned", dict)
-    if not all(type(digest) is int and 0 <= digest <= 0xFFFFFFFF for digest in digests.values()):
-        raise keys.wrong("returned", digests, "32-bit numbers by name")
-    channels = read_exr(samples)
-    aovs = take_aovs(samples, channels)
-    images = {"image": take(samples, channels, COLOR)} | ({} if aovs is None else {"aovs": aovs})
+    error = line.optional("raised")
+    if error is not None:
+        texts = error.texts()
+        if len(texts) != 2:
+            error.refuse("[class, text]")
+        return Outcome(error=(texts[0], texts[1]))
+    digests = {name: crc.whole(0, 0xFFFFFFFF) for name, crc in line["returned"].members().items()}
+    path = samples()
+    channels = read_exr(path)
+    aovs = take_aovs(path, channels)
+    images = {"image": take(path, channels, COLOR)} | ({} if aovs is None else {"aovs": aovs})
     return Outcome(digests, images)
 
 
@@ -94,11 +93,10 @@ def write_samples(path: Path, samples: Mapping[str, Array]) -> None:
     Raises:
         ShotError: the disk refused.
     """
-    channels: dict[str, Channel] = {}
-    for name, image in samples.items():
-        names = COLOR if name == "image" else [f"{AOVS}{index}" for index in range(image.shape[2])]
-        channels |= {channel: image[..., index] for index, channel in enumerate(names)}
-    write_exr(path, channels, compression="none")
+    image, aovs = samples["image"], samples.get("aovs")
+    names = [*COLOR, *(f"{AOVS}{index}" for index in range(0 if aovs is None else aovs.shape[2]))]
+    pixels = image if aovs is None else np.concatenate([image, aovs], axis=-1)
+    write_exr(path, pixels, names, compression="none")
 
 
 def _crc32(array: NDArray[Any]) -> int:

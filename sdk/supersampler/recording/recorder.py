@@ -4,17 +4,17 @@ import json
 import weakref
 from collections.abc import Callable, Collection, Iterator, Mapping
 from contextlib import contextmanager, suppress
-from dataclasses import replace
+from dataclasses import asdict, replace
 from io import FileIO
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
-from supersampler.backends.onnx.tensors import Tensor
+from supersampler.backends.onnx.tensors import Tensor, frame_of_tensors, image_of_tensor
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, RecordingError, ShotError
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame
 from supersampler.history import StepResult
 from supersampler.io.atomic import NO_ROOM, remove_files, replacing
 from supersampler.io.images import write_exr
@@ -22,14 +22,13 @@ from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, entry_j
 from supersampler.io.shot.frame_files import write_frame
 from supersampler.io.shot.safetensors import write_safetensors
 from supersampler.methods.gbuffers import only_gbuffers
+from supersampler.methods.model_file import sha256
 from supersampler.recording.calls import state_arrays, state_json
-from supersampler.recording.folder import CALLS, LAST_IMAGE, sampled_path, state_path
-from supersampler.recording.outcome import Outcome, outcome_json, raised, returned, write_samples
-from supersampler.recording.setup import Setup, write_setup
-from supersampler.recording.tensors import frame_of_tensors, image_of_tensor
+from supersampler.recording.folder import CALLS, DISPLAY, FRAME, LAST_IMAGE, SAMPLED, SETUP, STATE
+from supersampler.recording.outcome import outcome_json, raised, returned, write_samples
+from supersampler.recording.setup import FORMAT, Setup
 from supersampler.state import State
 
-_FRAME_RATE = 30.0  # which shot.json must have, and no call tells
 _Made = TypeVar("_Made")
 
 
@@ -50,9 +49,8 @@ class Recorder:
 
     def __init__(self, path: Path | str, setup: Setup, inputs: Collection[str]) -> None:
         self.path, self._inputs = Path(path), inputs
-        self._failure: RecordingError | None = None
+        self._failure: OSError | None = None
         self._entries: list[FrameEntry] = []  # of the frames in shot.json
-        self._display_size: Size | None = None
         self._steps = self._states = 0
         self._last: Float32 | None = None
         self._log: FileIO | None = None
@@ -62,7 +60,9 @@ class Recorder:
             except FileExistsError:
                 hint = "Choose another name, or move it away."
                 raise RecordingError(path, "is there already", hint) from None
-            write_setup(self.path, setup)
+            with replacing(self.path / SETUP) as partial:
+                content = {"format": FORMAT, **asdict(setup)}
+                partial.write_text(json.dumps(content, indent=1) + "\n", encoding="utf-8", newline="\n")
             self._log = FileIO(self.path / CALLS, "x")  # unbuffered: each line stays at once
             self._close_log = weakref.finalize(self, self._log.close)  # without a warning if it is dropped
 
@@ -105,7 +105,7 @@ class Recorder:
             RecordingError: see `step`.
         """
         return self._around(
-            {"call": "step_tensors"},
+            {"call": "step_tensors", "outputs": []},
             lambda: frame_of_tensors(tensors, jitter, exposure, reset=reset, inputs=self._inputs),
             run,
             lambda image: StepResult(image_of_tensor(image)),
@@ -113,27 +113,26 @@ class Recorder:
 
     def reset(self) -> None:
         """Record a reset that is about to be made."""
-        self._raise_failure()
-        with self._or_end():
-            self._append({"call": "reset"})
+        if self._is_on():
+            with self._or_end():
+                self._append({"call": "reset"})
 
     def load_state(self, state: State) -> None:
         """Record a state that is about to be loaded."""
-        self._raise_failure()
-        if self._log is not None:
+        if self._is_on():
+            name = STATE.format(self._states)
             with self._or_end():
-                write_safetensors(state_path(self.path, self._states), state_arrays(state))
-                self._append({"call": "load_state", **state_json(state)})
+                write_safetensors(self.path / name, state_arrays(state))
+                self._append({"call": "load_state", **state_json(state)}, [name])
             self._states += 1
 
     def close(self) -> None:
         """Write the last image and end the recording."""
-        self._raise_failure()
-        if self._log is not None:
+        if self._is_on():
             with self._or_end():
                 if self._last is not None:
                     write_exr(self.path / LAST_IMAGE, self._last, compression="none")
-                self._append({"call": "close", "image": self._last is not None})
+                self._append({"call": "close"}, [] if self._last is None else [LAST_IMAGE])
             self._stop()
 
     def _around(
@@ -143,81 +142,74 @@ class Recorder:
         run: Callable[[], _Made],
         result_of: Callable[[_Made], StepResult],
     ) -> _Made:
-        self._raise_failure()
-        if self._log is None:
+        if not self._is_on():
             return run()
-        frame, begin = frame_of(), self._log.tell()
-        entry = self._entry(frame)
-        with self._or_end(lambda: self._remove(begin, entry)):
+        frame, begin, index = frame_of(), self._end(), self._steps
+        entry = FrameEntry(
+            file=FRAME.format(index),
+            jitter=frame.jitter,
+            reset=frame.reset,
+            exposure=frame.exposure,
+            display_file=DISPLAY.format(index) if frame.gbuffer_display else None,
+            render_size=frame.size,
+            shaded=frame.color is not None,
+        )
+        files = files_of(entry)
+
+        def undo() -> None:
+            self._cut(begin)
+            with suppress(OSError):
+                remove_files(self.path / name for name in (*files, SAMPLED.format(index)))
+
+        with self._or_end(undo):
             write_frame(self.path, entry, Conventions().converter().from_frame(frame), "none")
-            self._append({**call, "frame": entry_json(entry)})
+            self._append({**call, "frame": entry_json(entry)}, files)
         self._steps += 1  # whatever interrupts what follows, the next step has files of its own
         try:
             made = run()
         except BaseException as error:
             if isinstance(error, ArgumentError) or not isinstance(error, Exception):
-                self._remove(begin, entry)
+                undo()
                 self._steps -= 1
             else:
-                self._finish(begin, entry, raised(error))
+                with self._or_end(undo, later=True):
+                    self._append(outcome_json(raised(error)))
             raise
-        result = result_of(made)
-        self._display_size = result.image.shape[1], result.image.shape[0]
-        self._finish(begin, entry, returned(_number(entry), result))
+        result, sampled = result_of(made), SAMPLED.format(index)
+        with self._or_end(undo, later=True):
+            outcome = returned(index, result)
+            write_samples(self.path / sampled, outcome.samples)
+            self._append(outcome_json(outcome), [sampled])
+            self._list_in_shot(entry, result.image)
         if self._last is None or self._last.shape != result.image.shape:
             self._last = np.empty_like(result.image)
         np.copyto(self._last, result.image)
         return made
 
-    def _entry(self, frame: Frame) -> FrameEntry:
-        name = f"{self._steps:04d}.exr"
-        return FrameEntry(
-            file=name,
-            jitter=frame.jitter,
-            reset=frame.reset,
-            exposure=frame.exposure,
-            display_file=f"display/{name}" if frame.gbuffer_display else None,
-            render_size=frame.size,
-            shaded=frame.color is not None,
-        )
-
-    def _finish(self, begin: int, entry: FrameEntry, outcome: Outcome) -> None:
-        """Record the outcome of a step. The step has been made: if this fails, the next call raises."""
-        try:
-            with self._or_end(lambda: self._remove(begin, entry)):
-                if outcome.samples:
-                    write_samples(sampled_path(self.path, _number(entry)), outcome.samples)
-                self._append(outcome_json(outcome))
-                if outcome.samples:
-                    self._list_in_shot(entry)
-        except RecordingError as error:
-            self._failure = error
-
-    def _list_in_shot(self, entry: FrameEntry) -> None:
+    def _list_in_shot(self, entry: FrameEntry, image: Float32) -> None:
         """List a frame in shot.json: it has been stepped, and no check refused it."""
         entries = [*self._entries, entry]
         info = ShotInfo(
             name=self.path.name,
             render_size=entries[0].render_size or (0, 0),
-            display_size=self._display_size,
-            frame_rate=_FRAME_RATE,
+            display_size=(image.shape[1], image.shape[0]),
+            frame_rate=None,  # no call tells it
             conventions=Conventions(),
         )
         with replacing(self.path / FILE_NAME) as partial:
             partial.write_text(shot_json(info, entries), encoding="utf-8", newline="\n")
         self._entries = entries
 
-    def _append(self, line: Mapping[str, Any]) -> None:
-        """Append a line to the log, whole or not at all."""
-        if self._log is None:
-            return
-        data, begin = memoryview(json.dumps(line, allow_nan=False).encode() + b"\n"), self._log.tell()
-        try:
-            while data:  # an unbuffered file takes a part where the disk is nearly full
-                data = data[self._log.write(data) :]
-        except BaseException:
-            self._cut(begin)
-            raise
+    def _append(self, line: Mapping[str, Any], files: Collection[str] = ()) -> None:
+        """Append a line to the log, with the hashes of its files."""
+        if files:
+            line = {**line, "sha256": {name: sha256(self.path / name) for name in files}}
+        data = memoryview(json.dumps(line, allow_nan=False).encode() + b"\n")
+        while data and self._log is not None:  # a file takes a part where the disk is nearly full
+            data = data[self._log.write(data) :]
+
+    def _end(self) -> int:
+        return 0 if self._log is None else self._log.tell()
 
     def _cut(self, end: int) -> None:
         """Let the log end there again, as far as the disk allows."""
@@ -226,41 +218,37 @@ class Recorder:
                 self._log.seek(end)
                 self._log.truncate()
 
-    def _remove(self, begin: int, entry: FrameEntry) -> None:
-        """Remove a step from the recording: its lines, from `begin` on, and its files."""
-        self._cut(begin)
-        files = [*(self.path / name for name in files_of(entry)), sampled_path(self.path, _number(entry))]
-        with suppress(OSError):
-            remove_files(files)
-
     @contextmanager
-    def _or_end(self, undo: Callable[[], None] = lambda: None) -> Iterator[None]:
-        """Where the disk refuses what is done inside, undo it and end the recording.
+    def _or_end(self, undo: Callable[[], None] = lambda: None, *, later: bool = False) -> Iterator[None]:
+        """Write a line and its files, or none: where the disk refuses, also `undo`, and end the recording.
 
         Raises:
-            RecordingError: the disk refused.
+            RecordingError: the disk refused; with `later`, the next call raises it.
         """
+        end = self._end()
         try:
             yield
-        except OSError as error:
+        except BaseException as error:
+            self._cut(end)
+            if not isinstance(error, OSError):
+                raise
             undo()
             self._stop()
-            if isinstance(error, RecordingError):
-                raise
-            reason = error.problem if isinstance(error, ShotError) else f"cannot be written ({error})"
-            raise RecordingError(self.path, reason, NO_ROOM) from error
+            problem = error.problem if isinstance(error, ShotError) else f"cannot be written ({error})"
+            own = isinstance(error, RecordingError)
+            failure = error if own else RecordingError(self.path, problem, NO_ROOM)
+            if not later:
+                raise failure from (None if own else error)
+            self._failure = failure
 
-    def _raise_failure(self) -> None:
+    def _is_on(self) -> bool:
+        """Raise where the last outcome could not be written; tell whether calls are recorded."""
         if self._failure is not None:
             failure, self._failure = self._failure, None
             raise failure
+        return self._log is not None
 
     def _stop(self) -> None:
         if self._log is not None:
             self._close_log()
         self._log = self._last = None
-
-
-def _number(entry: FrameEntry) -> int:
-    """Return the number of the step that a frame's file is named after."""
-    return int(Path(entry.file).stem)

@@ -1,26 +1,25 @@
 """A recording, read call by call."""
 
-import json
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from supersampler.conventions import Conventions
 from supersampler.errors import RecordingError, ShotError, SupersamplerError
-from supersampler.frame import Float32
 from supersampler.io.atomic import check_inside
+from supersampler.io.json_fields import Field, parse_json
 from supersampler.io.shot.format import files_of, frame_entry
 from supersampler.io.shot.frame_files import read_frame, read_reference
-from supersampler.io.shot.json_keys import JsonKeys
 from supersampler.io.shot.safetensors import open_safetensors
+from supersampler.methods.model_file import sha256
 from supersampler.recording.calls import Call, CloseCall, LoadStateCall, ResetCall, StepCall, state_of
-from supersampler.recording.folder import CALLS, LAST_IMAGE, sampled_path, state_path
-from supersampler.recording.outcome import Outcome, read_outcome
+from supersampler.recording.folder import CALLS, LAST_IMAGE, SAMPLED, STATE
+from supersampler.recording.outcome import read_outcome
 from supersampler.recording.setup import Setup, read_setup
-from supersampler.state import State
 
 MAX_LINE = 4 << 20
 """Bytes of a line of the log, at most."""
@@ -52,66 +51,66 @@ class Recording:
         with _damage(self.path):
             for line in self._lines():
                 if step is not None:
-                    has_outcome = "returned" in line or "raised" in line
-                    yield replace(step, outcome=self._outcome(line, steps)) if has_outcome else step
+                    has_outcome = "returned" in line.value or "raised" in line.value
+                    if has_outcome:
+                        samples = partial(self._checked, line, SAMPLED.format(steps))
+                        step = replace(step, outcome=read_outcome(line, samples))
+                    yield step
                     steps, step = steps + 1, None
                     if has_outcome:
                         continue
-                kind = line.take("call", str)
+                kind = line["call"].one_of(*_STEPS, "reset", "load_state", "close")
                 if kind in _STEPS:
                     step = self._step(kind, line, steps)
                 elif kind == "reset":
                     yield ResetCall()
                 elif kind == "load_state":
-                    yield LoadStateCall(self._state(line, states))
+                    arrays, _ = open_safetensors(self._checked(line, STATE.format(states)))
+                    yield LoadStateCall(state_of(line, {name: np.array(a) for name, a in arrays.items()}))
                     states += 1
-                elif kind == "close":
-                    yield CloseCall(self._last_image() if line.take("image", bool) else None)
                 else:
-                    raise line.wrong("call", kind, "a call of an Upscaler")
+                    there = line.optional("sha256") is not None
+                    yield CloseCall(read_reference(self._checked(line, LAST_IMAGE), None) if there else None)
             if step is not None:
                 yield step
 
-    def _lines(self) -> Iterator[JsonKeys]:
+    def _lines(self) -> Iterator[Field]:
         """Yield the log's lines; one that the file's end cuts off is left out."""
-        path, number = self._inside(self.path / CALLS), 1
+        path, number = self.path / CALLS, 1
+        check_inside(self.path, [path])
         if not path.is_file():  # a pipe, say, which never ends
             raise ShotError(path, "is missing, or no regular file")
         with path.open("rb") as file:
             while (text := file.readline(MAX_LINE)).endswith(b"\n"):
                 try:
-                    content = json.loads(text)
+                    line = Field(path, f"line {number}", parse_json(text))
                 except (ValueError, RecursionError) as error:
                     raise ShotError(path, f"line {number} is not JSON ({error})") from error
-                yield JsonKeys(path, f"line {number}", content)
+                line.members()  # or it is no object
+                yield line
                 number += 1
         if len(text) == MAX_LINE:
             raise ShotError(path, f"line {number} is longer than {MAX_LINE >> 20} MiB")
 
-    def _step(self, kind: str, line: JsonKeys, index: int) -> StepCall:
-        entry = frame_entry(JsonKeys(line.path, f"the frame in {line.where}", line.take("frame", dict)))
+    def _step(self, kind: str, line: Field, index: int) -> StepCall:
+        entry = frame_entry(line["frame"])
         if entry.render_size is None:
-            raise line.wrong("frame", None, "its render_size")
+            line["frame"].refuse("one with a render_size")
         for name in files_of(entry):
-            self._inside(self.path / name)
+            self._checked(line, name)
         raw = read_frame(self.path, entry, entry.render_size, None)
         frame = Conventions().converter().to_frame(raw)
         tensors, extrapolated = kind == "step_tensors", kind == "extrapolate"
-        return StepCall(index, frame, line.take_texts("outputs"), tensors, extrapolated, None)
+        return StepCall(index, frame, line["outputs"].texts(), tensors, extrapolated, None)
 
-    def _outcome(self, line: JsonKeys, index: int) -> Outcome:
-        return read_outcome(line, self._inside(sampled_path(self.path, index)))
-
-    def _state(self, line: JsonKeys, number: int) -> State:
-        arrays, _ = open_safetensors(self._inside(state_path(self.path, number)))
-        return state_of(line, {name: np.array(array) for name, array in arrays.items()})
-
-    def _last_image(self) -> Float32:
-        return read_reference(self._inside(self.path / LAST_IMAGE), None)
-
-    def _inside(self, path: Path) -> Path:
-        """Return a path once it is known that no link leads from it out of the folder."""
+    def _checked(self, line: Field, name: str) -> Path:
+        """Return a file of a call, once it is known that it is in the folder and as it was recorded."""
+        path, digest = self.path / name, line["sha256"][name].of(str)
         check_inside(self.path, [path])
+        if not path.is_file():
+            raise ShotError(path, "is missing, or no regular file")
+        if sha256(path) != digest:
+            raise ShotError(path, "is not as it was recorded (sha256 differs)")
         return path
 
 

@@ -1,13 +1,14 @@
 """`Replay`: makes the calls of a recording again and compares the outcomes."""
 
 from collections.abc import Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal, cast
+from typing import cast
 
 import numpy as np
 
 from supersampler.backends.onnx.providers import resolve_providers
+from supersampler.backends.onnx.tensors import image_of_tensor, tensors_of_frame
 from supersampler.errors import ProviderError, RecordingError
 from supersampler.history import StepResult
 from supersampler.io.display import ExposureMeter, display_transform
@@ -22,8 +23,7 @@ from supersampler.model import ExecutorName, Model, Precision
 from supersampler.recording.calls import Call, LoadStateCall, ResetCall, StepCall
 from supersampler.recording.outcome import Outcome, raised, returned
 from supersampler.recording.recording import Recording
-from supersampler.recording.setup import RecordedModel, Setup
-from supersampler.recording.tensors import image_of_tensor, tensors_of_frame
+from supersampler.recording.setup import RecordedModel
 from supersampler.upscaler import Upscaler
 
 
@@ -66,11 +66,11 @@ class Replayed:
     """
 
     index: int
-    result: StepResult | None
-    exposure: float
-    exact: bool | None
-    difference: Difference | None
-    within: bool
+    result: StepResult | None = None
+    exposure: float = 1.0
+    exact: bool | None = None
+    difference: Difference | None = None
+    within: bool = True
     note: str = ""
 
 
@@ -110,18 +110,22 @@ class Replay:
         precision: Precision | None = None,
         providers: str | Sequence[str] | None = None,
     ) -> None:
-        setup = recording.setup
+        setup, given = recording.setup, (executor, precision, providers)
         folder = _recorded_model(recording, setup, "--model") if model is None else find_model(model)
         if extrapolation is None and setup.extrapolation is not None:
             extrapolation = _recorded_model(recording, setup.extrapolation, "--extrapolation")
-        self.is_recorded_model = setup.is_of(read_model_info(folder)) and _is_same(
-            setup.extrapolation, extrapolation
-        )
-        asked = not self.is_recorded_model or (executor, precision, providers) != (None, None, None)
+        pairs = [(setup, folder), (setup.extrapolation, extrapolation)]
+        self.is_recorded_model = all(_is_same(recorded, used) for recorded, used in pairs)
+        if providers is None:
+            try:
+                providers = resolve_providers(setup.providers)
+            except ProviderError:
+                providers = "auto"
+        asked = not self.is_recorded_model or given != (None, None, None)
         self.recording = recording
         self.model = Model.load(
             folder,
-            providers=_providers(setup) if providers is None else providers,
+            providers=providers,
             threads=setup.threads,
             executor=(executor or "auto") if asked else cast("ExecutorName", setup.executor),
             precision=(precision or "auto") if asked else cast("Precision", setup.precision),
@@ -164,12 +168,10 @@ class Replay:
         frame, recorded = call.frame, call.outcome
         exposure = self._meter.read(frame.color, given=frame.exposure, reset=frame.reset)
         if recorded is None:
-            return Replayed(call.index, result, exposure, exact=None, difference=None, within=True)
+            return Replayed(call.index, result, exposure)
         if any(recorded.error):
             note = f"raises nothing; recorded: {_text(recorded)}"
-            return Replayed(
-                call.index, result, exposure, exact=False, difference=None, within=False, note=note
-            )
+            return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
         difference = _NOTHING if exact else _difference(here, recorded, exposure)
@@ -189,44 +191,6 @@ class Replay:
         return made if isinstance(made, StepResult) else StepResult(made)
 
 
-@dataclass
-class Summary:
-    """Counts and largest differences of a replay.
-
-    Attributes:
-        steps: how many.
-        exact: those that are the same bit for bit.
-        unknown: those without a recorded outcome.
-        first: index of the first that is not the same.
-        beyond: index of the first that is not within tolerance.
-        apart: the largest mean, the largest most and the largest difference of any step.
-        largest: index of the step with the last of these.
-    """
-
-    steps: int = 0
-    exact: int = 0
-    unknown: int = 0
-    first: int | None = None
-    beyond: int | None = None
-    apart: Difference = _NOTHING
-    largest: int | None = None
-
-    def add(self, step: Replayed) -> None:
-        """Take in the next step."""
-        self.steps += 1
-        self.exact += step.exact is True
-        self.unknown += step.exact is None
-        if self.first is None and step.exact is False:
-            self.first = step.index
-        if self.beyond is None and not step.within:
-            self.beyond = step.index
-        if step.difference is not None:
-            if step.difference.largest > self.apart.largest:
-                self.largest = step.index
-            pairs = zip(astuple(self.apart), astuple(step.difference), strict=True)
-            self.apart = Difference(*(max(pair) for pair in pairs))
-
-
 def _refused(call: StepCall, here: Outcome) -> Replayed:
     """Return the comparison of a step that raised in the replay."""
     recorded, exact = call.outcome, None
@@ -235,7 +199,7 @@ def _refused(call: StepCall, here: Outcome) -> Replayed:
         kind, text = recorded.error
         exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # ours say the same
         note += ", as recorded" if exact else f"; recorded: {_text(recorded) if kind else 'nothing'}"
-    return Replayed(call.index, None, 1.0, exact, None, within=exact is True, note=note)
+    return Replayed(call.index, exact=exact, within=exact is True, note=note)
 
 
 def _text(outcome: Outcome) -> str:
@@ -284,10 +248,3 @@ def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> 
         problem = f"was recorded with another {model.folder!r}: {name} differs (recorded sha256 {digest}...)"
         raise RecordingError(recording.path, f"{problem}, of supersampler {version}", hint)
     return folder
-
-
-def _providers(setup: Setup) -> Sequence[str] | Literal["auto"]:
-    try:
-        return resolve_providers(setup.providers)
-    except ProviderError:
-        return "auto"

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from supersampler.arguments import as_index
 from supersampler.conventions import Conventions, RawFrame
-from supersampler.conventions.conventions import Resolution
+from supersampler.conventions.fields import Resolution
 from supersampler.errors import ArgumentError, shown
 from supersampler.validation.detection import Detection
 from supersampler.validation.evidence import Evidence

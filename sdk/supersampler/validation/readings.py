@@ -4,7 +4,7 @@ from itertools import product
 from typing import Any, Literal, get_args
 
 from supersampler.conventions import Conventions
-from supersampler.conventions.conventions import Direction, Unit
+from supersampler.conventions.fields import Direction, Unit
 
 Overrides = dict[str, Any]
 

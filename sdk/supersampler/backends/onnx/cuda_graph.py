@@ -69,10 +69,10 @@ class FixedStep:
             self._binding.bind_ortvalue_output(output, value)
 
     def run(self, given: Mapping[str, ort.OrtValue], made: Mapping[str, ort.OrtValue]) -> None:
-        """Draw a frame.
+        """Upscale a frame.
 
         Args:
-            given: all inputs, those of the history too; on the device or, of some numbers, on the host.
+            given: all inputs, those of the history too; on the device or, of some numbers, in CPU memory.
             made: where to write the image and the history, by the names of the inputs that it becomes.
         """
         self._binding.synchronize_inputs()  # others have written on streams of their own

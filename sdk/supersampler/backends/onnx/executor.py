@@ -117,7 +117,7 @@ class OnnxExecutor:
         if image is None:
             shape = info.image.shape_for(**sizes)  # ONNX Runtime's own memory: who takes it may keep it alone
             image = ort.OrtValue.ortvalue_from_shape_and_type(list(shape), np.float32, self.device, 0)
-        vectors = ("jitter", "exposure", "display_size")  # which come from the host, and are small
+        vectors = ("jitter", "exposure", "display_size")  # which come from CPU memory, and are small
         for tensor in (*(t for t in info.inputs if t.name not in vectors), info.image):
             value = image if tensor is info.image else given[tensor.name]
             check_tensor(value, tensor, tensor.shape_for(**sizes), self.device)

@@ -29,7 +29,7 @@ class ExtrapolationExecutor(Protocol):
         """Return a copy of such a tensor."""
 
     def draw(self, frame: Frame, history: Mapping[str, Any]) -> tuple[Float32, Mapping[str, Any]]:
-        """Draw the colour of a checked frame; returns it, (h, w, 3), and what the frame leaves."""
+        """Extrapolate the colour of a checked frame; return it, (h, w, 3), and the next history."""
 
 
 class OnnxExtrapolation:

@@ -1,15 +1,20 @@
 """Tensors of other libraries (torch, CuPy, JAX), handed to a graph and back where they lie, by DLPack."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
 
 from supersampler.arguments import IMAGE_SIZES, is_image_size
 from supersampler.backends.onnx.runtime import ort
+from supersampler.backends.onnx.session import ORT_TYPES, image_of, pixels_of, planes_of
 from supersampler.errors import ArgumentError, FrameError, shown
-from supersampler.frame import Size
+from supersampler.frame import Float32, Frame, Size
+from supersampler.methods.gbuffers import GBUFFERS, grouped, names_of
 from supersampler.methods.model_file import TensorInfo
 
-_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
+_IMAGES = ("color", "depth", "motion")
 
 
 class Tensor(Protocol):
@@ -51,6 +56,25 @@ def taken(tensor: Tensor, name: str) -> ort.OrtValue:
         raise FrameError(name, got=got, want=want) from error
 
 
+def graph_inputs(
+    infos: Iterable[TensorInfo], tensors: Mapping[str, Tensor], vectors: Mapping[str, NDArray[Any]]
+) -> dict[str, ort.OrtValue]:
+    """Return what a graph takes, by name: a frame's tensors, and the `vectors` beside them.
+
+    Raises:
+        FrameError: a tensor is missing, or cannot be shared.
+    """
+    values = {}
+    for info in infos:
+        if info.name in vectors:
+            values[info.name] = ort.OrtValue.ortvalue_from_numpy(vectors[info.name])
+        elif info.name not in tensors:
+            raise FrameError(info.name, got=None, want=f"a tensor {info.shape}")
+        else:
+            values[info.name] = taken(tensors[info.name], info.name)
+    return values
+
+
 def render_size_of(color: ort.OrtValue) -> Size:
     """(width, height) of a frame whose colour this is.
 
@@ -77,7 +101,62 @@ def size_of_tensors(tensors: Mapping[str, Tensor]) -> Size:
 def check_tensor(value: ort.OrtValue, info: TensorInfo, shape: tuple[int, ...], device: str) -> None:
     """Raise FrameError unless a value is what the graph takes, on its device."""
     got = value.data_type(), tuple(value.shape()), value.device_name().lower()
-    wanted = _TYPES[info.type], shape, device
+    wanted = ORT_TYPES[info.type], shape, device
     if got != wanted:
         said = [f"{kind} {extents} on {place}" for kind, extents, place in (got, wanted)]
         raise FrameError(info.name, got=said[0], want=said[1])
+
+
+def frame_of_tensors(
+    tensors: Mapping[str, Tensor],
+    jitter: tuple[float, float],
+    exposure: float | None,
+    *,
+    reset: bool,
+    inputs: Collection[str],
+) -> Frame:
+    """Return tensors as a frame, copied from the device.
+
+    Args:
+        tensors: by name.
+        jitter: see `Frame`.
+        exposure: see `Frame`.
+        reset: see `Frame`.
+        inputs: names of the tensors that the method reads. Depth and motion may be missing if it does not
+            read them, and are 0 in the frame; other G-buffers are left out.
+
+    Raises:
+        FrameError: a tensor is missing, or of a wrong type, shape or range.
+    """
+    images: dict[str, Any] = {}
+    gbuffers = [name for name in inputs if name in GBUFFERS]
+    for name in (*_IMAGES, *gbuffers):
+        if name not in tensors and name in ("depth", "motion") and name not in inputs:
+            images[name] = np.zeros_like(images["color"][..., 0 if name == "depth" else slice(2)])
+            continue
+        if name not in tensors:
+            raise FrameError(name, got=None, want="a tensor")
+        planes: Float32 = taken(tensors[name], name).numpy()
+        if planes.ndim != 4 or planes.shape[0] != 1:
+            raise FrameError(name, got=planes.shape, want="(1, c, h, w)")
+        images[name] = pixels_of(planes)
+    gbuffer, gbuffer_display = grouped({name: images.pop(name) for name in gbuffers})
+    return Frame(
+        **images,
+        jitter=jitter,
+        exposure=exposure,
+        reset=reset,
+        gbuffer=gbuffer,
+        gbuffer_display=gbuffer_display,
+    )
+
+
+def tensors_of_frame(frame: Frame, device: str) -> dict[str, Tensor]:
+    """Undo `frame_of_tensors`, on a device as `Model.device` names it."""
+    images = {name: planes_of(image_of(frame, name)) for name in (*_IMAGES, *names_of(frame))}
+    return {name: ort.OrtValue.ortvalue_from_numpy(planes, device, 0) for name, planes in images.items()}
+
+
+def image_of_tensor(image: Tensor) -> Float32:
+    """Return (H, W, 3) of (1, 3, H, W), copied from the device."""
+    return pixels_of(taken(image, "image").numpy())

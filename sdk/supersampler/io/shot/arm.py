@@ -46,12 +46,12 @@ def import_arm(path: Path | str, *, name: str | None = None) -> Shot:
     _check_shapes(path, tensors)
     _check_values(path, tensors)
     count, _, height, width = tensors["colour_linear"].shape
-    truth = tensors.get(_TRUTH)
+    truth, rate = tensors.get(_TRUTH), tensors.get("EmulatedFramerate")
     info = ShotInfo(
         name=name or path.stem,
         render_size=(width, height),
         display_size=None if truth is None else (truth.shape[3], truth.shape[2]),
-        frame_rate=_frame_rate(tensors),
+        frame_rate=None if rate is None else float(rate.ravel()[0]),
         conventions=Conventions.arm_gym(depth="reversed_infinite"),
     )
     entries = [_entry(path, tensors, index) for index in range(count)]
@@ -145,8 +145,3 @@ def _reversed_depth(tensors: dict[str, NDArray[Any]], index: int) -> Float32:
     first, (p0, p1) = tensors["depth_params"][0], tensors["depth_params"][index, :2]
     near = -first[1] / first[0]
     return np.where(device >= 1, np.float32(0), near * (device - p0) / p1).astype(np.float32, copy=False)
-
-
-def _frame_rate(tensors: dict[str, NDArray[Any]]) -> float:
-    """Frames a second; 30 where the file does not say."""
-    return float(tensors["EmulatedFramerate"].ravel()[0]) if "EmulatedFramerate" in tensors else 30.0

@@ -30,7 +30,7 @@ def import_blender(
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass, its alpha is carried along; depth is Depth (or Z), motion is Vector X and Y;
+    Colour is the Combined pass, its alpha becomes an AOV; depth is Depth (or Z), motion is Vector X and Y;
     Normal and DiffCol become G-buffers where they are there. Jitter the camera by
     `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a box filter 0.01 pixels wide, so
     that each pixel is one sample at that place.
@@ -56,8 +56,8 @@ def import_blender(
     channels = read_exr_channels(first)
     channel_map = dict(_layer_map(first, channels, layer))
     if reference is not None:
-        picture = next(iter(numbered_files(folder, reference).values()))
-        channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(picture)]
+        image = next(iter(numbered_files(folder, reference).values()))
+        channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
     return import_channels(
         folder,
         channel_map,
@@ -118,7 +118,7 @@ def _channel_map(channels: Sequence[str], layer: str) -> ChannelMap:
 
 
 def _reference_channels(path: Path) -> list[str]:
-    """Channels of the picture: a layer's Combined pass, or plain R, G, B."""
+    """Channels of the image: a layer's Combined pass, or plain R, G, B."""
     channels = read_exr_channels(path)
     for name in channels:
         if name == "R" or name.endswith(".Combined.R"):

@@ -11,9 +11,9 @@ from supersampler.conventions import Conventions, RawFrame
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import read_exr
+from supersampler.io.json_fields import Field, read_json
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, read_reference, take
-from supersampler.io.shot.json_keys import JsonKeys, read_json
 from supersampler.io.shot.numbered import Jitter, check_no_gap, numbered_files, read_jitter
 from supersampler.io.shot.shot import Shot
 
@@ -45,7 +45,7 @@ def import_channels(
     Args:
         folder: where the files are.
         channel_map: our name to EXR channel names: depth (1), motion (2, x first), color (3); as wanted
-            base_color, normal (3 each), roughness, metallic, specular (1 each), carry (any number), reference
+            base_color, normal (3 each), roughness, metallic, specular (1 each), aovs (any number), reference
             (3). `motion/*.exr:R` is channel R of the files of that pattern; without a pattern it is `*.exr`.
             References are matched by frame number, and may be there for some frames only.
         conventions: how these channels are to be read.
@@ -68,8 +68,8 @@ def import_channels(
     first = files.read_raw(0, offsets[0], reset=True)
     height, width = first.depth.shape
     if display_size is None and files.references:
-        picture = files.read_reference(files.numbers.index(next(iter(files.references))))
-        display_size = (picture.shape[1], picture.shape[0])
+        image = files.read_reference(files.numbers.index(next(iter(files.references))))
+        display_size = (image.shape[1], image.shape[0])
     info = ShotInfo(
         name=name or files.folder.resolve().name,
         render_size=(width, height),
@@ -98,26 +98,20 @@ def import_described_channels(folder: Path | str) -> Shot:
         ShotError: as `import_channels`; or channels.json is missing or wrong.
     """
     folder = Path(folder)
-    keys = JsonKeys(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
-    channel_map, conventions = keys.take("channels", dict), keys.take("conventions", dict)
-    display_size = keys.take_size("display_size") if "display_size" in keys else None
-    frame_rate, cuts = keys.take_or("frame_rate", float, 24.0), keys.take_or("cuts", list, [])
-    name = keys.take("name", str) if "name" in keys else None
-    keys.check_no_more()
-    if not 0 < frame_rate < float("inf"):
-        raise keys.wrong("frame_rate", frame_rate, "frames a second, > 0")
+    data = Field(folder / MAP_FILE_NAME, "the file", read_json(folder / MAP_FILE_NAME))
+    data.check_names(("channels", "conventions", "display_size", "frame_rate", "cuts", "name"))
     try:
         return import_channels(
             folder,
-            channel_map,
-            conventions=Conventions.from_json(conventions),
-            display_size=display_size,
-            frame_rate=frame_rate,
-            cuts=cuts,
-            name=name,
+            data["channels"].of(dict),
+            conventions=Conventions.from_json(data["conventions"].of(dict)),
+            display_size=data.read("display_size", Field.size, None),
+            frame_rate=data.read("frame_rate", Field.rate, 24.0),
+            cuts=data.read("cuts", lambda cuts: cuts.of(list), ()),
+            name=data.read("name", lambda name: name.of(str), None),
         )
     except ArgumentError as error:
-        raise ShotError(keys.path, f"will not do: {error}") from error
+        raise ShotError(data.path, f"will not do: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)
@@ -199,7 +193,7 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
         if name not in _COUNTS and name != "aovs":
-            want = f"one of {', '.join(_COUNTS)}, carry"
+            want = f"one of {', '.join(_COUNTS)}, aovs"
             raise ArgumentError("channel_map", got=f"a map with {name!r}", want=want)
         texts: list[Any] = list(value) if isinstance(value, list | tuple) else [value]
         count = _COUNTS.get(name, len(texts))

@@ -3,14 +3,14 @@
 import json
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from pathlib import Path, PurePosixPath
 
 from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
+from supersampler.io.json_fields import Field, read_json
 from supersampler.io.limits import SHOT_FRAMES
-from supersampler.io.shot.json_keys import JsonKeys, read_json
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -26,16 +26,16 @@ class ShotInfo:
         name: for people.
         render_size: (width, height) of the frames, unless a frame says otherwise.
         display_size: (width, height) of the references and display-size buffers; None where there are none.
-        frame_rate: frames a second, > 0.
+        frame_rate: frames a second, > 0; None where nobody has said.
         conventions: how the stored colour, depth, motion and jitter are to be read.
-        license: of the pictures; "" is unknown.
-        attribution: whom to name where the pictures are shown, one line each.
+        license: of the images; "" is unknown.
+        attribution: whom to name where the images are shown, one line each.
     """
 
     name: str
     render_size: Size
     display_size: Size | None
-    frame_rate: float
+    frame_rate: float | None
     conventions: Conventions
     license: str = ""
     attribution: tuple[str, ...] = ()
@@ -51,7 +51,7 @@ class FrameEntry:
         reset: True on the first frame after a cut.
         exposure: > 0, multiplies colour before the tone curve; None is measured.
         display_file: EXR file of the display-size channels, or None.
-        reference: EXR file of the picture that a perfect upscaler would return, or None.
+        reference: EXR file of the image that a perfect upscaler would return, or None.
         render_size: (width, height), where it is not the shot's.
         shaded: False where the frame has no colour (extrapolation).
     """
@@ -77,17 +77,16 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     Raises:
         ShotError: it is missing, not JSON, of another version, or an entry is missing, wrong or repeated.
     """
-    header = JsonKeys(path, "the file", read_json(path))
-    version = header.take("version", int)
+    header = Field(path, "the file", read_json(path))
+    version = header["version"].of(int)
     if version != FORMAT_VERSION:
         hint = "Write it again, or update supersampler."
         raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
+    header.check_names({"version", "frames", *(field.name for field in fields(ShotInfo))})
     info = _info(header)
-    frames = header.take("frames", list)
-    header.check_no_more()
-    if not 1 <= len(frames) <= SHOT_FRAMES:
-        raise ShotError(path, f"lists {len(frames)} frames; want 1 to {SHOT_FRAMES}")
-    entries = [frame_entry(JsonKeys(path, f"frame {index}", item)) for index, item in enumerate(frames)]
+    entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
+    if not entries:
+        raise ShotError(path, f"lists no frames; want 1 to {SHOT_FRAMES}")
     _check_listed_once(path, entries)
     return info, entries
 
@@ -122,57 +121,49 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     return item
 
 
-def _info(header: JsonKeys) -> ShotInfo:
-    frame_rate = header.take("frame_rate", float)
-    if not 0 < frame_rate < float("inf"):
-        raise header.wrong("frame_rate", frame_rate, "frames a second, > 0")
+def _info(header: Field) -> ShotInfo:
+    try:
+        conventions = Conventions.from_json(header["conventions"].of(dict))
+    except ArgumentError as error:
+        raise ShotError(header.path, f'"conventions" will not do: {error}') from error
     return ShotInfo(
-        name=header.take("name", str),
-        render_size=header.take_size("render_size"),
-        display_size=header.take_size("display_size") if "display_size" in header else None,
-        frame_rate=frame_rate,
-        conventions=_conventions(header),
-        license=header.take_or("license", str, ""),
-        attribution=header.take_texts("attribution"),
+        name=header["name"].of(str),
+        render_size=header["render_size"].size(),
+        display_size=header.read("display_size", Field.size, None),
+        frame_rate=header.read("frame_rate", Field.rate, None),
+        conventions=conventions,
+        license=header.read("license", lambda text: text.of(str), ""),
+        attribution=header.read("attribution", Field.texts, ()),
     )
 
 
-def _conventions(header: JsonKeys) -> Conventions:
-    content = header.take("conventions", dict)
-    try:
-        return Conventions.from_json(content)
-    except ArgumentError as error:
-        raise ShotError(header.path, f'"conventions" will not do: {error}') from error
-
-
-def frame_entry(keys: JsonKeys) -> FrameEntry:
+def frame_entry(data: Field) -> FrameEntry:
     """Undo `entry_json`.
 
     Raises:
         ShotError: a key is missing, wrong or unknown.
     """
-    entry = FrameEntry(
-        file=_file(keys, "file"),
-        jitter=keys.take_pair("jitter"),
-        reset=keys.take_or("reset", bool, default=False),
-        exposure=keys.take("exposure", float) if "exposure" in keys else None,
-        display_file=_file(keys, "display_file") if "display_file" in keys else None,
-        reference=_file(keys, "reference") if "reference" in keys else None,
-        render_size=keys.take_size("render_size") if "render_size" in keys else None,
-        shaded=keys.take_or("shaded", bool, default=True),
+    data.check_names([field.name for field in fields(FrameEntry)])
+    return FrameEntry(
+        file=_file(data["file"]),
+        jitter=data["jitter"].pair(),
+        reset=data.read("reset", Field.flag, default=False),
+        exposure=data.read("exposure", Field.number, None),
+        display_file=data.read("display_file", _file, None),
+        reference=data.read("reference", _file, None),
+        render_size=data.read("render_size", Field.size, None),
+        shaded=data.read("shaded", Field.flag, default=True),
     )
-    keys.check_no_more()
-    return entry
 
 
-def _file(keys: JsonKeys, key: str) -> str:
+def _file(data: Field) -> str:
     """A name inside the shot's folder: a shot that came by mail must not reach for other files."""
-    name = keys.take(key, str)
+    name = data.of(str)
     path = PurePosixPath(name)
     if not path.name or path.is_absolute() or ".." in path.parts or _FORBIDDEN.search(name):
-        raise keys.wrong(key, name, "a file inside the shot's folder, with forward slashes")
+        data.refuse("a file inside the shot's folder, with forward slashes")
     if any(len(part.encode()) > _LONGEST for part in path.parts):
-        raise keys.wrong(key, name, f"names of at most {_LONGEST} bytes")
+        data.refuse(f"names of at most {_LONGEST} bytes")
     return name
 
 

@@ -33,8 +33,8 @@ class ClassMaps:
     """What makes each pixel of a reference hard, by the classes of Guo et al. 2022.
 
     Attributes:
-        ghost: (H, W) uint8, why the past is of no use: 0 it is, 1 it was hidden or off screen, 2 its light
-            has changed.
+        ghost: (H, W) uint8, why the history is of no use: 0 it is of use, 1 the surface was
+            hidden or off screen, 2 its light has changed.
         alias: (H, W) uint8, why one sample does not tell the colour: 0 it does, 1 an edge of a surface, 2
             detail on a surface.
     """
@@ -84,14 +84,14 @@ def read_frame(
 
 
 def read_reference(path: Path, display_size: Size | None, names: Sequence[str] = COLOR) -> Float32:
-    """Read a reference picture as (H, W, 3) float32."""
+    """Read a reference image as (H, W, 3) float32."""
     channels = read_exr(path, only=names)
     check_size(path, channels, display_size)
     return take(path, channels, names).astype(np.float32, copy=False)
 
 
 def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
-    """Read the class maps beside a reference picture; None where the file has none."""
+    """Read the class maps beside a reference image; None where the file has none."""
     channels = read_exr(path, only=CLASSES)
     check_size(path, channels, display_size)
     if not channels:
@@ -105,7 +105,7 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
 
 
 def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
-    """Write a reference picture, (H, W, 3), and the class maps where there are any.
+    """Write a reference image, (H, W, 3), and the class maps where there are any.
 
     Raises:
         ShotError: an array is of a type that EXR does not have, or the disk refused.
@@ -165,7 +165,7 @@ def take(path: Path, channels: Mapping[str, Channel], names: Sequence[str]) -> A
 
 
 def check_size(path: Path, channels: Mapping[str, Channel], size: Size | None) -> None:
-    """Raise where the file's pictures are not of this (width, height)."""
+    """Raise where the file's images are not of this (width, height)."""
     for array in channels.values():  # one is enough: read_exr has compared them
         height, width = array.shape
         if size is not None and (width, height) != size:

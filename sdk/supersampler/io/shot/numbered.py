@@ -8,8 +8,8 @@ from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.atomic import check_inside
+from supersampler.io.json_fields import read_json
 from supersampler.io.limits import SHOT_FRAMES
-from supersampler.io.shot.json_keys import read_json
 
 JITTER_FILE_NAME = "jitter.json"
 Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str

@@ -110,8 +110,8 @@ class Shot:
         return self.info.display_size
 
     @property
-    def frame_rate(self) -> float:
-        """Frames a second."""
+    def frame_rate(self) -> float | None:
+        """Frames a second; None where nobody has said."""
         return self.info.frame_rate
 
     @property
@@ -121,12 +121,12 @@ class Shot:
 
     @property
     def license(self) -> str:
-        """Licence of the pictures; "" is unknown."""
+        """Licence of the images; "" is unknown."""
         return self.info.license
 
     @property
     def attribution(self) -> list[str]:
-        """Whom to name where the pictures are shown."""
+        """Whom to name where the images are shown."""
         return list(self.info.attribution)
 
     @property

@@ -24,9 +24,9 @@ from supersampler.io.atomic import (
     remove_partial_files,
     replacing,
 )
+from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
-from supersampler.io.shot.json_keys import read_json
 from supersampler.io.shot.shot import Shot, converter_at
 
 _DISPLAY, _REFERENCE = "display", "reference"
@@ -49,10 +49,10 @@ class ShotWriter:
         path: the folder; made where it is missing.
         name: for people.
         display_size: (width, height) of references and display-size buffers; None where there are none.
-        frame_rate: frames a second.
+        frame_rate: frames a second; None where it is not known.
         conventions: of the RawFrames that are written.
-        license: of the pictures.
-        attribution: whom to name where the pictures are shown.
+        license: of the images.
+        attribution: whom to name where the images are shown.
         resume: go on after the frames that are there already.
         variant: name of one of several shots in the folder that share their display-size files, "2x" say: it
             is described by 2x.json, and its frames are 2x/0000.exr and so on.
@@ -69,7 +69,7 @@ class ShotWriter:
         *,
         name: str,
         display_size: Size | None,
-        frame_rate: float,
+        frame_rate: float | None,
         conventions: Conventions | None = None,
         license: str = "",  # noqa: A002  # the word that shot.json and every reader use
         attribution: tuple[str, ...] | list[str] = (),
@@ -86,7 +86,7 @@ class ShotWriter:
             name=name,
             render_size=(0, 0),  # of the first frame
             display_size=None if display_size is None else (display_size[0], display_size[1]),
-            frame_rate=float(frame_rate),
+            frame_rate=None if frame_rate is None else float(frame_rate),
             conventions=Conventions() if conventions is None else conventions,
             license=license,
             attribution=tuple(attribution),
