@@ -100,8 +100,7 @@ def static_axis(display: int, render: int, jitter: Sequence[float]) -> StaticAxi
     offset[at] = (places - pixels - 0.5)[inside]
     keys = np.where(sample == NONE, np.float32(NONE), offset)
     _, kind = np.unique(keys, axis=1, return_inverse=True)
-    kind = kind.reshape(-1).astype(np.int32)
-    return StaticAxis(sample, offset, kind, int(kind.max()) + 1)
+    return StaticAxis(sample, offset, kind.reshape(-1).astype(np.int32, copy=False), int(kind.max()) + 1)
 
 
 class _Places(NamedTuple):
