@@ -10,6 +10,7 @@ from supersampler_bench.cli import (
     quality,
     render_shots,
     report,
+    still,
     stress,
     timing,
 )
@@ -30,6 +31,7 @@ for command in (
     timing.startup,
     timing.device,
     timing.skip,
+    still.still,
     pareto.pareto,
     stress.stress,
     agreement.parity,
