@@ -83,7 +83,8 @@ def inside(frame: Frame, weights: StaticWeights, phase: int) -> tuple[Float32, F
     rows, columns = (np.maximum(axis.sample[phase], 0) for axis in (weights.rows, weights.columns))
     count = (weights.rows.sample != NONE).astype(float).T @ (weights.columns.sample != NONE)
     color: Float32 = np.asarray(frame.color, np.float32)[rows][:, columns]
-    return color, (weights.of_frame(phase) * count)[..., None].astype(np.float32)
+    share: Float32 = (weights.of_frame(phase) * count)[..., None].astype(np.float32)
+    return color, share
 
 
 def blurred(values: NDArray[np.floating], reach: int) -> Float32:
@@ -91,7 +92,8 @@ def blurred(values: NDArray[np.floating], reach: int) -> Float32:
     wide = np.pad(values[..., 0], ((reach + 1, reach), (reach + 1, reach)), mode="edge").cumsum(0).cumsum(1)
     side = 2 * reach + 1
     total = wide[side:, side:] - wide[:-side, side:] - wide[side:, :-side] + wide[:-side, :-side]
-    return (total / side**2).astype(np.float32)[..., None]
+    mean: Float32 = (total / side**2).astype(np.float32)[..., None]
+    return mean
 
 
 def crossfaded(image: Float32, mean: Mean, left: float | None) -> Float32:
@@ -113,7 +115,8 @@ def convergence(method: str, kind: str, ratio: float, periods: int) -> str:
     jitter = [halton_jitter(i, ratio) for i in range(count)]
     weights, truth = StaticWeights(DISPLAY, size, jitter), display_transform(scene.truth(0, DISPLAY))
     upscaler = Upscaler(method, display_size=DISPLAY, skip="exact", validate="off", threads=1)
-    mean, shown, scores, steps = Mean.zeros(DISPLAY), [], [], []
+    mean, scores, steps = Mean.zeros(DISPLAY), list[float](), list[float]()
+    shown: list[Float32] = []
     before: Float32 | None = None
     frames = [scene.frame(1, size, place) for place in jitter]
     for index in range(periods * count):

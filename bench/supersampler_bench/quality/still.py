@@ -87,7 +87,7 @@ def measure_still(
         samples: a pixel of the test shots' references.
         on_frame: called after each frame of a scene.
     """
-    results = []
+    results: list[StillScores] = []
     for scene in scenes:
         for ratio in ratios:
             frames, truth = _source(scene, display, ratio, samples)
@@ -245,7 +245,8 @@ def markdown_table(record: Record) -> str:
         )
     caption = (
         f"PSNR, dB, of {width}x{height} after jitter periods in front of a fixed camera, "
-        f"`{record['executor']}`, skip {record['skip']}: where nothing moved. Best mean: of the same samples, offline. "
+        f"`{record['executor']}`, skip {record['skip']}: where nothing moved. "
+        "Best mean: of the same samples, offline. "
         f"{machine_name(record)}."
     )
     return "\n".join([*rows, "", caption])

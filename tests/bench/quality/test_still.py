@@ -1,4 +1,4 @@
-"""The bench of scenes that stand still scores them against the samples' own mean, and leaves out what moves."""
+"""The bench of scenes that stand still compares them with the mean of the samples."""
 
 import numpy as np
 
