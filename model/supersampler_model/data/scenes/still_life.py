@@ -3,7 +3,7 @@
 `bench still` steps methods through it. Its waves and rings are finer than the samples of one frame at ratio 2
 can hold, so that only samples of several frames tell what is there; they are smooth, so that all samples of a
 jitter period do. Sizes and contrasts were chosen on 2026-11-23 so that at 160x90 to 320x180 the methods that
-never converged (commit 571eab6) reach, after four periods, 35.1 dB (`taau`) and 34.2 dB (`classifier`).
+never converged (commit 571eab6) reach, in the fourth period, 35.0 dB (`taau`) and 34.2 dB (`classifier`).
 """
 
 import numpy as np
