@@ -31,10 +31,10 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
         SmallConfig(inputs=INPUTS, rectified=True, own_motion=True, corrected=True)
     ),
     "the paper's form (`classifier-paper`)": lambda: PaperClassifier(PaperConfig(inputs=INPUTS)),
-    "past not cut to the box": changed(rectified=False),
-    "no past by the pixel's own motion": changed(own_motion=False),
-    "warped past not filtered": changed(corrected=False),
-    "differences of past and present not seen": lambda: Classifier(
+    "history not clipped to the box": changed(rectified=False),
+    "no history by the pixel's own motion": changed(own_motion=False),
+    "warped history not filtered": changed(corrected=False),
+    "differences of history and frame not seen": lambda: Classifier(
         without("history_to_sample", "history_to_frame", "beyond_range")
     ),
     "means of differences around not seen": changed(neighbourhood_inputs=()),
@@ -43,7 +43,9 @@ METHODS: Mapping[str, Callable[[], Classifier]] = {
     "range only grows": changed(contraction=0.0),
     "distance of samples not seen": lambda: Classifier(without("confidence")),
     "count not seen": lambda: Classifier(without("count")),
-    "difference of depth and cover not seen": lambda: Classifier(without("depth_difference", "surface")),
+    "difference of depth and disocclusion not seen": lambda: Classifier(
+        without("depth_difference", "surface")
+    ),
     "classes of the frame before not seen": changed(recurrent=False),
     "speed and blur not seen (the default)": Classifier,
     "each channel toned alone": changed(tone_space="channels"),

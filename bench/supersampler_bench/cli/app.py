@@ -2,7 +2,7 @@
 
 import typer
 
-from supersampler_bench.cli import agreement, hashes, quality, report, shots, stress, timing
+from supersampler_bench.cli import agreement, hashes, quality, report, shots, still, stress, timing
 
 app = typer.Typer(no_args_is_help=True)
 
@@ -20,6 +20,7 @@ for command in (
     timing.startup,
     timing.device,
     timing.skip,
+    still.still,
     timing.pareto,
     stress.stress,
     agreement.parity,

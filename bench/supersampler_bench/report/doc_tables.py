@@ -9,7 +9,7 @@ from pathlib import Path
 from supersampler.errors import ArgumentError
 from supersampler_bench.agreement import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
-from supersampler_bench.quality import extrapolation, precision
+from supersampler_bench.quality import extrapolation, precision, still
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
@@ -34,6 +34,7 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
     "startup": startup.markdown_table,
+    "still": still.markdown_table,
 }
 """By the bench."""
 

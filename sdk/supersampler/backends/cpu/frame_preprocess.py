@@ -131,7 +131,7 @@ class FramePreprocess:
         h, w = color.shape[:2]
         rows = np.zeros((h, 2), np.float32)
         self._pool.run_rows(
-            "read", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows))
+            "preprocess", h, lambda y0, y1, _: self._measure(address(color), w, y0, y1, address(rows))
         )
         logs, count = (float(total) for total in rows.sum(axis=0, dtype=float))
         return EXPOSURE_KEY * math.exp(-logs / count) if count else None
@@ -145,4 +145,4 @@ class FramePreprocess:
             self._prepare(inputs, to, max(y0 - 1, 0), min(y1 + 1, samples.height))
             self._dilate(to, y0, y1)
 
-        self._pool.run_rows("read", samples.height, read)
+        self._pool.run_rows("preprocess", samples.height, read)

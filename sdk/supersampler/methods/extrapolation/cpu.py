@@ -98,8 +98,8 @@ class GuidedWarpCpu:
             def extrapolate(y0: int, y1: int, worker: int) -> None:
                 self._extrapolate_rows(*inputs, *scratch[worker], output, y0, y1)
 
-            self._pool.run_rows("read", then_h, read)
-            self._pool.run_rows("draw", h, extrapolate)
+            self._pool.run_rows("preprocess", then_h, read)
+            self._pool.run_rows("compute", h, extrapolate)
         left = {"history.motion": total, "history.motion_jitter": np.array([frame.jitter], np.float32)}
         return image, {**past, **left}
 

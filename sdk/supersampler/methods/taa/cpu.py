@@ -71,7 +71,7 @@ class TaaCpu(CpuExecutor[_Space]):
             read_samples(inputs, samples, max(y0 - 1, 0), min(y1 + 1, h))
             fill_boxes(samples, y0, y1)
 
-        self.pool.run_rows("read", h, read)
+        self.pool.run_rows("preprocess", h, read)
 
     def _blend(self, step: Step, space: _Space) -> None:
         """Compute the image, which is the next history."""
@@ -89,4 +89,4 @@ class TaaCpu(CpuExecutor[_Space]):
         def compute(box: Rect, worker: int) -> None:
             kernel(*inputs, scratch[worker], output, *box)
 
-        self.pool.run_rects("draw", step.tiles.boxes(TILE, display), compute)
+        self.pool.run_rects("compute", step.tiles.boxes(TILE, display), compute)

@@ -83,7 +83,7 @@ class TaauCpu(CpuExecutor[_Space]):
         sums = address(space.sums)
         shade, lines = self.kernels[SHADE], [address(line) for line in space.shade_lines]
         self.pool.run_rows(
-            "read",
+            "preprocess",
             space.samples.height,
             lambda y0, y1, worker: shade(samples, lines[worker], surface, sums, y0, y1),
         )
@@ -121,4 +121,4 @@ class TaauCpu(CpuExecutor[_Space]):
         def compute(box: Rect, worker: int) -> None:
             kernel(*inputs, scratch[worker], output, *box)
 
-        self.pool.run_rects("draw", step.tiles.boxes(TILE, step.display), compute)
+        self.pool.run_rects("compute", step.tiles.boxes(TILE, step.display), compute)
