@@ -42,6 +42,12 @@ from supersampler_model.methods.spatial.model import Bilinear
 from supersampler_model.methods.weights_file import Trained, save_trained
 
 
+@pytest.fixture(autouse=True)
+def _shipped_aovs_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the same in all folders, and test_export_traced traces it."""
+    monkeypatch.setattr(folder_module, "aovs_graph", (find_model("bilinear") / "aovs.onnx").read_bytes)
+
+
 @pytest.mark.parametrize("name", shipped_methods())
 def test_the_shipped_folder_says_what_the_exporter_says_today(name: str) -> None:
     folder, method = find_model(name), made_method(name)
