@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from apart import STEP, run_apart
+from apart import STEP, cache_without_a_kernel, run_apart
 
 FOREIGN = """
 import numba
@@ -59,7 +59,7 @@ assert np.array_equal(again.step(noise(0)), first) and np.array_equal(again.step
 """)
 
 
-def test_functions_work_when_a_kernel_is_compiled_in_their_process(cache_without_a_kernel: Path) -> None:
+def test_functions_work_when_a_kernel_is_compiled_in_their_process(tmp_path: Path) -> None:
     run_apart(
         f"""{STEP}{FOREIGN}
 import sys
@@ -69,5 +69,5 @@ image = upscaler("taa").step(noise(0))
 assert "supersampler.backends.cpu.kernel_compiler" in sys.modules
 use()
 """,
-        XDG_CACHE_HOME=str(cache_without_a_kernel),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
     )

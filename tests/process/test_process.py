@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from apart import STEP, run_apart
+from apart import STEP, cache_without_a_kernel, run_apart
 
 MODELS = """
 from pathlib import Path
@@ -105,10 +105,10 @@ sys.executable = None  # whose processes would have them
     assert "numba" in done.stdout
 
 
-def test_numba_switched_off_for_debugging_changes_nothing(cache_without_a_kernel: Path) -> None:
+def test_numba_switched_off_for_debugging_changes_nothing(tmp_path: Path) -> None:
     run_apart(
         f"{STEP}\nassert upscaler('taa').model.executor == 'cpu'",
-        XDG_CACHE_HOME=str(cache_without_a_kernel),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
         NUMBA_DISABLE_JIT="1",
         NUMBA_BOUNDSCHECK="1",
     )
@@ -129,7 +129,7 @@ load_kernels("backends.cpu.kernels.frame.measure")
     )
 
 
-def test_neither_a_step_nor_a_compilation_changes_the_environment(cache_without_a_kernel: Path) -> None:
+def test_neither_a_step_nor_a_compilation_changes_the_environment(tmp_path: Path) -> None:
     run_apart(
         f"""{STEP}
 import os, signal, locale, threading
@@ -138,7 +138,7 @@ upscaler("taa").step(noise(0))
 after = dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
 assert before == after
 """,
-        XDG_CACHE_HOME=str(cache_without_a_kernel),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
     )
 
 
