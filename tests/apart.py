@@ -42,7 +42,7 @@ def run_apart(
 
 
 def cache_without_a_kernel(folder: Path) -> str:
-    """Make a value of XDG_CACHE_HOME: all kernels of `taa` but the fastest to compile, which a step compiles."""
+    """Make a value of XDG_CACHE_HOME: kernels of `taa` but the fastest to compile, which a step compiles."""
     Model.load("taa", executor="cpu")
     kernels = folder / "supersampler" / "kernels" / cache_folder().name
     shutil.copytree(cache_folder(), kernels)
