@@ -14,6 +14,7 @@ from typer.testing import CliRunner
 import supersampler.methods
 import supersampler_model.methods
 from supersampler.cli import app
+from supersampler.methods.model_file import find_model
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -45,6 +46,8 @@ def test_the_page_on_adding_a_method_adds_one(tmp_path: Path, monkeypatch: pytes
     try:
         average = import_module("supersampler_model.methods.average.model").Average
         monkeypatch.setitem(model.METHODS, "average", average)
+        aovs = find_model("bilinear") / "aovs.onnx"  # as in all folders
+        monkeypatch.setattr("supersampler_export.folder.aovs_graph", aovs.read_bytes)
         exported = CliRunner().invoke(app, ["export", "average", "-o", "average"])
         assert exported.exit_code == 0, exported.output
         promised: dict[str, object] = {}

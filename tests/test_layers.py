@@ -85,8 +85,8 @@ def floor_of(module: str) -> int:
     return max(named)[1]
 
 
-def modules_imported(file: Path) -> Iterator[tuple[int, str]]:
-    """Yield (line, module of the SDK) of each import statement, but those for type checkers alone."""
+def modules_imported(file: Path, package: str = "supersampler") -> Iterator[tuple[int, str]]:
+    """Yield (line, module of the package) of each import statement, but those for type checkers alone."""
     tree = ast.parse(file.read_text(encoding="utf-8"))
     for_types = {
         id(inner)
@@ -97,8 +97,8 @@ def modules_imported(file: Path) -> Iterator[tuple[int, str]]:
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom) and id(node) not in for_types:
             module = str(node.module)
-            if module.startswith("supersampler."):
-                yield node.lineno, module.removeprefix("supersampler.")
+            if module.startswith(f"{package}."):
+                yield node.lineno, module.removeprefix(f"{package}.")
 
 
 def test_inside_the_sdk_imports_point_down() -> None:
@@ -148,6 +148,14 @@ def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
     (tmp_path / "pack" / "b.py").write_text("if TYPE_CHECKING:\n    from pack.a import T\n")
     with pytest.raises(CycleError):
         tuple(TopologicalSorter(imports_of(tmp_path / "pack")).static_order())
+
+
+def test_operations_import_nothing_that_is_made_of_them() -> None:
+    """Else which module is imported first decides whether the import works."""
+    files = sorted((ROOT / "model" / "supersampler_model" / "ops").glob("*.py"))
+    found = {name for file in files for _, name in modules_imported(file, "supersampler_model")}
+    assert found
+    assert {name for name in found if not name.startswith("ops.")} == set()
 
 
 def test_few_modules_lie_at_the_root_of_the_sdk() -> None:

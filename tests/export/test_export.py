@@ -25,7 +25,7 @@ from supersampler_export.cli import made_method, shipped_methods
 from supersampler_export.count import multiply_adds, multiply_adds_of
 from supersampler_export.cpu_network import cpu_network
 from supersampler_export.folder import describe, model_card, write_model_folder
-from supersampler_export.graph import ExportError, check_portable
+from supersampler_export.graph import ExportError, check_portable, export_graph
 from supersampler_export.parity import (
     SIZES,
     TOLERANCE,
@@ -40,6 +40,12 @@ from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.spatial.model import Bilinear
 from supersampler_model.methods.weights_file import Trained, save_trained
+
+
+@pytest.fixture(autouse=True)
+def _shipped_aovs_graph(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is the same in all folders, and test_export_traced traces it."""
+    monkeypatch.setattr(folder_module, "aovs_graph", (find_model("bilinear") / "aovs.onnx").read_bytes)
 
 
 @pytest.mark.parametrize("name", shipped_methods())
@@ -215,6 +221,24 @@ def test_an_exported_folder_is_a_model(tmp_path: Path) -> None:
         "| color | float32 | 1, 3, render_height, render_width |"
         in (tmp_path / "mine" / "MODEL_CARD.md").read_text()
     )
+
+
+def test_a_graph_keeps_nothing_of_what_the_exporter_says_about_its_own_run() -> None:
+    model = export_graph(Bilinear())
+    assert not model.graph.value_info
+    assert not model.graph.metadata_props
+    assert not any(node.metadata_props for node in model.graph.node)
+
+
+def test_of_an_inner_folder_the_description_alone_is_listed_with_the_files(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """It lists the files beside it by itself."""
+    graph = onnx.load(find_model("bilinear") / "step.onnx")
+    monkeypatch.setattr(folder_module, "export_graph", lambda _: graph)
+    inner = {f"{EXTRAPOLATED}/{name}": name.encode() for name in ("step.onnx", "model.json")}
+    described = json.loads(folder_module._made(Bilinear(), inner)["model.json"])
+    assert set(described["files"]) == {"step.onnx", "aovs.onnx", f"{EXTRAPOLATED}/model.json"}
 
 
 @pytest.mark.parametrize(

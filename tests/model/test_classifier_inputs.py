@@ -75,3 +75,15 @@ def test_the_mean_around_tells_a_change_of_light_from_aliasing() -> None:
     torch.testing.assert_close(light["mean_abs_difference"], aliased["mean_abs_difference"])
     inner = (..., slice(-3), slice(-3))  # the last pixels of an odd row are repeated
     assert (light["mean_difference"][inner] > 10.0 * aliased["mean_difference"][inner]).all()
+
+
+@pytest.mark.parametrize(("across", "down", "blur"), [(0.0, 0.0, 0.0), (0.5, 0.0, 0.5), (0.5, 0.5, 1.0)])
+def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
+    across: float, down: float, blur: float
+) -> None:
+    g = gathered()
+    at = g.reprojection._replace(
+        x=torch.full_like(g.reprojection.x, 4.0 + across), y=torch.full_like(g.reprojection.y, 7.0 + down)
+    )
+    seen = pixel_inputs(g.current, g.warped, at)["blur"]
+    torch.testing.assert_close(seen, torch.full_like(seen, blur))

@@ -169,3 +169,21 @@ def test_counter_and_range_are_read_at_the_nearest_pixel_and_classes_between(met
     torch.testing.assert_close(
         seen.color[0, :, 5, 7], tone(torch.full((1, 3, 1, 1), 7.4))[0, :, 0, 0], rtol=1e-2, atol=0
     )
+
+
+@pytest.mark.parametrize(("motion", "read"), [(0.4, 4.0), (0.6, 5.0), (-0.4, 4.0), (-0.6, 3.0)])
+def test_depth_of_the_previous_frame_is_read_at_the_nearest_render_pixel(
+    method: PaperClassifier, motion: float, read: float
+) -> None:
+    rows = torch.arange(1.0, 9.0)[:, None].expand(1, 2, 8, 12)
+    _, state, classes, _, _, _ = method.first_history(DISPLAY, RENDER)
+    history = History(torch.zeros(1, 3, 16, 24), state, classes, rows, torch.ones(1))
+    vectors = torch.zeros(1, 2, 16, 24)
+    vectors[:, 1] = motion  # render pixels
+    before = reproject(vectors, DISPLAY, RENDER)
+    # The display pixel at the centre of render row 3, shifted by half a display pixel.
+    before = before._replace(y=before.y + 0.5)
+    view = View(DISPLAY, RENDER, torch.zeros(1, 2))
+    depth = torch.full((1, 1, 16, 24), 1.0)
+    seen = method.gather_history(history, before, before, depth, view, torch.ones(1)).difference
+    torch.testing.assert_close(seen[0, 0, 6], torch.full((24,), (read - 1.0) / read))

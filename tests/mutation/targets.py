@@ -28,6 +28,7 @@ TESTS = [
     "tests/sdk/test_bad_arguments.py",
     "tests/sdk/test_checks*.py",
     "tests/sdk/test_conventions*.py",
+    "tests/sdk/test_depth_order.py",
     "tests/sdk/test_detect*.py",
     "tests/sdk/test_extrapolate.py",
     "tests/sdk/test_gbuffers.py",

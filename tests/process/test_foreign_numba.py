@@ -1,6 +1,8 @@
 """Everybody else's numba functions work before, between and after steps."""
 
-from apart import STEP, run_apart
+from pathlib import Path
+
+from apart import STEP, cache_without_a_kernel, run_apart
 
 FOREIGN = """
 import numba
@@ -57,14 +59,15 @@ assert np.array_equal(again.step(noise(0)), first) and np.array_equal(again.step
 """)
 
 
-def test_functions_work_when_kernels_are_compiled_in_their_process(tmp_path: str) -> None:
+def test_functions_work_when_a_kernel_is_compiled_in_their_process(tmp_path: Path) -> None:
     run_apart(
         f"""{STEP}{FOREIGN}
 import sys
 plain(1, 2)
 sys.executable = None
 image = upscaler("taa").step(noise(0))
+assert "supersampler.backends.cpu.kernel_compiler" in sys.modules
 use()
 """,
-        XDG_CACHE_HOME=str(tmp_path),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
     )

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from apart import STEP, run_apart
+from apart import STEP, cache_without_a_kernel, run_apart
 
 MODELS = """
 from pathlib import Path
@@ -108,7 +108,7 @@ sys.executable = None  # whose processes would have them
 def test_numba_switched_off_for_debugging_changes_nothing(tmp_path: Path) -> None:
     run_apart(
         f"{STEP}\nassert upscaler('taa').model.executor == 'cpu'",
-        XDG_CACHE_HOME=str(tmp_path),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
         NUMBA_DISABLE_JIT="1",
         NUMBA_BOUNDSCHECK="1",
     )
@@ -138,7 +138,7 @@ upscaler("taa").step(noise(0))
 after = dict(os.environ), signal.getsignal(signal.SIGINT), os.getcwd(), locale.setlocale(locale.LC_ALL)
 assert before == after
 """,
-        XDG_CACHE_HOME=str(tmp_path),
+        XDG_CACHE_HOME=cache_without_a_kernel(tmp_path),
     )
 
 

@@ -170,6 +170,16 @@ def test_colour_whose_edges_are_where_those_of_depth_are_upside_down_is_turned(t
     assert "upside down" not in complaint(frame(depth=narrow, color=color))
 
 
+def test_colour_that_looks_the_same_upside_down_is_left_alone() -> None:
+    height = SIZE[1]
+    depth, light = np.full((height, SIZE[0]), 0.1, np.float32), np.full((height, SIZE[0]), 0.2, np.float32)
+    for top in (7, 19):
+        for rows in (slice(top, top + 5), slice(height - top - 5, height - top)):
+            depth[rows], light[rows] = 0.3, 0.9
+    color = np.repeat(light[..., None], 3, axis=2)
+    assert "upside down" not in complaint(frame(depth=depth, color=color))
+
+
 def test_three_frames_of_a_start_are_read_and_each_kind_is_told_once() -> None:
     checker = FrameChecker("warn")
 

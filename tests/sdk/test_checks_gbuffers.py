@@ -75,6 +75,12 @@ def test_normals_are_of_length_1_or_0_but_for_a_twentieth(length: float, share: 
     assert ("neither 1 nor 0" in complaint("gbuffer_normal", normals(length, share))) is found
 
 
+def test_infinities_of_both_signs_in_one_pixel_are_reported_without_a_warning_of_numpy() -> None:
+    bad = normals(1.0)
+    bad[5, 6] = np.inf, -np.inf, 0.0
+    assert "first at (x=6, y=5)" in complaint("gbuffer_normal", bad)
+
+
 def test_normals_in_colours_are_recognised() -> None:
     encoded = 0.5 * normals(1.0) + 0.5
     assert "2 * normal - 1" in complaint("gbuffer_normal", encoded)

@@ -183,6 +183,15 @@ def test_a_surface_beyond_the_far_plane_cannot_be_written() -> None:
         Conventions(depth="reversed", near=NEAR, far=FAR).converter().from_frame(frame(depth=depth))
 
 
+def test_a_surface_at_the_far_plane_may_be_rounded() -> None:
+    depth = np.full((2, 3), NEAR / FAR, np.float32)
+    depth[1] *= 1.0 - 5e-6
+    stored = (
+        Conventions(depth="reversed", near=NEAR, far=FAR).converter().from_frame(frame(depth=depth)).depth
+    )
+    np.testing.assert_allclose(np.asarray(stored), 0.0, atol=1e-6)
+
+
 def test_rows_are_turned_in_every_buffer_and_colours_decoded() -> None:
     rows = np.array([[0.04, 0.04, 0.04], [0.5, 0.5, 0.5]], np.float32)
     stored = raw(
