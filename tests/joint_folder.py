@@ -9,7 +9,8 @@ from typing import Any
 import onnx
 from onnx import TensorProto, helper
 
-from supersampler.methods.model_file import EXTRAPOLATED, find_model
+from supersampler.methods.model_file import find_model
+from supersampler.methods.model_info import EXTRAPOLATED
 
 SURFACE = "gbuffer_base_color"
 

@@ -11,7 +11,7 @@ from torch.utils.flop_counter import FlopCounterMode
 
 from supersampler.backends.onnx.runtime import ort
 from supersampler.frame import Size
-from supersampler.methods.model_file import extents
+from supersampler.methods.model_info import extents
 from supersampler.methods.spec import sized
 from supersampler_model.methods.base import Fused
 

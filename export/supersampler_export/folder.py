@@ -16,7 +16,8 @@ from supersampler import __version__
 from supersampler.errors import ShotError
 from supersampler.io.atomic import check_ours
 from supersampler.io.json_fields import read_json
-from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED
+from supersampler.methods.model_file import CONTRACT
+from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.spec import RENDER, TENSORS, Shape, dtype_of
 from supersampler_export.count import multiply_adds_of
 from supersampler_export.cpu_network import cpu_network

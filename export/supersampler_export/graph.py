@@ -14,7 +14,7 @@ from torch import Tensor, nn
 
 from supersampler.conventions.ratios import only_ratio, scaled
 from supersampler.errors import SupersamplerError
-from supersampler.methods.model_file import extents
+from supersampler.methods.model_info import extents
 from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,

@@ -11,7 +11,7 @@ from supersampler.backends.cpu.tile_state import tile_state_specs
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Float32, Size
 from supersampler.methods.array_spec import ArraySpec, checked_arrays, values_of
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 
 AOVS = "history.aovs"
 WORK = "work"

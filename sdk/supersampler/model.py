@@ -42,7 +42,8 @@ from supersampler.frame import (
 from supersampler.history import AOVS, WORK, History, StepResult, check_histories, checked_history
 from supersampler.methods.cpu_backends import cpu_executor
 from supersampler.methods.gbuffers import check_gbuffers
-from supersampler.methods.model_file import ModelInfo, read_model_info, read_upscaling_info
+from supersampler.methods.model_file import read_model_info, read_upscaling_info
+from supersampler.methods.model_info import ModelInfo
 
 __all__ = ["TOLERANCE", "ExecutorName", "Model", "Precision", "Skip"]
 

@@ -18,7 +18,8 @@ from typer.testing import CliRunner
 from gbuffer_method import Demodulated, exported
 from supersampler import Frame, Model, StepResult, SupersamplerError, Upscaler
 from supersampler.cli import app
-from supersampler.methods.model_file import CONTRACT, EXTRAPOLATED, find_model, read_model_info
+from supersampler.methods.model_file import CONTRACT, find_model, read_model_info
+from supersampler.methods.model_info import EXTRAPOLATED
 from supersampler.methods.spec import MethodSpec
 from supersampler_export import folder as folder_module
 from supersampler_export.cli import made_method, shipped_methods

@@ -21,13 +21,8 @@ from supersampler.backends.onnx.executor import OnnxExecutor
 from supersampler.backends.onnx.providers import NAMES, capturing
 from supersampler.backends.onnx.tensors import tensors_of_frame
 from supersampler.errors import ProviderError
-from supersampler.methods.model_file import (
-    extents,
-    extrapolation_names,
-    find_model,
-    model_names,
-    read_model_info,
-)
+from supersampler.methods.model_file import extrapolation_names, find_model, model_names, read_model_info
+from supersampler.methods.model_info import extents
 
 DISPLAY = (63, 35)
 METHODS = ["bilinear", "taau", "classifier-small"]

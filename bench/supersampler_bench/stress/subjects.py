@@ -7,7 +7,7 @@ from functools import cache
 from supersampler import Frame, Model, Upscaler
 from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Size
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.model import ExecutorName, Precision
 from supersampler.state import State
 from supersampler_bench.compatibility import with_default_gbuffers

@@ -13,7 +13,7 @@ from typing import Any, ClassVar, NamedTuple
 import torch
 from torch import Tensor, nn
 
-from supersampler.methods.model_file import extents
+from supersampler.methods.model_info import extents
 from supersampler.methods.spec import (
     BETWEEN,
     CHANNELS,

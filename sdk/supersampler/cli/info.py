@@ -11,7 +11,7 @@ from supersampler.errors import ShotError, did_you_mean
 
 if TYPE_CHECKING:
     from supersampler.io.shot import Shot
-    from supersampler.methods.model_file import ModelInfo, TensorInfo
+    from supersampler.methods.model_info import ModelInfo, TensorInfo
 
 
 def info(

@@ -1,19 +1,17 @@
 """Check a model.json against the graph contract (docs/contract.md), tensor by tensor."""
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, NoReturn
+from typing import NoReturn
 
 from supersampler.errors import ModelError
+from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import DISPLAY, HALF, INPUTS, PREVIOUS, RENDER, WEIGHT, dtype_of
-
-if TYPE_CHECKING:
-    from supersampler.methods.model_file import ModelInfo, TensorInfo
 
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
 _MAPS = {"class_map", "weight", "count"}  # fields of StepResult
 
 
-def check_contract(info: "ModelInfo") -> None:
+def check_contract(info: ModelInfo) -> None:
     """Raise ModelError where this runtime cannot drive a tensor or map."""
     for tensor in info.inputs:
         if tensor.name not in INPUTS:
@@ -38,7 +36,7 @@ def check_contract(info: "ModelInfo") -> None:
     _check_aux_outputs(info)
 
 
-def check_extrapolated(outer: "ModelInfo", inner: "ModelInfo") -> None:
+def check_extrapolated(outer: ModelInfo, inner: ModelInfo) -> None:
     """Raise ModelError unless the inner model has the history, image and outputs of the outer one."""
     tensors = [(m.history, m.image.shape, {t.name for t in m.aux_outputs}) for m in (outer, inner)]
     if not inner.only_extrapolated or tensors[0] != tensors[1]:
@@ -46,7 +44,7 @@ def check_extrapolated(outer: "ModelInfo", inner: "ModelInfo") -> None:
         _refuse(inner, "only_extrapolated", repr(inner.only_extrapolated), want)
 
 
-def _check_upscaling(info: "ModelInfo") -> None:
+def _check_upscaling(info: ModelInfo) -> None:
     if "color" not in (tensor.name for tensor in info.inputs):
         _refuse(info, "inputs", "without 'color'", "with it: the model upscales")
     known = {*RENDER, *DISPLAY, *HALF, *PREVIOUS}
@@ -55,7 +53,7 @@ def _check_upscaling(info: "ModelInfo") -> None:
             _refuse(info, f"history {tensor.name!r}", _text(tensor), f"float32 of {', '.join(sorted(known))}")
 
 
-def _check_extrapolation(info: "ModelInfo") -> None:
+def _check_extrapolation(info: ModelInfo) -> None:
     """Check that each history tensor is a frame's input by name, and `earlier_X` comes after `X`."""
     inputs = {tensor.name for tensor in info.inputs}
     if "color" in inputs or "step.onnx" not in info.files:
@@ -75,7 +73,7 @@ def _check_extrapolation(info: "ModelInfo") -> None:
         before.add(own)
 
 
-def _check_aux_outputs(info: "ModelInfo") -> None:
+def _check_aux_outputs(info: ModelInfo) -> None:
     for tensor in info.aux_outputs:
         named = tensor.shape[2:]
         if tensor.type != "float32" or tensor.shape[:1] != (1,) or named not in (DISPLAY, HALF):
@@ -97,7 +95,7 @@ def _check_aux_outputs(info: "ModelInfo") -> None:
             _refuse(info, f"map {name!r}", got, want)
 
 
-def _check_unique(info: "ModelInfo", what: str, names: Iterable[str]) -> None:
+def _check_unique(info: ModelInfo, what: str, names: Iterable[str]) -> None:
     seen: set[str] = set()
     for name in names:
         if name in seen:
@@ -105,14 +103,14 @@ def _check_unique(info: "ModelInfo", what: str, names: Iterable[str]) -> None:
         seen.add(name)
 
 
-def _named(tensor: "TensorInfo") -> set[str]:
+def _named(tensor: TensorInfo) -> set[str]:
     return {extent for extent in tensor.shape if isinstance(extent, str)}
 
 
-def _text(tensor: "TensorInfo") -> str:
+def _text(tensor: TensorInfo) -> str:
     return f"{tensor.shape} {tensor.type}"
 
 
-def _refuse(info: "ModelInfo", what: str, got: str, want: str) -> NoReturn:
+def _refuse(info: ModelInfo, what: str, got: str, want: str) -> NoReturn:
     path = info.folder / "model.json"
     raise ModelError(f"{path}: {what}: {got}; want {want}. Export the model again.")

@@ -11,7 +11,7 @@ from supersampler.errors import BackendWarning, KernelError
 from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.cpu_checks import check_constants, has_known_history
 from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.cpu import TaaCpu
 from supersampler.methods.taa.spec import TAA, TaaConfig

@@ -6,7 +6,7 @@ from supersampler.errors import ModelError
 from supersampler.methods.classifier.spec import CLASSIFIER
 from supersampler.methods.classifier.variant import Variant
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
 from supersampler.methods.taa.spec import TAA
 from supersampler.methods.taau.spec import TAAU

@@ -5,149 +5,30 @@ import json
 import math
 import re
 import reprlib
-from collections.abc import Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import Any
 
-from supersampler.conventions.ratios import only_ratio
 from supersampler.errors import ModelError, did_you_mean, shown
-from supersampler.frame import Size
 from supersampler.io.json_fields import Field, read_fields
-from supersampler.methods.array_spec import ArraySpec, values_of
 from supersampler.methods.catalog import UNTRAINED
 from supersampler.methods.contract import check_contract, check_extrapolated
-from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
+from supersampler.methods.model_info import (
+    EXTRAPOLATED_FILE,
+    HistoryInfo,
+    ModelInfo,
+    TensorInfo,
+    has_render_size,
+)
+from supersampler.methods.spec import MapOf
 
 CONTRACT = 2
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
-EXTRAPOLATED = "extrapolated"
-"""Folder in a model's folder: the model that steps on extrapolated frames."""
-EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
-"""Its name in `files`, the only name with a folder in it."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""
 _MANY, _CHANNELS = 100, 1024  # maximum items of a list or object; maximum numbers per pixel
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,99}")
 _SHA256 = re.compile("[0-9a-f]{64}")
-
-
-@dataclass(frozen=True)
-class TensorInfo:
-    """One input, output or history tensor of a graph.
-
-    Attributes:
-        name: in the graph.
-        type: numpy's name of its element type.
-        shape: numbers, and names of free extents: render_width, display_height, previous_width, ...
-    """
-
-    name: str
-    type: str
-    shape: Shape
-
-    def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
-        """Return the shape at the given (width, height) sizes."""
-        return sized(self.shape, extents(render=render, display=display, previous=previous))
-
-    def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
-        """Return what an array of this history tensor must be, at the given (width, height) sizes."""
-        shape = self.shape_for(render=render, display=display, previous=previous)
-        return ArraySpec(self.type, shape, values_of(self.name))
-
-    def spec_of_frames(self) -> ArraySpec:
-        """Return what an array must be where the history is earlier frames: any size, any pixels."""
-        return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
-
-
-@dataclass(frozen=True)
-class HistoryInfo:
-    """One history tensor: `input` takes what the previous step returned as `output`; zeros: no history."""
-
-    input: TensorInfo
-    output: str
-
-
-@dataclass(frozen=True)
-class ModelInfo:
-    """The content of model.json, checked; `supersampler info MODEL` prints it.
-
-    `multiply_adds` are those of the network, per display pixel. `only_extrapolated`: the model steps on
-    extrapolated frames alone, beside the model in the parent folder.
-    """
-
-    folder: Path
-    contract: int
-    method: str
-    source: str
-    ratios: tuple[float, float]
-    inputs: tuple[TensorInfo, ...]
-    history: tuple[HistoryInfo, ...]
-    image: TensorInfo
-    aux_outputs: tuple[TensorInfo, ...]
-    maps: Mapping[str, MapOf]
-    files: Mapping[str, str]
-    multiply_adds: float
-    config: Mapping[str, Any]
-    parity: Mapping[str, Any]
-    licence: str
-    attributions: tuple[str, ...]
-    versions: Mapping[str, str]
-    only_extrapolated: bool
-
-    @property
-    def extrapolated(self) -> Path | None:
-        """Folder of the model that steps on extrapolated frames; None where this one does."""
-        return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
-
-    @property
-    def steps(self) -> Mapping[str, Path]:
-        """Graphs of the whole recurrent step, by the precision of the network."""
-        names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
-        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
-
-    @property
-    def gbuffers(self) -> tuple[str, ...]:
-        """Names of the inputs that are G-buffers, keys of GBUFFERS."""
-        return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
-
-    @property
-    def extrapolates(self) -> bool:
-        """Whether it extrapolates unshaded frames in place of upscaling: its image has render size."""
-        return _of_render_size(self.image.shape)
-
-    @property
-    def takes(self) -> list[TensorInfo]:
-        """All inputs of the graph."""
-        return [*self.inputs, *(h.input for h in self.history)]
-
-    @property
-    def gives(self) -> list[TensorInfo]:
-        """All outputs of the graph."""
-        next_history = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
-        return [self.image, *next_history, *self.aux_outputs]
-
-    @property
-    def only_ratio(self) -> float | None:
-        """The only ratio of display to render size; None where there is a range."""
-        return only_ratio(self.ratios)
-
-    @property
-    def aovs_path(self) -> Path:
-        """The graph that blends AOVs."""
-        return self.folder / "aovs.onnx"
-
-
-def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
-    """Return the free extents by name, at the given (width, height) sizes."""
-    half = (display[0] + 1) // 2, (display[1] + 1) // 2
-    sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
-    return {
-        name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
-    }
 
 
 def model_names() -> list[str]:
@@ -162,16 +43,12 @@ def extrapolation_names() -> list[str]:
 
 def _names(*, extrapolate: bool) -> list[str]:
     read = {name: json.loads(path.read_text("utf-8")) for name, path in _described().items()}
-    return sorted(n for n, data in read.items() if _of_render_size(data["image"]["shape"]) is extrapolate)
+    return sorted(n for n, data in read.items() if has_render_size(data["image"]["shape"]) is extrapolate)
 
 
 def _described() -> dict[str, Path]:
     """Path of each shipped model.json, by the model's name."""
     return {path.parent.name: path for path in _shipped().glob("*/model.json")}
-
-
-def _of_render_size(shape: Sequence[int | str]) -> bool:
-    return tuple(shape[2:]) == RENDER
 
 
 def find_model(name_or_path: str | Path) -> Path:

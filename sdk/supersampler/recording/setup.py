@@ -11,7 +11,8 @@ from supersampler.errors import RecordingError, ShotError, SupersamplerError
 from supersampler.frame import Size
 from supersampler.io.json_fields import Field, read_json
 from supersampler.io.machine import installed_versions, machine
-from supersampler.methods.model_file import CONTRACT, ModelInfo
+from supersampler.methods.model_file import CONTRACT
+from supersampler.methods.model_info import ModelInfo
 from supersampler.recording.folder import SETUP, is_recording
 
 if TYPE_CHECKING:

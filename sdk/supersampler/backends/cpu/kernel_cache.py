@@ -12,6 +12,15 @@ from typing import NamedTuple
 from supersampler.errors import KernelError, ShotError
 from supersampler.io.atomic import replacing
 
+CALLED = ("memset", "memcpy", "memmove")  # by loops that only set or copy bytes
+NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise none
+    "NRT_Free", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_SetNone", "PyErr_SetString",
+    "PyErr_WriteUnraisable", "PyExc_RuntimeError", "PyExc_StopIteration", "PyExc_SystemError",
+    "PyUnicode_FromString", "Py_DecRef", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
+    "numba_runtime_build_excinfo_struct", "numba_unpickle",
+)  # fmt: skip
+SYMBOLS = (*CALLED, *NEVER_CALLED)
+"""All that an object of a kernel may refer to."""
 _MAGIC = b"supersampler kernel 2\n"
 _DIGEST = 32  # bytes of a SHA-256
 

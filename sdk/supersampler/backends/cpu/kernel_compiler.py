@@ -21,8 +21,7 @@ import llvmlite.binding as llvm
 from llvmlite import ir
 from numba import cfunc, config, types
 
-from supersampler.backends.cpu.kernel_cache import Kernel, read_kernel, write_kernel
-from supersampler.backends.cpu.kernel_loader import SYMBOLS
+from supersampler.backends.cpu.kernel_cache import SYMBOLS, Kernel, read_kernel, write_kernel
 from supersampler.backends.cpu.structs import SLOT, Bytes, Floats, Halves, Words
 
 _POINTER = ir.PointerType()

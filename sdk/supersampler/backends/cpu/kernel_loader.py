@@ -18,6 +18,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from supersampler.backends.cpu.kernel_cache import (
+    CALLED,
+    NEVER_CALLED,
     Kernel,
     cache_folder,
     keeps_kernels,
@@ -35,15 +37,6 @@ Call = Callable[..., None]
 
 _PROTOTYPE = ctypes.CFUNCTYPE(None, ctypes.c_char_p)
 _INTEGER = struct.Struct("=q")
-_CALLED = ("memset", "memcpy", "memmove")  # by loops that only set or copy bytes
-_NEVER_CALLED = (  # where Python's exceptions would be raised; kernels raise none
-    "NRT_Free", "PyBytes_FromStringAndSize", "PyErr_Clear", "PyErr_SetNone", "PyErr_SetString",
-    "PyErr_WriteUnraisable", "PyExc_RuntimeError", "PyExc_StopIteration", "PyExc_SystemError",
-    "PyUnicode_FromString", "Py_DecRef", "numba_do_raise", "numba_gil_ensure", "numba_gil_release",
-    "numba_runtime_build_excinfo_struct", "numba_unpickle",
-)  # fmt: skip
-SYMBOLS = (*_CALLED, *_NEVER_CALLED)
-"""All that an object of a kernel may refer to."""
 _COMPILE_SECONDS = 300.0  # that processes may take, before this one compiles by itself
 
 
@@ -187,6 +180,6 @@ def _jit() -> "llvm.LLJIT":
 @cache
 def _symbol_addresses() -> dict[str, int]:
     library = ctypes.CDLL("msvcrt" if sys.platform == "win32" else None)
-    defined = {name: name for name in _CALLED} | dict.fromkeys(_NEVER_CALLED, "abort")
+    defined = {name: name for name in CALLED} | dict.fromkeys(NEVER_CALLED, "abort")
     found = {name: ctypes.cast(getattr(library, by), ctypes.c_void_p).value for name, by in defined.items()}
     return {name: place for name, place in found.items() if place is not None}

@@ -8,7 +8,7 @@ from supersampler.backends.onnx.session import frame_inputs, open_session, runni
 from supersampler.errors import FrameError, ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.aovs.spec import AOVS
-from supersampler.methods.model_file import ModelInfo, TensorInfo
+from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import TENSORS, dtype_of
 
 _TAKES = [

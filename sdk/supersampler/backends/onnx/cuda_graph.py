@@ -9,7 +9,7 @@ from supersampler.backends.onnx.providers import capturing, check_provider_in_us
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import open_session, running, session_options
 from supersampler.frame import Size
-from supersampler.methods.model_file import ModelInfo, extents
+from supersampler.methods.model_info import ModelInfo, extents
 
 
 class FixedStep:

@@ -15,7 +15,7 @@ from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, running, session_options
 from supersampler.backends.onnx.tensors import check_tensor, render_size_of
 from supersampler.frame import Float32, Frame, Size
-from supersampler.methods.model_file import ModelInfo, TensorInfo
+from supersampler.methods.model_info import ModelInfo, TensorInfo
 
 Tensors = dict[str, ort.OrtValue]
 

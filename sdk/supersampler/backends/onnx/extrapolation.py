@@ -10,7 +10,7 @@ from supersampler.backends.onnx.providers import check_provider_in_use, device_o
 from supersampler.backends.onnx.runtime import ort
 from supersampler.backends.onnx.session import frame_inputs, open_session, pixels_of, running, session_options
 from supersampler.frame import Float32, Frame
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 
 
 class ExtrapolationExecutor(Protocol):

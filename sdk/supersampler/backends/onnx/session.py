@@ -14,7 +14,8 @@ from supersampler.errors import ModelError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import usable_exposure
 from supersampler.methods.gbuffers import GBUFFERS
-from supersampler.methods.model_file import MAX_FILE, TensorInfo, is_shipped
+from supersampler.methods.model_file import MAX_FILE, is_shipped
+from supersampler.methods.model_info import TensorInfo
 
 ORT_TYPES = {"float32": "tensor(float)", "int64": "tensor(int64)"}
 """ONNX Runtime's names of types."""

@@ -12,7 +12,7 @@ from supersampler.backends.onnx.session import ORT_TYPES, image_of, pixels_of, p
 from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.gbuffers import GBUFFERS, grouped, names_of
-from supersampler.methods.model_file import TensorInfo
+from supersampler.methods.model_info import TensorInfo
 
 _IMAGES = ("color", "depth", "motion")
 

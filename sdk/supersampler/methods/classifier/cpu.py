@@ -24,7 +24,7 @@ from supersampler.methods.classifier.structs import (
     GatherScratch,
 )
 from supersampler.methods.classifier.variant import Variant
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 
 GATHER = "methods.classifier.kernels.gather.make_gather_rows"

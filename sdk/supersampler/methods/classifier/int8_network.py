@@ -24,7 +24,7 @@ from supersampler.methods.classifier.structs import (
     LevelScratch,
     NetworkInputs,
 )
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 
 Bytes = NDArray[np.uint8]
 LevelWork = Callable[[int, int, Rect, int], None]

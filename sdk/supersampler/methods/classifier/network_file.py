@@ -17,7 +17,7 @@ from supersampler.backends.cpu.layout import RECORD, SEEN
 from supersampler.errors import ModelError
 from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
 from supersampler.methods.cpu_checks import wrong_constant
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 
 KEPT = (16, 8, 4, 4)  # bytes that each level has for a pixel among the decoder's 32
 _BLOCK, _WORD, _LANES = 32, 4, 16  # outputs made at once; bytes multiplied at once; channels of a column

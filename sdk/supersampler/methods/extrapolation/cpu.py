@@ -18,7 +18,7 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.methods.cpu_checks import are_rings
 from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Rings, UnshadedFrame
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 
 KERNELS = "methods.extrapolation.kernels"

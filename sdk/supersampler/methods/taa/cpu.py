@@ -10,7 +10,7 @@ from supersampler.backends.cpu.resample_tables import Columns, Filter, ResampleT
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.taa.spec import TAA
 from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 

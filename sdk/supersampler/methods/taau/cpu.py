@@ -13,7 +13,7 @@ from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gauss
 from supersampler.backends.cpu.structs import pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.frame import Size
-from supersampler.methods.model_file import ModelInfo
+from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_array
 from supersampler.methods.taau.spec import FLASH, FLASH_MEMORY, LEAST_FLASH, TAAU
 from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch

@@ -1,0 +1,137 @@
+"""What a model.json says of a model, parsed: tensors, history, files, and what follows from them."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from supersampler.conventions.ratios import only_ratio
+from supersampler.frame import Size
+from supersampler.methods.array_spec import ArraySpec, values_of
+from supersampler.methods.gbuffers import GBUFFERS
+from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, MapOf, Shape, sized
+
+EXTRAPOLATED = "extrapolated"
+"""Folder in a model's folder: the model that steps on extrapolated frames."""
+EXTRAPOLATED_FILE = f"{EXTRAPOLATED}/model.json"
+"""Its name in `files`, the only name with a folder in it."""
+
+
+@dataclass(frozen=True)
+class TensorInfo:
+    """One input, output or history tensor of a graph.
+
+    Attributes:
+        name: in the graph.
+        type: numpy's name of its element type.
+        shape: numbers, and names of free extents: render_width, display_height, previous_width, ...
+    """
+
+    name: str
+    type: str
+    shape: Shape
+
+    def shape_for(self, *, render: Size, display: Size, previous: Size) -> tuple[int, ...]:
+        """Return the shape at the given (width, height) sizes."""
+        return sized(self.shape, extents(render=render, display=display, previous=previous))
+
+    def spec_for(self, *, render: Size, display: Size, previous: Size) -> ArraySpec:
+        """Return what an array of this history tensor must be, at the given (width, height) sizes."""
+        shape = self.shape_for(render=render, display=display, previous=previous)
+        return ArraySpec(self.type, shape, values_of(self.name))
+
+    def spec_of_frames(self) -> ArraySpec:
+        """Return what an array must be where the history is earlier frames: any size, any pixels."""
+        return ArraySpec(self.type, self.shape, values_of(self.name) if "jitter" in self.name else None)
+
+
+@dataclass(frozen=True)
+class HistoryInfo:
+    """One history tensor: `input` takes what the previous step returned as `output`; zeros: no history."""
+
+    input: TensorInfo
+    output: str
+
+
+@dataclass(frozen=True)
+class ModelInfo:
+    """The content of model.json, checked; `supersampler info MODEL` prints it.
+
+    `multiply_adds` are those of the network, per display pixel. `only_extrapolated`: the model steps on
+    extrapolated frames alone, beside the model in the parent folder.
+    """
+
+    folder: Path
+    contract: int
+    method: str
+    source: str
+    ratios: tuple[float, float]
+    inputs: tuple[TensorInfo, ...]
+    history: tuple[HistoryInfo, ...]
+    image: TensorInfo
+    aux_outputs: tuple[TensorInfo, ...]
+    maps: Mapping[str, MapOf]
+    files: Mapping[str, str]
+    multiply_adds: float
+    config: Mapping[str, Any]
+    parity: Mapping[str, Any]
+    licence: str
+    attributions: tuple[str, ...]
+    versions: Mapping[str, str]
+    only_extrapolated: bool
+
+    @property
+    def extrapolated(self) -> Path | None:
+        """Folder of the model that steps on extrapolated frames; None where this one does."""
+        return self.folder / EXTRAPOLATED if EXTRAPOLATED_FILE in self.files else None
+
+    @property
+    def steps(self) -> Mapping[str, Path]:
+        """Graphs of the whole recurrent step, by the precision of the network."""
+        names = {"fp32": "step.onnx", "fp16": "step.fp16.onnx"}
+        return {kind: self.folder / name for kind, name in names.items() if name in self.files}
+
+    @property
+    def gbuffers(self) -> tuple[str, ...]:
+        """Names of the inputs that are G-buffers, keys of GBUFFERS."""
+        return tuple(tensor.name for tensor in self.inputs if tensor.name in GBUFFERS)
+
+    @property
+    def extrapolates(self) -> bool:
+        """Whether it extrapolates unshaded frames in place of upscaling: its image has render size."""
+        return has_render_size(self.image.shape)
+
+    @property
+    def takes(self) -> list[TensorInfo]:
+        """All inputs of the graph."""
+        return [*self.inputs, *(h.input for h in self.history)]
+
+    @property
+    def gives(self) -> list[TensorInfo]:
+        """All outputs of the graph."""
+        next_history = [TensorInfo(h.output, h.input.type, h.input.shape) for h in self.history]
+        return [self.image, *next_history, *self.aux_outputs]
+
+    @property
+    def only_ratio(self) -> float | None:
+        """The only ratio of display to render size; None where there is a range."""
+        return only_ratio(self.ratios)
+
+    @property
+    def aovs_path(self) -> Path:
+        """The graph that blends AOVs."""
+        return self.folder / "aovs.onnx"
+
+
+def extents(*, render: Size, display: Size, previous: Size) -> dict[str, int]:
+    """Return the free extents by name, at the given (width, height) sizes."""
+    half = (display[0] + 1) // 2, (display[1] + 1) // 2
+    sizes = {RENDER: render, DISPLAY: display, HALF: half, PREVIOUS: previous}
+    return {
+        name: extent for pair, size in sizes.items() for name, extent in zip(pair, size[::-1], strict=True)
+    }
+
+
+def has_render_size(shape: Sequence[int | str]) -> bool:
+    """Whether a tensor (1, channels, height, width) has the size of the frame."""
+    return tuple(shape[2:]) == RENDER
