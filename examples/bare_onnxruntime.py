@@ -1,9 +1,9 @@
-"""The pictures of `Upscaler` in fifty lines that do not import supersampler: what an engine's glue must do.
+"""The images of `Upscaler` in fifty lines that do not import supersampler: what an engine's glue must do.
 
     python examples/bare_onnxruntime.py [MODEL_FOLDER SHOT_FOLDER OUT_FOLDER]
 
 A frame goes in as NCHW float32, `next.*` of one step as `history.*` of the following one, and all zeros mean
-no past. The contract is docs/contract.md.
+no history. The contract is docs/contract.md.
 """
 
 import json

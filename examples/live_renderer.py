@@ -2,7 +2,7 @@
 
     python examples/live_renderer.py --family fences --ratio 2 --zoom 4 -o out/live
 
-The loop in `main` is what an engine copies. Pictures are written, made into a film where ffmpeg is installed,
+The loop in `main` is what an engine copies. Images are written, made into a film where ffmpeg is installed,
 and shown where there is a display. Wants `pip install "supersampler[render]"`; no GPU is needed.
 """
 
@@ -27,7 +27,7 @@ from supersampler.io.images import write_png
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import TEST_FAMILIES, TRAIN_FAMILIES, SequenceSpec, make_sequence
 
-Picture = NDArray[np.uint8]
+Pixels = NDArray[np.uint8]
 
 
 def main(options: Namespace) -> None:
@@ -37,7 +37,7 @@ def main(options: Namespace) -> None:
     show = open_window(options.window)
     renderer = Renderer(display_size)
     upscaler = Upscaler(options.model, display_size=display_size)  # one per camera: it owns the history
-    meter = ExposureMeter()  # for the pictures; the upscaler has its own
+    meter = ExposureMeter()  # for the images on screen; the upscaler has its own
     rendering, upscaling = [], []  # seconds of each frame
 
     for index in range(options.frames):
@@ -50,7 +50,7 @@ def main(options: Namespace) -> None:
             depth=surfaces.depth,  # (h, w) near / distance, 0 at the sky
             motion=surfaces.motion,  # (h, w, 2) render pixels, previous minus current, without jitter
             jitter=jitter,
-            reset=game.cut(index),  # after a cut there is no past
+            reset=game.cut(index),  # after a cut there is no history
             exposure=game.exposure(index),  # None: it is measured
         )
         rendered = perf_counter()
@@ -59,35 +59,35 @@ def main(options: Namespace) -> None:
         rendering.append(rendered - began)
 
         exposure = meter.read(color, given=frame.exposure, reset=frame.reset)
-        picture = side_by_side(color, image, exposure, options.zoom)
-        write_png(options.output / f"{index:04d}.png", picture)
-        if show and not show(picture):
+        pixels = side_by_side(color, image, exposure, options.zoom)
+        write_png(options.output / f"{index:04d}.png", pixels)
+        if show and not show(pixels):
             break
 
-    print(f"{len(rendering)} pictures, {render_size} to {display_size}: {options.output}")
+    print(f"{len(rendering)} images, {render_size} to {display_size}: {options.output}")
     print(f"rendering, with scene and read-back: {times(rendering)}")
     print(f"upscaling, {upscaler.model.info.method}: {times(upscaling)}")
     film(options.output, len(rendering), game.spec.frame_rate)
 
 
-def side_by_side(color: NDArray[Any], image: NDArray[Any], exposure: float, zoom: int) -> Picture:
+def side_by_side(color: NDArray[Any], image: NDArray[Any], exposure: float, zoom: int) -> Pixels:
     """Return input and output as a screen shows them; below them, if `zoom` > 1, the middle of each."""
     pair = [to_uint8(display_transform(part, exposure)) for part in (color, image)]
     rows = [[squares(part, image.shape[1::-1], by) for part in pair] for by in sorted({1, zoom})]
     return np.concatenate([np.concatenate(row, axis=1) for row in rows])
 
 
-def squares(picture: Picture, to: tuple[int, ...], zoom: int) -> Picture:
+def squares(pixels: Pixels, to: tuple[int, ...], zoom: int) -> Pixels:
     """Fill size `to` with its middle, `zoom` times larger, by nearest pixels: each of them can be seen."""
     columns, rows = (
         (np.arange(n) // zoom + (n - n // zoom) // 2) * m // n
-        for n, m in zip(to, picture.shape[1::-1], strict=True)
+        for n, m in zip(to, pixels.shape[1::-1], strict=True)
     )
-    return np.ascontiguousarray(picture[rows[:, None], columns])
+    return np.ascontiguousarray(pixels[rows[:, None], columns])
 
 
-def open_window(when: str) -> Callable[[Picture], bool] | None:
-    """Return what shows a picture and says whether the window is still open; None is "without"."""
+def open_window(when: str) -> Callable[[Pixels], bool] | None:
+    """Return a function that shows an image and says whether the window is still open; else None."""
     if when == "never":
         return None
     try:
@@ -103,8 +103,8 @@ def open_window(when: str) -> Callable[[Picture], bool] | None:
     atexit.register(root.destroy)  # else Tk outlives what it still refers to
     root.protocol("WM_DELETE_WINDOW", lambda: closed.append(True))
 
-    def show(picture: Picture) -> bool:
-        image.configure(data=b"P6 %d %d 255\n" % picture.shape[1::-1] + picture.tobytes(), format="ppm")
+    def show(pixels: Pixels) -> bool:
+        image.configure(data=b"P6 %d %d 255\n" % pixels.shape[1::-1] + pixels.tobytes(), format="ppm")
         root.update()
         return not closed
 
@@ -118,7 +118,7 @@ def times(seconds: list[float]) -> str:
 
 
 def film(folder: Path, frames: int, frame_rate: float) -> None:
-    """Make live.mp4 of the pictures, where ffmpeg is installed."""
+    """Make live.mp4 of the images, where ffmpeg is installed."""
     if shutil.which("ffmpeg"):
         source = f"-framerate {frame_rate} -i %04d.png -frames:v {frames}"
         coding = "-pix_fmt yuv420p -vf pad=ceil(iw/2)*2:ceil(ih/2)*2"  # what every player plays: even sizes
@@ -138,7 +138,7 @@ def parse_arguments() -> Namespace:
     add("--ratio", type=float, default=2.0, help="display size over render size, 1 to 4")
     add("--zoom", type=int, default=1, choices=range(1, 17), help="show the middle too, this much larger")
     add("--window", choices=("auto", "always", "never"), default="auto", help="auto: where it can be")
-    add("-o", "--output", type=Path, default=Path("out/live"), help="folder of the pictures")
+    add("-o", "--output", type=Path, default=Path("out/live"), help="folder of the images")
     return parser.parse_args()
 
 

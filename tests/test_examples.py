@@ -39,7 +39,7 @@ def test_the_bare_example_takes_the_shipped_shot() -> None:
     assert content["conventions"] == {}  # it converts nothing, and refuses what would need it
 
 
-def test_bare_onnx_runtime_draws_the_pictures_of_upscaler(tmp_path: Path) -> None:
+def test_bare_onnx_runtime_computes_the_images_of_upscaler(tmp_path: Path) -> None:
     shot = short_shot(tmp_path / "shot")
     upscaler = Upscaler("classifier", display_size=(640, 360), executor="onnx", validate="off")
     script = EXAMPLES / "bare_onnxruntime.py"
@@ -63,7 +63,7 @@ def picture(file: Path) -> NDArray[np.float32]:
     return np.asarray(ImageBuf(str(file)).get_pixels("float"))
 
 
-def test_the_live_renderer_shows_its_input_beside_the_pictures_of_upscaler(tmp_path: Path) -> None:
+def test_the_live_renderer_shows_its_input_beside_the_images_of_upscaler(tmp_path: Path) -> None:
     arguments = ["--family", "foliage", "--seed", "3", "--frames", "10", "--display-size", "128x72"]
     done = live(*arguments, "--zoom", "4", "--window", "never", "-o", str(tmp_path))
     assert done.returncode == 0, done.stderr

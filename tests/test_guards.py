@@ -45,7 +45,7 @@ KILOBYTES = {"step.onnx": 450, "step.fp16.onnx": 300, "network.onnx": 340, "netw
 
 
 @pytest.mark.parametrize("name", FLOORS)
-def test_pictures_of_the_shipped_shot_are_as_good_as_they_were(name: str) -> None:
+def test_images_of_the_shipped_shot_are_as_good_as_they_were(name: str) -> None:
     upscaler = Upscaler(name, display_size=(640, 360), validate="off")
     scores = []
     for item in itertools.islice(Shot.open("plaza"), FRAMES):

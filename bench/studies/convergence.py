@@ -54,7 +54,7 @@ class Mean:
         """Return that of the mean; large where there are hardly samples.
 
         Args:
-            left: part of the period's samples that are not in yet: those of a period are drawn without
+            left: part of the period's samples that are not in yet: those of a period are taken without
                 replacement. None where the period is not known: jitter spreads samples evenly, so that the
                 error shrinks with their number, not with its root.
         """

@@ -58,7 +58,7 @@ def test_a_method_is_left_out_for_its_ratio_or_for_what_frames_lack(gbuffer_mode
     assert gbuffers_of([name, "taau"]) == set(WANTED)
 
 
-def test_speed_times_a_method_with_buffers_where_it_draws(gbuffer_model: Path) -> None:
+def test_speed_times_a_method_with_buffers_where_it_renders(gbuffer_model: Path) -> None:
     name, told = str(gbuffer_model), list[str]()
     sizes = [DISPLAY, (65, 36)]
     results = measure_speed([name, "bilinear"], sizes, ["onnx"], [1], steps=1, on_left_out=told.append)

@@ -94,7 +94,7 @@ def test_contraction_finds_the_slowest_of_all_errors() -> None:
     assert found.rate == pytest.approx(0.95, abs=2e-3)
 
 
-def test_contraction_ends_where_nothing_of_the_past_is_left() -> None:
+def test_contraction_ends_where_nothing_of_the_history_is_left() -> None:
     base, other = Average(DISPLAY, keep=0.0, new=1.0), Average(DISPLAY, keep=0.0, new=1.0)
     found = contraction(base, other, still((24, 16)), 12, 1e-3, warm_up=4)
     assert found.rates == [0.0]
@@ -144,7 +144,7 @@ def test_a_shipped_method_passes_where_it_promises_bits() -> None:
         assert outcome.passed, outcome
 
 
-def test_of_a_method_that_another_draws_for_every_second_frame_is_hidden() -> None:
+def test_with_an_extrapolation_model_every_second_frame_is_unshaded() -> None:
     [subject] = subjects(["taa+guided-warp"], ["cpu"])
     assert (subject.method, subject.executor) == ("taa+guided-warp", "cpu")
     frames = [replace(frame, reset=i == 4) for i, frame in enumerate(moving((24, 16))[:6])]

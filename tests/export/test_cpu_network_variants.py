@@ -82,7 +82,7 @@ def compare(pairs: list[tuple[Float32, Float32]]) -> None:
 @pytest.mark.parametrize(
     ("render", "display"), [((33, 17), (50, 27)), ((61, 35), (61, 35)), ((5, 40), (11, 93)), ((1, 1), (2, 2))]
 )
-def test_every_variant_draws_what_torch_draws(made: Made, render: Size, display: Size) -> None:
+def test_every_variant_computes_what_torch_computes(made: Made, render: Size, display: Size) -> None:
     compare(step_both(made, [noise(seed, render) for seed in range(4)], display))
 
 

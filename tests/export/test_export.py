@@ -80,7 +80,7 @@ def test_the_network_in_bytes_is_what_the_exporter_writes_today(name: str) -> No
 
 
 @pytest.mark.parametrize("name", shipped_methods())
-def test_the_shipped_graph_draws_what_torch_draws_at_sizes_not_traced(name: str) -> None:
+def test_the_shipped_graph_computes_what_torch_computes_at_sizes_not_traced(name: str) -> None:
     session = ort.InferenceSession(find_model(name) / "step.onnx", providers=["CPUExecutionProvider"])
     method = made_method(name)
     for render, display in sizes_of(method)[1:7]:
@@ -88,7 +88,7 @@ def test_the_shipped_graph_draws_what_torch_draws_at_sizes_not_traced(name: str)
 
 
 @pytest.mark.parametrize("name", [name for name in LEARNED if name in shipped_methods()])
-def test_the_shipped_graph_in_half_precision_draws_what_torch_draws(name: str) -> None:
+def test_the_shipped_graph_in_half_precision_computes_what_torch_computes(name: str) -> None:
     path = find_model(name) / "step.fp16.onnx"
     check_portable(onnx.load(path))
     session = ort.InferenceSession(path, providers=["CPUExecutionProvider"])
@@ -182,7 +182,7 @@ class Fickle(Bilinear):
         return (widened - distance.abs()).clamp(min=0.0)
 
 
-def test_a_graph_that_draws_another_picture_is_not_written(tmp_path: Path) -> None:
+def test_a_graph_with_another_image_is_not_written(tmp_path: Path) -> None:
     with pytest.raises(ExportError, match=r"bilinear at \(26, 18\) -> .* is off by .*; want 1e-04"):
         write_model_folder(Fickle(), tmp_path / "model")
     assert not (tmp_path / "model").exists()

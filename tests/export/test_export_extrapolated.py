@@ -73,7 +73,9 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
 
 
 @pytest.mark.parametrize("pattern", ["sususu", "suusuu", "ssuususu"])
-def test_upscalers_draw_what_torch_draws_however_frames_alternate(shipped: Extrapolate, pattern: str) -> None:
+def test_upscalers_compute_what_torch_computes_however_frames_alternate(
+    shipped: Extrapolate, pattern: str
+) -> None:
     model = Model.load("extrapolate", threads=1, providers="cpu")
     upscaler = Upscaler(model, display_size=DISPLAY, extrapolation="guided-warp", validate="off")
     for index, truth in enumerate(by_torch(shipped, pattern)):

@@ -48,7 +48,7 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
         assert seen.max() <= 1.001
 
 
-def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
+def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
     past = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
     seen = pixel_inputs(g.current, past, g.reprojection)
@@ -57,7 +57,7 @@ def test_differences_of_a_frame_and_the_same_past_are_zero() -> None:
     assert seen["history_to_frame"].any()
 
 
-def test_a_sample_brighter_than_all_of_the_past_around_is_beyond_it() -> None:
+def test_a_sample_brighter_than_all_of_the_history_around_is_beyond_it() -> None:
     g = gathered()
     dark = g.warped._replace(color=torch.full_like(g.warped.color, 0.01))
     seen = pixel_inputs(g.current, dark, g.reprojection)

@@ -69,7 +69,7 @@ def test_before_training_shaded_frames_are_those_of_classifier_bit_for_bit(
 
 
 @pytest.mark.parametrize("pattern", ["susu", "suusus"])
-def test_before_training_drawn_frames_are_those_of_classifier_on_drawn_colours(
+def test_before_training_extrapolated_frames_are_those_of_classifier(
     from_classifier: Extrapolate, pattern: str
 ) -> None:
     drawn, history, past = from_classifier.on_extrapolated(), first(from_classifier), State()
@@ -109,7 +109,7 @@ def test_each_encoder_sees_frames_of_one_kind_alone(
     assert (of_shaded, of_drawn) == (encoder != "encoder", encoder == "encoder")
 
 
-def test_once_trained_drawn_frames_depend_on_base_colour(from_classifier: Extrapolate) -> None:
+def test_once_trained_extrapolated_frames_depend_on_base_colour(from_classifier: Extrapolate) -> None:
     drawn = changed(from_classifier, "extrapolated_encoder").on_extrapolated()
     _, history = step(from_classifier, given(0), first(from_classifier))
     inputs = given(1)
@@ -117,7 +117,7 @@ def test_once_trained_drawn_frames_depend_on_base_colour(from_classifier: Extrap
     assert not torch.equal(step(drawn, inputs, history)[0], step(drawn, black, history)[0])
 
 
-def test_the_method_on_drawn_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
+def test_the_method_on_extrapolated_frames_has_the_same_history_and_asks_for_one_input_more() -> None:
     assert UnshadedExtrapolate.history == Extrapolate.history == Classifier.history
     assert set(UnshadedExtrapolate.inputs()) - set(Extrapolate.inputs()) == {"gbuffer_base_color"}
     assert UnshadedExtrapolate.spec.only_extrapolated
@@ -138,7 +138,7 @@ def test_weights_of_both_sizes_begin_it(weights: Trained) -> None:
 
 
 @pytest.mark.parametrize(("render", "display"), [((1, 1), (1, 1)), ((21, 13), (63, 38)), ((9, 7), (9, 7))])
-def test_odd_sizes_are_drawn(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
+def test_odd_sizes_are_rendered(from_classifier: Extrapolate, render: Sizes, display: Sizes) -> None:
     drawn, history = (
         changed(from_classifier, "extrapolated_encoder").on_extrapolated(),
         first(from_classifier, render, display),

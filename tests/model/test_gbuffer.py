@@ -105,7 +105,7 @@ def test_of_depth_alone_no_surface_is_told_from_another() -> None:
     assert again.isfinite().all()
 
 
-def test_what_is_not_blended_is_not_of_the_picture_before() -> None:
+def test_what_is_not_blended_is_not_of_the_image_before() -> None:
     render, display = textured(2)
     first = frame(render, display, reflectance(render), (0.1, -0.2))
     second = frame(render, display, 0.5 * reflectance(render), (0.1, -0.2))
@@ -149,7 +149,7 @@ def test_bad_pixels_in_any_input_never_reach_the_history() -> None:
 
 @pytest.mark.parametrize("kind", BOTH)
 @pytest.mark.parametrize("size", [(1, 1), (13, 7)])
-def test_any_size_is_drawn(kind: type[GBuffer], size: tuple[int, int]) -> None:
+def test_any_size_is_rendered(kind: type[GBuffer], size: tuple[int, int]) -> None:
     method = kind().eval()
     ratio, (width, height) = method.config.ratio, size
     display = surfaces(torch.rand(1, 3, height * ratio, width * ratio))
@@ -222,7 +222,7 @@ def test_depth_is_seen_without_its_unit() -> None:
     torch.testing.assert_close(relative_depth(depth, closest), relative_depth(1e-3 * depth, 1e-3 * closest))
 
 
-def test_the_past_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> None:
+def test_the_history_is_read_at_its_nearest_sample_and_says_how_far_that_is() -> None:
     image = torch.arange(12.0).reshape(1, 1, 3, 4)
     motion = torch.full((1, 2, 3, 4), 0.8)
     found, off, on_screen = read_nearest(image, motion, torch.tensor([[0.1, -0.2]]))

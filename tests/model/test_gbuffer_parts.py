@@ -135,7 +135,7 @@ def test_every_tensor_that_is_gathered_changes_what_the_network_says(name: str) 
     assert (said - other).abs().max() > 1e-2
 
 
-def test_both_frames_of_the_past_are_refined_by_what_lies_beside_each() -> None:
+def test_both_frames_of_the_history_are_refined_by_what_lies_beside_each() -> None:
     torch.manual_seed(1)
     network = GBufferNetwork(SMALL_NETWORK, ratio=2, blend_parameters=5).eval()
     torch.nn.init.normal_(network.blend.weight, std=0.1)
@@ -224,7 +224,7 @@ def test_depth_is_relative_to_the_closest_within_four_pixels() -> None:
     assert (relative_depth(-depth, closest_around(depth)) == 0.0).all()
 
 
-def test_the_past_is_read_between_its_pixels_where_motion_and_jitter_lead() -> None:
+def test_the_history_is_read_between_its_pixels_where_motion_and_jitter_lead() -> None:
     ramp = torch.arange(8.0).expand(1, 1, 6, 8) + 10.0 * torch.arange(6.0)[:, None]
     motion = torch.tensor([1.25, -0.5]).reshape(1, 2, 1, 1).expand(1, 2, 6, 8)
     found = read_bilinear(ramp, motion, torch.tensor([[0.25, 0.1]]))

@@ -65,7 +65,7 @@ def gathered(scene: Shadow, pattern: str = "sus") -> Gathered:
 
 
 @pytest.mark.parametrize("pattern", ["su", "susu", "suusuu", "ssuu"])
-def test_untrained_it_draws_what_guided_warp_draws(pattern: str) -> None:
+def test_untrained_it_computes_what_guided_warp_computes(pattern: str) -> None:
     frames = [tensors(SCENE.frame(i, SIZE, halton_jitter(i, 2.0))) for i in range(len(pattern))]
     count = pattern.count("u")
     ours, theirs = (run(method.eval(), frames, pattern)[:count] for method in (GuidedFlow(), GuidedWarp()))
@@ -73,7 +73,7 @@ def test_untrained_it_draws_what_guided_warp_draws(pattern: str) -> None:
         torch.testing.assert_close(one, other, rtol=1e-4, atol=1e-5)
 
 
-def test_where_nothing_moves_both_pictures_are_the_same_and_the_frame_is_reproduced() -> None:
+def test_where_nothing_moves_both_images_are_the_same_and_the_frame_is_reproduced() -> None:
     still = gathered(Shadow(0.0))
     torch.testing.assert_close(still.lights.later, still.lights.earlier, rtol=1e-5, atol=1e-6)
     frames = [tensors(Shadow(0.0).frame(i)) for i in range(4)]
@@ -190,7 +190,7 @@ def zoomed(size: Size, jitter: tuple[float, float], factor: float) -> NDArray[np
     return np.asarray(away * (factor - 1.0) * np.array(size) / EXTENT, np.float32)
 
 
-def test_without_a_shaded_frame_the_picture_is_black() -> None:
+def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = random_flow(), tensors(SCENE.frame(1))
     nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
     with torch.no_grad():
@@ -202,7 +202,7 @@ def test_without_a_shaded_frame_the_picture_is_black() -> None:
 
 
 @pytest.mark.parametrize("size", [(1, 1), (2, 1), (1, 7), (33, 17), (5, 40)])
-def test_frames_of_any_size_are_drawn(size: Size) -> None:
+def test_frames_of_any_size_are_rendered(size: Size) -> None:
     frames = [tensors(SCENE.frame(index, size)) for index in range(4)]
     images = run(random_flow(), frames, "susu")[:2]
     for image in images:
@@ -214,7 +214,7 @@ BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 131008.0)
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_bad_pixels_of_any_input_never_reach_a_picture_or_what_is_left(name: str) -> None:
+def test_bad_pixels_of_any_input_never_reach_an_image_or_the_next_history(name: str) -> None:
     method, plain = random_flow(), [tensors(SCENE.frame(index)) for index in range(5)]
     for spoilt in range(5):
         frames = [{key: value.clone() for key, value in frame.items()} for frame in plain]
@@ -253,7 +253,7 @@ def test_the_network_says_nearly_the_same_in_half_precision() -> None:
     assert (said - half).abs().max() < 0.02 * said.abs().max()
 
 
-def test_the_picture_does_not_depend_on_the_unit_of_light() -> None:
+def test_the_image_does_not_depend_on_the_unit_of_light() -> None:
     method = random_flow()
     frames = [tensors(SCENE.frame(index)) for index in range(4)]
     bright = [{**frame, "color": 64.0 * frame["color"]} for frame in frames]

@@ -119,7 +119,7 @@ def test_black_surfaces_keep_what_they_reflect_besides() -> None:
     np.testing.assert_allclose(image, 0.2, rtol=1e-5)
 
 
-def test_without_a_shaded_frame_the_picture_is_black() -> None:
+def test_without_a_shaded_frame_the_image_is_black() -> None:
     method, frame = GuidedWarp(), LitScene().frame(1, SIZE)
     nothing = method.first_history(Extent(*SIZE), Extent(*SIZE))
     assert drawn(frame, nothing)[0].max() == 0.0
@@ -164,7 +164,7 @@ def test_several_unshaded_frames_in_a_row_show_the_scene_of_each(gap: int) -> No
         assert off(image, frame)[9:-9, 9:-9].mean() < 0.07
 
 
-def test_frames_of_another_size_are_drawn_from_a_shaded_one() -> None:
+def test_frames_of_another_size_are_extrapolated_from_a_shaded_one() -> None:
     scene = LitScene(velocity=(1.0, 0.5))
     _, history = drawn(scene.frame(1, (96, 54), (0.2, 0.1)), after(scene.frame(0, SIZE)))
     assert history[HISTORY.index("motion")].shape == (1, 2, 54, 96)
@@ -188,7 +188,7 @@ BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 131008.0)
 
 
 @pytest.mark.parametrize("name", INPUTS)
-def test_bad_pixels_of_any_input_never_reach_a_picture_or_the_history(name: str) -> None:
+def test_bad_pixels_of_any_input_never_reach_an_image_or_the_history(name: str) -> None:
     scene = LitScene(velocity=(0.4, 0.2))
     frames = [tensors(scene.frame(index, SIZE)) for index in range(3)]
     method = GuidedWarp()

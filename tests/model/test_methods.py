@@ -149,7 +149,7 @@ OPTIONS = {
 
 
 @pytest.mark.parametrize("option", OPTIONS)
-def test_every_option_of_salvi_changes_the_picture_and_integrates_over_time(option: str) -> None:
+def test_every_option_of_salvi_changes_the_image_and_integrates_over_time(option: str) -> None:
     scene = Plane(coloured_zone_plate)
     truth = scene.truth(0, DISPLAY)
     default, other = (run_torch(Taa(c), scene, 32) for c in (None, OPTIONS[option]))
@@ -158,7 +158,7 @@ def test_every_option_of_salvi_changes_the_picture_and_integrates_over_time(opti
     assert psnr(other[-1], truth) > psnr(other[0], truth) + 0.5
 
 
-def test_a_larger_gamma_keeps_more_of_the_past() -> None:
+def test_a_larger_gamma_keeps_more_of_the_history() -> None:
     step = ShadingStep(Plane(checker), at=12)
     truth = step.truth(15, DISPLAY)
     small, large = (
@@ -167,13 +167,13 @@ def test_a_larger_gamma_keeps_more_of_the_past() -> None:
     assert psnr(small, truth) > psnr(large, truth)  # "more temporally stable results at the cost of ghosting"
 
 
-def test_without_jitter_and_motion_taa_of_a_flat_picture_is_that_picture() -> None:
+def test_without_jitter_and_motion_taa_of_a_flat_image_is_that_image() -> None:
     image = run("taa", Plane(flat), 5)[-1]
     np.testing.assert_allclose(image, 0.3, rtol=1e-4)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
-def test_the_classifier_draws_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
+def test_the_classifier_renders_what_it_is_shown_whatever_is_chosen(variant: str) -> None:
     """Untrained: the paper's network then takes half of the past, ours the running mean."""
     scene = Plane(dots)
     truth = scene.truth(0, DISPLAY)

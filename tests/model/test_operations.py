@@ -104,7 +104,7 @@ def test_five_bilinear_reads_are_a_cross_of_twelve_cubic_taps(
 
 
 @pytest.mark.parametrize("display", [Size(8, 6), Size(16, 12)])
-def test_the_past_is_at_the_pixel_plus_its_motion(display: Size) -> None:
+def test_the_history_is_at_the_pixel_plus_its_motion(display: Size) -> None:
     image = random_image(3, display)
     ratio = display.width / 8
     motion = torch.tensor([2.0, -1.0]).reshape(1, 2, 1, 1) / ratio  # (2, -1) display pixels

@@ -64,7 +64,7 @@ def test_motion_is_not_held_against_a_frame_that_it_does_not_lead_to() -> None:
 
 
 @pytest.mark.parametrize("name", ["black", "all sky", "noise", "one pixel", "not shaded"])
-def test_pictures_that_tell_nothing_are_fine(frames: list[Frame], name: str) -> None:
+def test_images_that_tell_nothing_are_fine(frames: list[Frame], name: str) -> None:
     def change(frame: Frame) -> Frame:
         assert frame.color is not None
         if name == "black":

@@ -132,7 +132,7 @@ def test_two_formats_go_to_two_folders(shot: Path, tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("stop", [2, 4])
-def test_a_stopped_run_continues_to_the_same_pictures(
+def test_a_stopped_run_continues_to_the_same_images(
     stop: int, shot: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     run("upscale", shot, "-o", tmp_path / "whole")

@@ -60,7 +60,7 @@ def test_text_from_a_shot_cannot_become_markup(html: str) -> None:
     assert ABOUT.title not in html
 
 
-def test_small_pictures_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
+def test_small_images_come_back_to_the_byte(html: str, tmp_path: Path) -> None:
     kind, data = pictures(html)["5/class map"]
     (tmp_path / "back.png").write_bytes(data)
     assert kind == "png"
@@ -69,7 +69,7 @@ def test_small_pictures_come_back_to_the_byte(html: str, tmp_path: Path) -> None
     np.testing.assert_array_equal(image.read_image("uint8"), picture(5))
 
 
-def test_large_pictures_are_jpeg(tmp_path: Path) -> None:
+def test_large_images_are_jpeg(tmp_path: Path) -> None:
     with compare_page(tmp_path / "compare.html", ABOUT) as page:
         page.add(0, {"output": picture(0, 640, 360)})
     kind, _ = pictures((tmp_path / "compare.html").read_text(encoding="utf-8"))["0/output"]
@@ -100,7 +100,7 @@ def test_frames_out_of_order_are_refused(tmp_path: Path) -> None:
             page.add(2, {"output": picture(0)})
 
 
-def test_error_and_psnr_are_those_of_the_shown_pictures() -> None:
+def test_error_and_psnr_are_those_of_the_shown_images() -> None:
     color = np.zeros((3, 4, 3), np.float32)
     frame = Frame(color=color, depth=color[..., 0], motion=color[..., :2], jitter=(0.0, 0.0))
     layers, numbers = compare_layers(

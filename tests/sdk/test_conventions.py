@@ -174,7 +174,7 @@ def test_jittered_motion_of_a_projected_point_loses_its_jitter() -> None:
     np.testing.assert_allclose(frame.motion[2, 3], true, atol=1e-6)
 
 
-def test_jittered_motion_leads_to_the_same_colour_in_the_jittered_picture() -> None:
+def test_jittered_motion_leads_to_the_same_colour_in_the_jittered_image() -> None:
     """The picture is a ramp that moves by (2, 1); a pixel's colour is the ramp at its centre + jitter."""
     x, y = np.meshgrid(np.arange(9.0), np.arange(7.0))
 

@@ -42,7 +42,7 @@ def test_more_light_is_never_darker_in_its_largest_channel(color: np.ndarray, ga
     assert (more.max(axis=-1) >= less.max(axis=-1) - 1e-6).all()
 
 
-def test_half_precision_gives_the_same_picture() -> None:
+def test_half_precision_gives_the_same_image() -> None:
     half = np.linspace(0, 8, 30).reshape(2, 5, 3).astype(np.float16)
     np.testing.assert_array_equal(display_transform(half), display_transform(half.astype(np.float32)))
 
@@ -58,7 +58,7 @@ def test_bytes_are_rounded_not_cut_off() -> None:
     ]
 
 
-def test_the_log_average_of_a_grey_picture_comes_to_middle_grey() -> None:
+def test_the_log_average_of_a_grey_image_comes_to_middle_grey() -> None:
     assert auto_exposure(grey(0.5)) == pytest.approx(0.36, rel=1e-5)
 
 

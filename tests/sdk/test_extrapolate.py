@@ -60,7 +60,7 @@ def without(frame: Frame, name: str) -> Frame:
 
 
 @pytest.mark.parametrize("pattern", ["susu", "suusuuus", "ssuuu"])
-def test_the_method_steps_on_the_colour_that_is_drawn(taau: Model, pattern: str) -> None:
+def test_the_method_steps_on_the_extrapolated_colour(taau: Model, pattern: str) -> None:
     images, plain = run(make(taau), pattern), Upscaler(taau, display_size=DISPLAY, validate="off")
     colors = drawn_by_torch(GuidedWarp(), shaded, pattern)
     for index, (image, color) in enumerate(zip(images, colors, strict=True)):
@@ -70,7 +70,7 @@ def test_the_method_steps_on_the_colour_that_is_drawn(taau: Model, pattern: str)
         assert np.quantile(off, 0.99) < 1e-4
 
 
-def test_a_drawn_frame_is_nearly_what_a_shaded_one_would_be(taau: Model) -> None:
+def test_an_extrapolated_frame_is_nearly_what_a_shaded_one_would_be(taau: Model) -> None:
     every, half = run(make(taau), "s" * 12), run(make(taau), "su" * 6)
     truth = [SCENE.truth(index, DISPLAY) for index in range(12)]
     errors = [
@@ -197,7 +197,7 @@ def test_what_extrapolates_is_no_upscaler_and_an_upscaler_does_not_extrapolate(t
         make(taau, extrapolation="guided-wrap")
 
 
-def test_a_closed_one_draws_nothing(taau: Model) -> None:
+def test_a_closed_one_renders_nothing(taau: Model) -> None:
     upscaler = make(taau)
     upscaler.close()
     with pytest.raises(ArgumentError, match="closed"):
@@ -244,7 +244,7 @@ def test_a_state_that_does_not_fit_is_refused_and_changes_nothing(taau: Model, h
     np.testing.assert_array_equal(one.extrapolate(unshaded(2)), other.extrapolate(unshaded(2)))
 
 
-def test_warming_up_leaves_the_past(taau: Model) -> None:
+def test_warming_up_leaves_the_history(taau: Model) -> None:
     one, other = make(taau), make(taau, render_size=SIZE)
     other.warm_up()
     with pytest.raises(FrameError, match="before any shaded frame"):
@@ -254,7 +254,7 @@ def test_warming_up_leaves_the_past(taau: Model) -> None:
     np.testing.assert_array_equal(one.extrapolate(unshaded(1)), other.extrapolate(unshaded(1)))
 
 
-def test_stats_tell_drawn_frames_from_shaded_ones(taau: Model) -> None:
+def test_stats_tell_extrapolated_frames_from_shaded_ones(taau: Model) -> None:
     upscaler = make(taau)
     run(upscaler, "suusu")
     stats = upscaler.stats
@@ -285,7 +285,7 @@ def test_checks_find_nothing_wrong_with_right_frames_of_either_kind() -> None:
         upscaler.step(frame) if kind == "s" else upscaler.extrapolate(replace(frame, color=None))
 
 
-def test_checks_read_the_buffers_that_frames_are_drawn_by(taau: Model) -> None:
+def test_checks_read_the_buffers_that_extrapolation_reads(taau: Model) -> None:
     upscaler = make(taau, validate="strict")
     upscaler.step(shaded(0))
     wrong = {**(shaded(1).gbuffer or {}), "base_color": np.full((36, 64, 3), 7.5, np.float32)}

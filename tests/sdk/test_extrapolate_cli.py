@@ -37,7 +37,7 @@ def said(result: Result) -> str:
     return re.sub(r"[\s│╭╮╰╯─]+", " ", result.output)
 
 
-def test_upscale_draws_the_frames_that_were_not_shaded_and_resumes(folder: Path, tmp_path: Path) -> None:
+def test_upscale_renders_the_frames_that_were_not_shaded_and_resumes(folder: Path, tmp_path: Path) -> None:
     out, recording = tmp_path / "out", tmp_path / "a.recording"
     arguments = ("upscale", folder, "--method", "taau", "--extrapolate", "guided-warp", "-o", out)
     done = run(*arguments, "--compare", "--record", recording)

@@ -79,13 +79,13 @@ def assert_alike(
 
 @pytest.mark.parametrize("pattern", ["susuus", "ssuuus", "suusuu"])
 @pytest.mark.parametrize("sizes", [(SIZE,) * 6, SIZES])
-def test_frames_are_drawn_as_torch_draws_them(
+def test_frames_are_extrapolated_as_torch_does(
     folder: Path, pattern: str, sizes: tuple[tuple[int, int], ...]
 ) -> None:
     assert_alike(Extrapolator(folder, [CPU], 1), random_flow(TINY), pattern, sizes)
 
 
-def test_what_ships_draws_what_its_weights_draw_and_moves_light() -> None:
+def test_what_ships_computes_what_its_weights_compute_and_moves_light() -> None:
     trained = GuidedFlow.of(load_trained(shipped_weights("guided-flow"))).eval()
     assert_alike(Extrapolator("guided-flow", [CPU], 1), trained, "susuus", SIZES)
     flow, plain = (
@@ -107,7 +107,7 @@ def test_the_folder_says_what_it_is(folder: Path) -> None:
     assert "at render size, for an upscaler to step on" in (folder / "MODEL_CARD.md").read_text()
 
 
-def test_an_upscaler_steps_on_what_is_drawn_by_two_shaded_frames(make: Any) -> None:
+def test_an_upscaler_steps_on_colors_extrapolated_from_two_shaded_frames(make: Any) -> None:
     one, other = make(), make()
     a = run(one, "susu")
     other.step(frame(2))  # the same frames, of which the earlier ones are not known

@@ -52,7 +52,7 @@ def drawn(one: Upscaler, frame: Frame, **options: Any) -> NDArray[np.float32]:
     return np.array(np.from_dlpack(image))
 
 
-def test_a_fixed_step_draws_bit_for_bit_what_a_step_draws(models: tuple[Model, Model]) -> None:
+def test_a_fixed_step_computes_bit_for_bit_what_a_step_computes(models: tuple[Model, Model]) -> None:
     plain, fixed = map(upscaler, models)
     for seed in (1, 2, 3, 0, 4, 5):  # the frame of seed 0 resets
         frame = noise(seed, exposure=None if seed == 2 else 0.5 + seed)

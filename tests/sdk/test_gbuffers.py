@@ -205,7 +205,7 @@ def test_a_range_of_ratios_keeps_its_slack_for_rounded_sizes() -> None:
 
 
 @pytest.mark.parametrize("render", [(1, 1), (1, 9), (33, 17)])
-def test_odd_and_tiny_sizes_are_drawn(model: Model, render: Size) -> None:
+def test_odd_and_tiny_sizes_are_rendered(model: Model, render: Size) -> None:
     frame, past = lit(1, render), np.zeros((2 * render[1], 2 * render[0], 3), np.float32)
     image = upscaler(model, display_size=None, scale=2.0).step(frame)
     np.testing.assert_allclose(image, by_hand(frame, past)[0], rtol=1e-4, atol=1e-5)

@@ -76,7 +76,7 @@ def test_upscale_does_not_read_what_a_model_does_not_ask_for(
     assert "0000.exr" in said(refused)
 
 
-def test_upscale_draws_at_the_one_ratio_that_a_model_has(gbuffer_model: Path, tmp_path: Path) -> None:
+def test_upscale_renders_at_the_one_ratio_that_a_model_has(gbuffer_model: Path, tmp_path: Path) -> None:
     with ShotWriter(tmp_path / "shot", name="small", display_size=None, frame_rate=24) as writer:
         writer.write(noise(0))
     arguments = ("upscale", tmp_path / "shot", "--model", gbuffer_model, "-o", tmp_path / "out")

@@ -112,7 +112,7 @@ def test_a_hostile_frame_gives_a_clean_image_and_is_forgotten(
     assert np.quantile(off, 0.999) < 0.1
 
 
-def test_a_bad_color_pixel_is_filled_from_the_past(models: dict[str, Model]) -> None:
+def test_a_bad_color_pixel_is_filled_from_the_history(models: dict[str, Model]) -> None:
     upscaler = make(models["taau"])
     flat = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)
     for seed in range(8):
@@ -124,7 +124,7 @@ def test_a_bad_color_pixel_is_filled_from_the_past(models: dict[str, Model]) -> 
 
 
 @pytest.mark.parametrize("bad", [(9, 12), (0, 0), (17, 31)])
-def test_a_bad_pixel_without_a_past_is_filled_from_around_it(
+def test_a_bad_pixel_without_a_history_is_filled_from_around_it(
     models: dict[str, Model], bad: tuple[int, int]
 ) -> None:
     color = np.full((SIZE[1], SIZE[0], 3), 0.5, np.float32)

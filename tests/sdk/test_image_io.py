@@ -49,7 +49,7 @@ def test_an_array_is_written_as_r_g_b_and_single_channels_are_read(tmp_path: Pat
     assert list(read_exr(path, only=["G", "none"])) == ["G"]
 
 
-def test_no_time_is_stored_so_that_equal_pictures_are_equal_files(tmp_path: Path) -> None:
+def test_no_time_is_stored_so_that_equal_images_are_equal_files(tmp_path: Path) -> None:
     for name in ("a.exr", "b.exr"):
         write_exr(tmp_path / name, PIXELS)
     assert (tmp_path / "a.exr").read_bytes() == (tmp_path / "b.exr").read_bytes()

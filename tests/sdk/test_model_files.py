@@ -145,7 +145,7 @@ def test_a_link_out_of_the_folder_is_refused(folder: Path, tmp_path: Path) -> No
         read_model_info(folder)
 
 
-def test_a_folder_of_drawn_frames_with_another_history_is_refused(tmp_path: Path) -> None:
+def test_a_folder_of_extrapolated_frames_with_another_history_is_refused(tmp_path: Path) -> None:
     folder = Path(shutil.copytree(find_model("extrapolate"), tmp_path / "model"))
     inner = json.loads((folder / "extrapolated" / "model.json").read_text())
     inner["history"][0]["shape"] = [1, 4, "display_height", "display_width"]

@@ -251,7 +251,7 @@ def test_a_bug_that_raised_there_and_not_here_is_told(
     assert other.note == "raises ZeroDivisionError (by zero); recorded: nothing"
 
 
-def test_another_executor_is_within_tolerance_and_another_picture_is_not(
+def test_another_executor_is_within_tolerance_and_another_image_is_not(
     models: dict[str, Model], file: Path
 ) -> None:
     with recorded(models["classifier"], file) as upscaler:

@@ -46,7 +46,7 @@ def contents(folder: Path) -> dict[Path, bytes]:
     return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def test_a_replay_of_an_upscaled_shot_is_the_same_pictures(file: Path, tmp_path: Path) -> None:
+def test_a_replay_of_an_upscaled_shot_is_the_same_images(file: Path, tmp_path: Path) -> None:
     done = run("replay", file, "-o", tmp_path / "again")
     assert done.exit_code == 0
     head, recorded, here, verdict = done.stdout.splitlines()
@@ -66,7 +66,7 @@ def test_another_executor_is_told_and_tolerated(file: Path) -> None:
     assert "That is within tolerance: mean 1e-05, at 99 % 0.001." in done.stdout
 
 
-def test_another_picture_is_exit_code_1(file: Path, tmp_path: Path) -> None:
+def test_another_image_is_exit_code_1(file: Path, tmp_path: Path) -> None:
     done = run("replay", file, "--model", "taa", "-o", tmp_path / "png", "--format", "png")
     assert done.exit_code == 1
     assert "The model is not the recorded one" in done.stdout
@@ -75,7 +75,7 @@ def test_another_picture_is_exit_code_1(file: Path, tmp_path: Path) -> None:
     assert len(list((tmp_path / "png").glob("*.png"))) == COUNT
 
 
-def test_pictures_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -> None:
+def test_images_of_another_replay_need_overwrite(file: Path, tmp_path: Path) -> None:
     assert run("replay", file, "-o", tmp_path / "again").exit_code == 0
     assert run("replay", file, "-o", tmp_path / "again").exit_code == 0  # the same
     other = ("replay", file, "-o", tmp_path / "again", "--executor", "onnx")
@@ -143,7 +143,7 @@ def test_a_strangers_file_has_no_say_over_the_terminal(file: Path) -> None:
     assert "?[2J?what" in run("replay", file).stdout
 
 
-def test_pictures_of_a_replay_hold_what_was_carried(tmp_path: Path) -> None:
+def test_images_of_a_replay_hold_aovs(tmp_path: Path) -> None:
     frame = noise(0, aovs=np.full((18, 32, 1), 0.5, np.float32))
     with Upscaler("taau", display_size=(64, 36), record=tmp_path / "a") as upscaler:
         upscaler.step(frame, outputs=("aovs",))

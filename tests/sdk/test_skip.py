@@ -99,7 +99,7 @@ def test_a_still_scene_becomes_a_copy_that_is_as_good(models: dict[str, Model], 
 
 @pytest.mark.parametrize("spots", [[(70, 50)], [(3, 3), (44, 3), (120, 4), (150, 100)]])
 @pytest.mark.parametrize("method", METHODS)
-def test_where_something_changes_all_that_it_reaches_is_drawn_as_without_skipping(
+def test_where_something_changes_all_that_it_reaches_is_computed_as_without_reuse(
     models: dict[str, Model], method: str, spots: list[tuple[int, int]]
 ) -> None:
     upscaler, index = settled(models[method])
@@ -125,14 +125,14 @@ def test_a_change_is_seen_in_the_frame_that_it_comes_in(
     assert work.min() == 1.0
 
 
-def test_a_scene_whose_jitter_never_repeats_is_drawn_in_full(models: dict[str, Model]) -> None:
+def test_a_scene_whose_jitter_never_repeats_is_computed_in_full(models: dict[str, Model]) -> None:
     upscaler = Upscaler(models["taa"], display_size=DISPLAY, validate="off")
     for index in range(3 * PERIOD):
         upscaler.step(replace(scene(0), jitter=(index / 128.0, 0.0)))
     assert upscaler.stats.work == 3 * PERIOD
 
 
-def test_a_picture_that_has_yet_to_forget_a_spike_of_light_is_not_kept(models: dict[str, Model]) -> None:
+def test_an_image_that_has_yet_to_forget_a_spike_of_light_is_not_kept(models: dict[str, Model]) -> None:
     upscaler, index = settled(models["taau"])
     calm = upscaler.step(scene(index))
     frame = scene(index + 1)
@@ -206,7 +206,7 @@ def test_what_stands_still_for_longer_may_change_by_more_up_to_a_bound() -> None
     assert not allowed_change(0.0, np.arange(1, 8, dtype=np.int32)).any()
 
 
-def test_what_is_carried_is_blended_in_every_frame(models: dict[str, Model]) -> None:
+def test_aovs_are_blended_in_every_frame(models: dict[str, Model]) -> None:
     upscaler, index = settled(models["taau"])
     aovs = np.ones((RENDER[1], RENDER[0], 1), np.float32)
     done = upscaler.stats.work

@@ -164,7 +164,7 @@ def test_the_render_size_may_change_and_the_history_is_kept(models: dict[str, Mo
 
 
 @pytest.mark.parametrize("ratio", [1.0, 1.3, 1.5, 1.7, 2.0, 2.3, 3.0, 4.0])
-def test_any_ratio_keeps_a_flat_picture_flat(models: dict[str, Model], ratio: float) -> None:
+def test_any_ratio_keeps_a_flat_image_flat(models: dict[str, Model], ratio: float) -> None:
     for model in (model for model in models.values() if ratio <= model.info.ratios[1]):
         upscaler = Upscaler(model, scale=ratio, validate="off")
         for seed in range(3):

@@ -61,7 +61,7 @@ def test_jitter_alone_disoccludes_nothing() -> None:
 
 
 @pytest.mark.parametrize("previous", [None, frame(np.ones((2, 5), np.float32))])
-def test_without_a_past_everything_is_disoccluded(previous: Frame | None) -> None:
+def test_without_a_history_everything_is_disoccluded(previous: Frame | None) -> None:
     assert masks.disoccluded(frame(wall(slice(0))), previous).all()
     assert masks.disoccluded(frame(wall(slice(0)), reset=True), frame(wall(slice(0)))).all()
 

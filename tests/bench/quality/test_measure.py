@@ -66,7 +66,7 @@ def painted(
     return measure_quality(shot, ["painter"])[0].frames
 
 
-def test_a_perfect_picture_scores_perfectly_in_everything(
+def test_a_perfect_image_scores_perfectly_in_everything(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     hard = ClassMaps(*(np.arange(54 * 96).reshape(54, 96).astype(np.uint8) // step % 3 for step in (1, 3)))
@@ -100,7 +100,7 @@ def test_change_is_not_measured_across_a_cut(tmp_path: Path, monkeypatch: pytest
     assert [np.isnan(f.full["tpsnr"]) for f in frames] == [True, True, False]
 
 
-def test_a_picture_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is_not_flicker(
+def test_an_image_that_lags_a_frame_is_worse_where_it_moves_and_steady_noise_is_not_flicker(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     shot = write_shot(tmp_path, references=[4, 5])

@@ -34,7 +34,7 @@ def test_psnr_counts_all_three_channels() -> None:
     assert metrics.psnr(image, grey(0.5)) == pytest.approx(20.0 + 10 * math.log10(3))
 
 
-def test_psnr_of_equal_pictures_is_the_ceiling_and_not_infinite() -> None:
+def test_psnr_of_equal_images_is_the_ceiling_and_not_infinite() -> None:
     assert metrics.psnr(noise(0), noise(0)) == CEILING_DB
 
 
@@ -75,12 +75,12 @@ def test_ssim_of_two_greys_is_the_luminance_term() -> None:
     assert metrics.ssim(grey(0.2), grey(0.8)) == pytest.approx((2 * 0.16 + 1e-4) / (0.04 + 0.64 + 1e-4))
 
 
-def test_ssim_says_when_the_picture_is_smaller_than_its_window() -> None:
+def test_ssim_says_when_the_image_is_smaller_than_its_window() -> None:
     with pytest.raises(ArgumentError, match=r"is \(10, 24, 3\); want at least 11 x 11 pixels"):
         metrics.ssim(grey(0, (10, 24)), grey(0, (10, 24)))
 
 
-def test_flip_is_0_for_equal_pictures_1_at_most_and_local() -> None:
+def test_flip_is_0_for_equal_images_1_at_most_and_local() -> None:
     pytest.importorskip("flip_evaluator")
     image = noise(3, (40, 60))
     assert metrics.flip_map(image, image).max() == 0.0
@@ -128,7 +128,7 @@ def test_warp_fetches_from_p_plus_motion_between_pixels_too(
     np.testing.assert_allclose(warped[between, 0], (10 * from_y + from_x)[between], atol=1e-9)
 
 
-def test_motion_that_is_not_a_number_has_no_past() -> None:
+def test_motion_that_is_not_a_number_has_no_history() -> None:
     assert not metrics.warp(noise(0), np.full((20, 24, 2), np.nan))[1].any()
 
 
@@ -144,7 +144,7 @@ def test_warped_error_is_zero_for_a_pan_and_the_change_otherwise() -> None:
     assert math.isnan(metrics.warped_error(after, before, motion, ~valid))
 
 
-def test_warped_error_difference_charges_too_calm_a_picture_as_well() -> None:
+def test_warped_error_difference_charges_too_calm_an_image_as_well() -> None:
     motion, valid = np.zeros((20, 24, 2)), np.ones((20, 24), bool)
     shimmer, frozen = (grey(0.6), grey(0.5)), (grey(0.5), grey(0.5))
     assert metrics.warped_error_difference(*frozen, *shimmer, motion, valid) == pytest.approx(0.1)

@@ -121,7 +121,7 @@ def test_the_command_prints_records_and_updates(tmp_path: Path) -> None:
     assert [len(method["frames"]) for method in shot["methods"]] == [10, 10]
 
 
-def test_the_command_draws_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
+def test_the_command_renders_what_is_wrong_and_fills_every_page(tmp_path: Path) -> None:
     first, second = tmp_path / "README.md", tmp_path / "quality.md"
     first.write_text(README.replace("plaza", "own"), encoding="utf-8")
     names = ("quality own clip", "quality own classes")

@@ -87,7 +87,7 @@ def test_brightness_that_flickers_all_over_is_not_seen() -> None:
     assert max(strred.distance(*(strred.information(*of) for of in bands))) < 1e-6
 
 
-def test_a_still_picture_has_no_temporal_information() -> None:
+def test_a_still_image_has_no_temporal_information() -> None:
     still = strred.band(REFERENCE[0].astype(float))
     assert not strred.information(still, still).temporal.any()
     assert not strred.information(still, still + 1e-9).temporal.any()  # rounding
@@ -109,7 +109,7 @@ def test_the_band_passes_what_changes_from_row_to_row() -> None:
     assert np.abs(strred.band(np.full((101, 64), 200.0))).max() < 1e-4
 
 
-def test_pictures_too_small_for_a_block_have_no_distance() -> None:
+def test_images_too_small_for_a_block_have_no_distance() -> None:
     small = strred.band(np.zeros((16, 100)))
     pair = strred.information(small, small)
     assert np.isnan(strred.distance(pair, pair)).all()

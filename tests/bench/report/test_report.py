@@ -111,7 +111,7 @@ def test_a_folder_without_records_is_named(tmp_path: Path) -> None:
     assert "without records" in str(answer.exception)
 
 
-def test_the_page_has_all_records_figures_and_pictures_and_needs_nothing_else(tmp_path: Path) -> None:
+def test_the_page_has_all_records_figures_and_images_and_needs_nothing_else(tmp_path: Path) -> None:
     records = {n: r for n, r in read_records(ROOT / RESULTS).items() if n != "quality-test-shots"}
     html = page(tmp_path, {**records, "pareto": of_pareto()})
     known = {s.bench for s in SECTIONS}

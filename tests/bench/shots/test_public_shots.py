@@ -63,7 +63,7 @@ def test_each_frame_has_its_reference_classes_and_both_g_buffers(opened: list[Pu
         assert {*item.frame.gbuffer, "depth"} == {*item.frame.gbuffer_display}
 
 
-def test_a_second_run_draws_nothing_and_another_driver_does_not_mix_in(
+def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
     cache: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     generations = {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")}
@@ -173,7 +173,9 @@ def test_the_bench_without_a_cache_says_what_makes_one(tmp_path: Path) -> None:
     assert "--ratio is 'half'; want numbers" in wrong.stderr
 
 
-def test_the_shot_that_ships_is_drawn_by_one_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_shot_that_ships_is_rendered_by_one_command(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr("supersampler_model.data.product_shot.DISPLAY_SIZE", (32, 18))
     monkeypatch.setattr("supersampler_model.data.product_shot.FRAMES", 17)
     done = CliRunner().invoke(app, ["bench", "product-shot", str(tmp_path / "plaza")])

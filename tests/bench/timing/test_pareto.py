@@ -108,7 +108,7 @@ def quality() -> dict[str, Any]:
     return {"bench": "quality", "means": [mean(*m) for m in means]}
 
 
-def test_settings_with_scores_are_timed_drawn_and_come_back_from_their_record(tmp_path: Path) -> None:
+def test_settings_with_scores_are_timed_plotted_and_come_back_from_their_record(tmp_path: Path) -> None:
     points = measure_pareto([quality()], (48, 27), threads=1, steps=1)
     assert [str(p.spec) for p in points] == ["bilinear", "taau", "classifier-small:exact"]
     assert [p.runs for p in points] == ["onnx, fp32", "cpu, fp32", "cpu, int8"]

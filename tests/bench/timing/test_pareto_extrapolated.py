@@ -29,7 +29,7 @@ def extrapolation(*, means: bool = True) -> dict[str, Any]:
 
 
 @pytest.mark.parametrize("means", [True, False])
-def test_only_what_draws_every_second_frame_has_a_time(means: bool) -> None:
+def test_only_what_renders_every_second_frame_has_a_time(means: bool) -> None:
     found = list(unshaded_points_of(extrapolation(means=means)))
     assert [(h.upscaler, h.model) for h in found] == [("taau", "guided-warp"), ("taa:exact", "guided-warp")]
     assert {h.ratio for h in found} == {2.0 if means else 1.5}

@@ -103,7 +103,7 @@ def test_the_truth_moves_by_the_motion_away_from_disocclusion(scene: Scene) -> N
     assert followed(scene, 4, sign=-1)[0] < score - 30
 
 
-def test_motion_is_in_pixels_of_the_picture_drawn() -> None:
+def test_motion_is_in_pixels_of_the_image_rendered() -> None:
     scene = Plane(checker, (1.5, -1.0))
     np.testing.assert_allclose(scene.frame(2, (64, 36)).motion[0, 0], (-1.5, 1.0))
     np.testing.assert_allclose(scene.frame(2, (128, 18)).motion[0, 0], (-3.0, 0.5))
@@ -134,7 +134,7 @@ def test_a_shading_step_changes_the_light_and_nothing_else() -> None:
     assert not after.reset
 
 
-def test_a_cut_resets_shows_the_other_scene_and_has_no_past() -> None:
+def test_a_cut_resets_shows_the_other_scene_and_has_no_history() -> None:
     scene = Cut(Plane(dots), Plane(checker), at=2)
     assert [scene.frame(i, RENDER).reset for i in range(4)] == [True, False, True, False]
     np.testing.assert_array_equal(
@@ -176,14 +176,14 @@ def test_a_floor_is_a_plane_and_comes_closer() -> None:
     assert (now.motion * away).sum(axis=-1).max() < 0  # all came from its vanishing point
 
 
-def test_a_changed_light_and_a_cut_keep_what_a_scene_says_of_its_past() -> None:
+def test_a_changed_light_and_a_cut_keep_what_a_scene_says_of_its_previous_frame() -> None:
     scene = DiscOverPlane()
     for wrapped in (ShadingStep(scene, at=4), Cut(Plane(dots), scene, at=2)):
         np.testing.assert_array_equal(wrapped.disoccluded(4, DISPLAY), scene.disoccluded(4, DISPLAY))
     assert ShadingStep(Cut(Plane(dots), scene, at=2), at=4).cut(2)
 
 
-def test_evidence_holds_the_ranges_and_the_mean_of_the_samples_drawn() -> None:
+def test_evidence_holds_the_ranges_and_the_mean_of_the_samples() -> None:
     scene = DiscOverPlane()
     drawn = scene.evidence(3, RENDER, samples=4)
     np.testing.assert_array_equal(drawn.pixels.color_mean, scene.truth(3, RENDER, samples=4))

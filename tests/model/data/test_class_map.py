@@ -53,7 +53,7 @@ def test_an_overlay_tints_classes_and_shows_the_rest_in_grey(image: NDArray[np.g
 
 
 @pytest.mark.parametrize("width", [3, 90, 640, 1920])
-def test_a_legend_goes_under_the_picture_and_names_each_class_with_its_share(width: int) -> None:
+def test_a_legend_goes_under_the_image_and_names_each_class_with_its_share(width: int) -> None:
     shown = labels(width // 3)
     image = class_image(shown)
     full = with_legend(image, shown)
@@ -68,6 +68,6 @@ def test_a_legend_goes_under_the_picture_and_names_each_class_with_its_share(wid
 
 
 @pytest.mark.parametrize("image", [np.zeros((3, 4, 3), np.uint8), np.zeros((3, 3, 3), np.int32)])
-def test_a_picture_that_does_not_fit_is_named(image: NDArray[np.generic]) -> None:
+def test_an_image_that_does_not_fit_is_named(image: NDArray[np.generic]) -> None:
     with pytest.raises(ArgumentError, match=r"image is .*; want \(3, 3, 3\) uint8"):
         overlay(labels(), image)

@@ -75,7 +75,7 @@ def rendered(folder: Path, renderer: Renderer, *, gbuffers: bool = False) -> tup
     return dataset, entry
 
 
-def test_what_was_drawn_is_read_again(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_what_was_rendered_is_read_again(tmp_path: Path, small_renderer: Renderer) -> None:
     dataset, entry = rendered(tmp_path, small_renderer)
     frames = list(dataset.frames(entry))
     assert [f.reset for f in frames] == [True, False, True]
@@ -87,7 +87,7 @@ def test_what_was_drawn_is_read_again(tmp_path: Path, small_renderer: Renderer) 
     np.testing.assert_allclose(frames[1].reference, again.reference.color, rtol=1e-3, atol=1e-4)
 
 
-def test_sequences_drawn_at_another_ratio_share_what_is_of_display_size(
+def test_sequences_rendered_at_another_ratio_share_what_is_of_display_size(
     tmp_path: Path, small_renderer: Renderer
 ) -> None:
     dataset, entry = rendered(tmp_path, small_renderer, gbuffers=True)
@@ -107,7 +107,7 @@ def test_sequences_drawn_at_another_ratio_share_what_is_of_display_size(
     assert frame.frame().gbuffer_display is not None
 
 
-def test_another_ratio_is_not_drawn_of_scenes_that_have_changed(
+def test_another_ratio_is_not_rendered_of_scenes_that_have_changed(
     tmp_path: Path, small_renderer: Renderer, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     dataset, _ = rendered(tmp_path, small_renderer)
@@ -145,7 +145,7 @@ def test_a_frame_can_be_stepped_and_its_reference_is_better_than_its_input(
     assert np.abs(off).mean() < 0.1
 
 
-def test_a_stopped_run_goes_on_with_the_same_pictures(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_a_stopped_run_goes_on_with_the_same_images(tmp_path: Path, small_renderer: Renderer) -> None:
     whole, entry = rendered(tmp_path / "whole", small_renderer)
     dataset = create_dataset(tmp_path / "stopped", description())
 
@@ -161,7 +161,7 @@ def test_a_stopped_run_goes_on_with_the_same_pictures(tmp_path: Path, small_rend
         assert whole.path(entry, index).read_bytes() == again.path(entry, index).read_bytes()
 
 
-def test_a_complete_sequence_is_not_drawn_again(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_a_complete_sequence_is_not_rendered_again(tmp_path: Path, small_renderer: Renderer) -> None:
     dataset, entry = rendered(tmp_path, small_renderer)
     times = [dataset.path(entry, i).stat().st_mtime_ns for i in range(FRAMES)]
     render_sequence(dataset, entry, small_renderer)
@@ -186,7 +186,7 @@ def test_a_full_disk_leaves_whole_frames_only(
     assert not list((tmp_path / entry.folder).glob("*partial*"))
 
 
-def test_folders_of_others_are_not_taken_for_frames_that_are_drawn(tmp_path: Path) -> None:
+def test_foreign_folders_are_not_taken_for_rendered_frames(tmp_path: Path) -> None:
     [entry] = description().sequences
     (tmp_path / entry.folder).mkdir(parents=True)
     (tmp_path / entry.folder / "0000.safetensors").write_bytes(b"mine")
@@ -214,7 +214,7 @@ def test_damage_is_named(tmp_path: Path, small_renderer: Renderer) -> None:
         open_dataset(tmp_path)
 
 
-def test_info_counts_and_draws_a_contact_sheet(tmp_path: Path, small_renderer: Renderer) -> None:
+def test_info_counts_and_renders_a_contact_sheet(tmp_path: Path, small_renderer: Renderer) -> None:
     rendered(tmp_path, small_renderer)
     said = rows(tmp_path)
     assert said["sequences"] == "train: 1 sequences, 3 of 3 frames"
@@ -223,7 +223,7 @@ def test_info_counts_and_draws_a_contact_sheet(tmp_path: Path, small_renderer: R
     assert (tmp_path / "contact-sheet.png").stat().st_size > 1000
 
 
-def test_a_plan_is_drawn_from_its_seed_and_keeps_test_families_apart() -> None:
+def test_a_plan_follows_from_its_seed_and_keeps_test_families_apart() -> None:
     plan = RenderPlan(families=(*TRAIN_FAMILIES, *TEST_FAMILIES), sequences=150)
     drawn = plan_sequences(plan)
     assert drawn == plan_sequences(plan)
@@ -239,7 +239,7 @@ def test_a_plan_is_drawn_from_its_seed_and_keeps_test_families_apart() -> None:
         plan_sequences(RenderPlan(families=("none",)))
 
 
-def test_a_plan_draws_what_it_drew_before_there_were_files() -> None:
+def test_a_plan_without_files_is_the_same_as_before_there_were_files() -> None:
     drawn = plan_sequences(RenderPlan(sequences=3, seed=1)).sequences
     assert [(e.spec.family, e.spec.seed, e.ratio) for e in drawn] == [
         ("fences", 1016164991, 4.0), ("floors", 1099128569, 1.5), ("metals", 1767258089, 2.0),

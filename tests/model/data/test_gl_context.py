@@ -115,7 +115,7 @@ def test_without_moderngl_the_message_names_the_extra(monkeypatch: pytest.Monkey
         context.open_graphics()
 
 
-def test_where_libegl_is_not_installed_osmesa_draws_the_same_picture(tmp_path: Path) -> None:
+def test_where_libegl_is_not_installed_osmesa_renders_the_same_image(tmp_path: Path) -> None:
     done = python(WITHOUT_EGL, tmp_path / "color.npy")
     assert done.returncode == 0, done.stderr
     other = np.load(tmp_path / "color.npy")

@@ -77,7 +77,7 @@ def seen_alone(renderer: Renderer, scene: Scene, instance: int, depth: NDArray[n
     return np.asarray(widest(hidden, 2) == 0.0)
 
 
-def test_motion_warps_the_past_onto_the_present(renderer: Renderer) -> None:
+def test_motion_warps_the_history_onto_the_present(renderer: Renderer) -> None:
     yard = Yard(frozen_lights=True)
     before, scene = yard.scene(3), yard.scene(4)
     past, truth, now = renderer.reference(before), renderer.reference(scene), renderer.display(scene)

@@ -219,7 +219,9 @@ def test_an_edge_spreads_normals_by_their_difference(renderer: Renderer) -> None
     np.testing.assert_allclose(on_edge, 2.0, atol=1e-3)  # |(1, 0, 0) - (0, 1, 0)|
 
 
-def test_a_reference_drawn_in_parts_is_the_same(renderer: Renderer, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_reference_rendered_in_parts_is_the_same(
+    renderer: Renderer, monkeypatch: pytest.MonkeyPatch
+) -> None:
     scene = Yard().scene(2)
     whole = renderer.reference(scene)
     monkeypatch.setattr(module, "LARGEST", 8 * 64)

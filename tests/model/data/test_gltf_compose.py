@@ -174,7 +174,7 @@ def test_without_a_stage_things_stand_on_a_bare_floor(tmp_path: Path) -> None:
     assert len(sequence.scene(0).instances) > 2
 
 
-def test_a_composition_can_be_drawn(folder: Path, renderer: Renderer) -> None:
+def test_a_composition_can_be_rendered(folder: Path, renderer: Renderer) -> None:
     scene = compose(folder, 1, FRAMES).scene(1)
     surfaces, reference = renderer.display(scene), renderer.reference(scene)
     assert (surfaces.depth > 0.0).mean() > 0.2
@@ -222,7 +222,7 @@ def test_a_spec_from_json_is_the_same_sequence(folder: Path) -> None:
         np.testing.assert_array_equal(a.model, b.model)
 
 
-def test_a_file_that_is_not_the_one_it_was_drawn_with_is_named(folder: Path) -> None:
+def test_a_file_that_is_not_the_one_it_was_rendered_with_is_named(folder: Path) -> None:
     spec = read_folder(folder).spec(0, FRAMES, 30.0)
     name = next(name for name, _ in spec.files if name.startswith("props"))
     cube(emissiveFactor=[1.0, 0.0, 0.0]).save(folder / name)

@@ -40,7 +40,7 @@ def test_sequences_of_files_are_rendered_beside_procedural_ones(files: Path, tmp
     assert all(dataset.complete(entry) == 2 for entry in dataset.entries())
 
 
-def test_a_set_is_drawn_at_other_ratios_when_they_are_asked_for_later(tmp_path: Path) -> None:
+def test_a_set_is_rendered_at_other_ratios_when_they_are_asked_for_later(tmp_path: Path) -> None:
     options = ("--scenes", "floors", "--sequences", "1", *SMALL)
     assert render(tmp_path, *options).exit_code == 0
     before = dict.fromkeys(tmp_path.rglob("*.safetensors"))

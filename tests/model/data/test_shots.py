@@ -68,7 +68,7 @@ def test_each_ratio_has_its_own_frames_and_all_have_one_reference(
     assert len(list(folder.glob("reference/*.exr"))) == len(list(folder.glob("display/*.exr"))) == 3
 
 
-def test_what_is_stored_is_what_was_drawn(folder: Path, small_renderer: Renderer) -> None:
+def test_what_is_stored_is_what_was_rendered(folder: Path, small_renderer: Renderer) -> None:
     item, drawn = shots(folder)[2.0].read(1), small_renderer.display(Yard(1).scene(1))
     buffers, truth = item.frame.gbuffer_display, small_renderer.reference(Yard(1).scene(1))
     assert buffers is not None

@@ -73,7 +73,7 @@ def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
         ((32, 21), (False, False), True),
     ],
 )
-def test_a_crop_draws_the_part_of_the_whole_picture(
+def test_a_crop_renders_the_part_of_the_whole_image(
     render: tuple[int, int], flip: tuple[bool, bool], turned: bool
 ) -> None:
     sequence = frames(render)
@@ -87,7 +87,7 @@ def test_a_crop_draws_the_part_of_the_whole_picture(
     assert torch.allclose(cropped(sequence, cut)[inside], part[inside], atol=1e-3)
 
 
-def test_a_gain_of_the_colours_alone_scales_the_picture() -> None:
+def test_a_gain_of_the_colours_alone_scales_the_image() -> None:
     sequence = frames((48, 32))
     cut = CropRegion(left=31, top=9, size=40, ratio=(2.0, 2.0))
     brighter = dataclasses.replace(cut, gain=4.0)

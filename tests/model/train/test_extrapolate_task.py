@@ -85,7 +85,7 @@ def test_what_is_hidden_is_not_seen(data: Dataset, task: ExtrapolateTask) -> Non
         assert torch.equal(a.images, b.images)
 
 
-def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> None:
+def test_the_middle_of_a_crop_is_rendered_as_the_whole_frame_is(data: Dataset) -> None:
     method = Extrapolate(SMALL).eval()
     task, dataset = ExtrapolateTask(method), unshaded_set(data, (1.0, 3.0))
     runner, hidden = task.runner(method, Size(*DISPLAY)), list[bool]()
@@ -106,7 +106,7 @@ def test_the_middle_of_a_crop_is_drawn_as_the_whole_frame_is(data: Dataset) -> N
     assert torch.quantile(off, 0.9) < 0.02
 
 
-def test_errors_weigh_more_where_the_past_of_a_drawn_frame_was_hidden(
+def test_errors_weigh_more_where_the_history_of_an_extrapolated_frame_was_occluded(
     data: Dataset, task: ExtrapolateTask
 ) -> None:
     revealed = [s._replace(ghost=torch.full_like(s.ghost, Ghost.VISIBILITY)) for s in samples(data, 1)[:2]]
@@ -117,7 +117,7 @@ def test_errors_weigh_more_where_the_past_of_a_drawn_frame_was_hidden(
     assert (hidden == 2.0).all()
 
 
-def test_what_both_encoders_find_is_compared_on_shaded_frames_that_could_be_drawn(
+def test_features_of_both_encoders_are_compared_on_shaded_frames_that_could_be_extrapolated(
     data: Dataset, task: ExtrapolateTask
 ) -> None:
     crop = samples(data, 1)[:3]
@@ -187,7 +187,7 @@ def test_a_run_begins_with_a_classifier_or_goes_on_with_its_own_weights() -> Non
 
 
 @pytest.mark.parametrize("name", ["taau", "nothing"])
-def test_frames_are_drawn_by_what_draws_frames(name: str) -> None:
+def test_frames_are_extrapolated_by_the_extrapolation_model(name: str) -> None:
     with pytest.raises(ArgumentError, match=r"extrapolator is '?(taau|nothing)'?; want one of guided-warp"):
         ExtrapolateTask(Extrapolate(SMALL), extrapolator=name)
 

@@ -96,7 +96,7 @@ def whole(found: Found, index: int) -> LightSample:
 # --- what is found ---
 
 
-def test_each_frame_is_found_in_every_way_that_it_may_be_hidden() -> None:
+def test_each_frame_is_found_in_every_way_that_it_may_be_unshaded() -> None:
     method = random_flow()
     with pytest.raises(ArgumentError, match="4 frames without a cut"):
         found_of(method, shadow(3))
@@ -114,7 +114,7 @@ def test_nothing_is_found_across_a_cut() -> None:
     assert len(found.whole) == 3  # s u s [u] | s u s [u]; from the second on: s u s | s u s [u]
 
 
-def test_hidden_frames_are_drawn_as_the_method_draws_them() -> None:
+def test_unshaded_frames_are_extrapolated_as_the_method_does() -> None:
     method = random_flow()
     frames = shadow(5)
     found = found_of(method, frames)

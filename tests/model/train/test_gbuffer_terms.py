@@ -59,7 +59,7 @@ def half_metal() -> Surfaces:
     return surfaces(2 * SIDE, metallic=metal)
 
 
-def test_structure_costs_the_mean_dissimilarity_of_shown_pictures(task: GBufferTask) -> None:
+def test_structure_costs_the_mean_dissimilarity_of_shown_images(task: GBufferTask) -> None:
     frame = sample(surfaces(2 * SIDE))
     frame.reference[..., :2, :2] = torch.nan
     with torch.no_grad():

@@ -92,7 +92,7 @@ def test_pixels_without_truth_are_not_counted() -> None:
     assert cost == pytest.approx(0.2 + math.sqrt(0.04 + 1e-6), rel=1e-5)
 
 
-def test_pictures_are_compared_exposed_toned_and_in_srgb() -> None:
+def test_images_are_compared_exposed_toned_and_in_srgb() -> None:
     image = torch.tensor([0.0, 0.001, 0.5]).reshape(1, 3, 1, 1)
     toned = tone(2.0 * image).flatten().tolist()
     expected = [0.0, 12.92 * toned[1], 1.055 * toned[2] ** (1.0 / 2.4) - 0.055]

@@ -36,7 +36,7 @@ class Variant(NamedTuple):
 
     @property
     def own(self) -> int:
-        """Of `rest`: the past by the pixel's own motion."""
+        """Of `rest`: the history by the pixel's own motion."""
         return self.mean + 6 * self.rectified
 
     @property
@@ -46,7 +46,7 @@ class Variant(NamedTuple):
 
     @property
     def pasts(self) -> int:
-        """Colours of the past; of `blend_parameters`, the weights of those of this frame follow theirs."""
+        """Colours of the history; of `blend_parameters`, the weights of those of this frame follow theirs."""
         return 1 + self.rectified + self.own_motion
 
     @property

@@ -71,7 +71,7 @@ def check_alike(ones: list[Float32], others: list[Float32]) -> None:
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_kernels_draw_what_the_graph_draws(graph: Extrapolator, host: Extrapolator, size: Size) -> None:
+def test_kernels_compute_what_the_graph_computes(graph: Extrapolator, host: Extrapolator, size: Size) -> None:
     frames = [surfaces(seed, size) for seed in range(7)]
     check_alike(drawn(graph, frames, "suuusuu"), drawn(host, frames, "suuusuu"))
 
@@ -81,7 +81,7 @@ def test_frames_of_changing_size_come_out_alike(graph: Extrapolator, host: Extra
     check_alike(drawn(graph, frames, "suuusuuuusuu"), drawn(host, frames, "suuusuuuusuu"))
 
 
-def test_a_real_scene_is_drawn_as_torch_draws_it(host: Extrapolator) -> None:
+def test_a_real_scene_is_extrapolated_as_torch_does(host: Extrapolator) -> None:
     frames = [SCENE.frame(index, (97, 55), halton_jitter(index, 2.0)) for index in range(9)]
     expected = drawn_by_torch(GuidedWarp(), lambda index: frames[index], "susuusuuu")
     images = drawn(host, frames, "susuusuuu")
@@ -132,7 +132,9 @@ def test_the_number_of_threads_changes_no_bit() -> None:
     np.testing.assert_array_equal(one, five)
 
 
-def test_a_past_goes_from_kernels_to_the_graph_and_back(graph: Extrapolator, host: Extrapolator) -> None:
+def test_a_history_goes_from_the_cpu_backend_to_the_onnx_backend_and_back(
+    graph: Extrapolator, host: Extrapolator
+) -> None:
     frames = [surfaces(seed) for seed in range(4)]
     for one, other in ((graph, host), (host, graph)):
         _, past = one.extrapolate(replace(frames[1], color=None), one.after_shaded(frames[0]))

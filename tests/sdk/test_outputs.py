@@ -48,7 +48,7 @@ def test_asking_does_not_change_the_image(model: Model) -> None:
         np.testing.assert_array_equal(result.image, silent.step(noise(seed)))
 
 
-def test_the_first_frame_takes_nothing_from_the_past_and_the_next_ones_do(model: Model) -> None:
+def test_the_first_frame_takes_nothing_from_the_history_and_the_next_ones_do(model: Model) -> None:
     upscaler = make(model)
     first, second = (told(upscaler, noise(seed), "weight").weight for seed in range(2))
     assert first is not None
@@ -100,7 +100,7 @@ def test_a_bad_value_in_a_channel_does_not_spread(model: Model) -> None:
         assert np.isfinite(result.aovs).all()
 
 
-def test_a_saved_state_holds_what_was_carried(model: Model) -> None:
+def test_a_saved_state_holds_aovs(model: Model) -> None:
     upscaler, fork = make(model), make(model)
     told(upscaler, carrying(0), "aovs")
     fork.load_state(upscaler.save_state())
@@ -130,7 +130,7 @@ def test_what_cannot_be_told_is_refused_by_name_and_the_next_frame_works() -> No
     np.testing.assert_array_equal(ours.aovs, theirs.aovs)
 
 
-def test_a_spatial_method_upsamples_what_is_carried() -> None:
+def test_a_spatial_method_upsamples_aovs() -> None:
     aovs = told(make("bilinear"), carrying(0), "aovs").aovs
     assert aovs is not None
     assert aovs.shape == (36, 64, 2)

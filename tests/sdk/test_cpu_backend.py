@@ -61,7 +61,7 @@ def compare(one: Float32, other: Float32, method: str) -> None:
 
 @pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize(("render", "display"), SIZES)
-def test_the_host_draws_what_the_graph_draws(
+def test_the_cpu_backend_computes_what_the_onnx_backend_computes(
     models: dict[tuple[str, str], Model], method: str, render: Size, display: Size
 ) -> None:
     frames = [noise(seed, render) for seed in range(4)]
@@ -164,12 +164,12 @@ def test_a_state_goes_from_one_executor_to_the_other(
 
 
 @pytest.mark.parametrize("method", METHODS)
-def test_a_cpu_takes_the_host_where_a_method_has_it(method: str) -> None:
+def test_on_a_cpu_the_cpu_backend_runs_where_a_method_has_kernels(method: str) -> None:
     assert Model.load(method).executor == "cpu"
     assert Model.load("bilinear").executor == "onnx"
 
 
-def test_the_classifier_runs_in_bytes_on_the_host_and_in_single_precision_in_the_graph() -> None:
+def test_the_classifier_runs_in_int8_on_the_cpu_backend_and_in_single_precision_on_the_onnx_backend() -> None:
     assert Model.load("classifier").precision == "int8"
     exact = Model.load("classifier", precision="fp32")
     assert (exact.executor, exact.precision) == ("onnx", "fp32")
@@ -224,7 +224,7 @@ def test_kernels_that_cannot_be_kept_run_all_the_same(tmp_path: Path) -> None:
     subprocess.run([sys.executable, "-c", load], check=True, env=environment)
 
 
-def test_buffers_of_sizes_long_past_are_given_up() -> None:
+def test_buffers_of_sizes_not_used_lately_are_freed() -> None:
     made: list[Size] = []
 
     def make(size: Size) -> int:

@@ -84,7 +84,7 @@ def test_each_kind_of_frame_has_its_graph_and_both_have_one_history(
         np.testing.assert_array_equal(array, b[name])
 
 
-def test_a_model_without_one_steps_on_drawn_frames_itself(classifier: Model) -> None:
+def test_a_model_without_one_steps_on_extrapolated_frames_itself(classifier: Model) -> None:
     assert classifier.on_extrapolated is classifier
     assert classifier.info.extrapolated is None
 
@@ -99,7 +99,7 @@ def test_both_graphs_run_alike(folder: Path, joint: Model) -> None:
     assert joint.info.extrapolated == folder / "extrapolated"
 
 
-def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> None:
+def test_g_buffers_are_asked_for_only_where_frames_are_extrapolated(joint: Model) -> None:
     plain = make(joint, extrapolation=None)
     assert plain.gbuffers == ()
     assert make(joint).gbuffers == ("gbuffer_base_color", "gbuffer_normal")
@@ -107,7 +107,7 @@ def test_g_buffers_are_asked_for_only_where_frames_are_drawn(joint: Model) -> No
     np.testing.assert_array_equal(image, make(joint).step(shaded(0)))
 
 
-def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Model) -> None:
+def test_maps_and_aovs_go_through_both(joint: Model, classifier: Model) -> None:
     ours, theirs = make(joint), make(classifier)
     for index in range(4):
         aovs = np.full((*SIZE[::-1], 1), 0.1 * index, np.float32)
@@ -126,7 +126,7 @@ def test_maps_and_what_is_carried_go_through_both(joint: Model, classifier: Mode
 # --- what is refused ---
 
 
-def test_without_extrapolation_nothing_is_drawn(joint: Model) -> None:
+def test_without_extrapolation_no_frame_is_extrapolated(joint: Model) -> None:
     upscaler = make(joint, extrapolation=None)
     upscaler.step(shaded(0))
     with pytest.raises(ArgumentError, match=r"extrapolation is None; want a model.*'guided-warp'"):
@@ -145,7 +145,7 @@ def test_a_frame_without_base_colour_is_refused_and_changes_nothing(joint: Model
         np.testing.assert_array_equal(a, b)
 
 
-def test_what_steps_on_drawn_frames_alone_is_no_model_of_its_own(folder: Path, joint: Model) -> None:
+def test_a_model_of_extrapolated_frames_alone_is_refused(folder: Path, joint: Model) -> None:
     for use in (
         Model.load,
         lambda path: Upscaler(path, scale=2.0),
@@ -182,7 +182,7 @@ def test_a_state_continues_bit_for_bit(joint: Model, pattern: str) -> None:
         np.testing.assert_array_equal(a, b)
 
 
-def test_warming_up_runs_both_and_leaves_the_past(joint: Model) -> None:
+def test_warming_up_runs_both_and_leaves_the_history(joint: Model) -> None:
     one, other = make(joint), make(joint, render_size=SIZE)
     run(one, "s"), run(other, "s")
     with patch.object(joint.on_extrapolated, "run", wraps=joint.on_extrapolated.run) as warmed:
@@ -218,7 +218,7 @@ def test_a_recording_is_replayed_bit_for_bit_and_knows_both_graphs(
         Replay(open_recording(file), model=other)
 
 
-def test_info_says_what_steps_on_drawn_frames(folder: Path) -> None:
+def test_info_says_what_steps_on_extrapolated_frames(folder: Path) -> None:
     lines = CliRunner().invoke(app, ["info", str(folder)]).output.splitlines()
     assert [line.split() for line in lines if line.startswith("extrapolated frames")] == [
         ["extrapolated", "frames", "by", "the", "model", "in", "extrapolated"]
