@@ -10,7 +10,7 @@ from supersampler.validation.depth_order import bend
 def plane(height: int, width: int, slope: float = 1e-4) -> Float32:
     """1 / distance of a plane, float32."""
     rows, columns = np.mgrid[:height, :width]
-    return (0.1 + slope * (columns + 0.5 * rows)).astype(np.float32)
+    return np.asarray(0.1 + slope * (columns + 0.5 * rows), np.float32)
 
 
 @pytest.mark.parametrize(("height", "width"), [(300, 1300), (1300, 300), (60, 80)])
