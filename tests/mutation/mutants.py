@@ -165,6 +165,11 @@ class _Finder(ast.NodeVisitor):
         if node.value is not None:
             self.visit(node.value)
 
+    def visit_keyword(self, node: ast.keyword) -> None:
+        """Not values that change nothing on this machine."""
+        if node.arg not in UNSEEN_KEYWORDS:
+            self.visit(node.value)
+
     def visit_Raise(self, node: ast.Raise) -> None:
         """Not what is raised."""
 

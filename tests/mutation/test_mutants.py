@@ -61,6 +61,7 @@ def test_texts_annotations_messages_and_guards_are_left_alone() -> None:
     assert not changed & {"1e-9", "len(values) + 1", "int", "list[float]"}
     assert ("4", "5") in changes(CODE)
     assert not changes("T = TypeVar('T', covariant=True)")
+    assert ("True", "False") not in changes("a = zip(b, c, strict=True)")
     texts = (
         "a: Literal[3] = b",
         "raise E(3)",

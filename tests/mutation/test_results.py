@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from mutation import __main__ as tool
-from mutation.coverage_map import CoverageMap
+from mutation.coverage_map import CoverageMap, targets_of
 from mutation.mutants import mutants_of
 
 FILES = ["tests/model/test_a.py", "tests/model/test_b.py"]
@@ -48,6 +48,16 @@ def test_an_entry_without_a_reason_leaves_nothing_out(monkeypatch: pytest.Monkey
     }
     monkeypatch.setattr(tomllib, "loads", lambda _: listed)
     assert tool.equivalents() == {("g", "a", "b")}
+
+
+def test_each_entry_is_of_code_that_is_there() -> None:
+    """Else what was renamed counts again."""
+    root = Path(tool.__file__).parents[2]
+    texts = [(root / path).read_text(encoding="utf-8") for path in targets_of(root)]
+    code = " ".join(" ".join(texts).split())
+    for where, *change in tool.equivalents():
+        assert f"def {where.rpartition('.')[2]}(" in code or not where, where
+        assert all(" ".join(before.split("#")[0].split()) in code for before in change[:1]), change
 
 
 def test_tests_that_run_the_line_are_chosen_and_on_import_those_that_run_most_of_the_module() -> None:
