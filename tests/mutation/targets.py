@@ -27,6 +27,7 @@ TESTS = [
     "tests/export/*.py",
     "tests/sdk/test_bad_arguments.py",
     "tests/sdk/test_checks*.py",
+    "tests/sdk/test_*_checks.py",
     "tests/sdk/test_conventions*.py",
     "tests/sdk/test_depth_order.py",
     "tests/sdk/test_detect*.py",
