@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import SAMPLES
+from supersampler.backends.cpu.layout import RENDER_TILE
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec
@@ -94,7 +94,7 @@ class StaticTiles:
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
     """Return the shapes and values of `StaticTiles.arrays` after a frame of this size."""
-    tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
+    tiles = tuple(-(-extent // RENDER_TILE) for extent in render[::-1])
     return {
         "still.frames": ArraySpec("int64", (), (1, _MANY)),
         "still.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),

@@ -25,7 +25,7 @@ class Gathered(NamedTuple):
     """What gather hands to finish, in vectors of sixteen pixels.
 
     Attributes:
-        history: (height, pitch / 16, PAST, 16) toned RGB of the reprojected history.
+        history: (height, pitch / 16, HISTORY_PLANES, 16) toned RGB of the reprojected history.
         rest: (height, pitch / 16, Variant.rest, 16) all else.
         width, height: of the display.
         pitch: width up to whole vectors.
@@ -42,7 +42,7 @@ class NetworkInputs(NamedTuple):
     """What the network sees of packed pixels.
 
     Attributes:
-        records: (half height, row, RECORD) words.
+        records: (half height, row, RECORD_WORDS) words.
         means: (half height, 2, means_stride) mean differences between history and frame, signed and
             absolute; PAD columns on either side.
         half_width, half_height: packed pixels.
@@ -65,7 +65,7 @@ class GatherScratch(NamedTuple):
         ring: luma of the reprojected history, three rows.
         slots, weights, warped: of `warp.aim` and `warp.warp`.
         places: where the pixels of a row were.
-        inputs: four rows of network inputs, SEEN planes each.
+        inputs: four rows of network inputs, INPUT_PLANES planes each.
         differences: luma of the history minus that of the frame, four rows.
     """
 

@@ -6,7 +6,7 @@ PAD samples before and after them that repeat their ends; `wide` is from one pla
 
 import numpy as np
 
-from supersampler.backends.cpu.layout import PAD, SAMPLED
+from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import load16, picked, ramp16, select, spread16, store
 
@@ -23,7 +23,7 @@ def filter_down(samples, plane, count, rows, down, y, filter_at, wide, x0, x1, l
 
     rows (H, 4) says which; down (., 4), from `filter_at` on, with what weights; columns x0 to x1 count.
     """
-    pitch = SAMPLED * wide
+    pitch = SAMPLE_PLANES * wide
     i, j = rows[4 * y] * pitch, rows[4 * y + 1] * pitch
     k, m = rows[4 * y + 2] * pitch, rows[4 * y + 3] * pitch
     t, u, v, w = down[filter_at], down[filter_at + 1], down[filter_at + 2], down[filter_at + 3]
@@ -78,7 +78,10 @@ def filter_across(line, to, wide, starts, across, row, width, x):
 
 @device_function
 def filter_all_down(samples, rows, down, height, y, starts, x0, x1, wide, line):
-    """What pixels x0 to x1 of row y look at: line (FILTERED, wide), by three filters of down (., H, 4)."""
+    """Filter the columns that pixels x0 to x1 of row y read: line (FILTER_LINES, wide), by three filters.
+
+    down (., H, 4): weights of the filters.
+    """
     first, last = span(starts, x0, x1)
     one, two, three = 4 * y, 4 * (height + y), 4 * (2 * height + y)
     none, alone, usable, four, six = (  # of literals numba would make functions of their own

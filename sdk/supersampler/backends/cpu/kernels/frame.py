@@ -13,7 +13,7 @@ from supersampler.backends.cpu.kernels.colors import (
     usable,
     ycocg,
 )
-from supersampler.backends.cpu.layout import PAD, SAMPLED
+from supersampler.backends.cpu.layout import PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import rows4, zipped
 from supersampler.backends.cpu.simd.vector import (
@@ -86,7 +86,7 @@ def prepare(frame: FrameInputs, read: FrameSamples, y0: int, y1: int):
             most = maximum(most, largest(r, g, b))
             luma, orange, green = ycocg(r, g, b)
             squares = luma * luma, orange * orange, green * green
-            to = SAMPLED * y * wide + PAD + x
+            to = SAMPLE_PLANES * y * wide + PAD + x
             for c, value in enumerate((r, g, b, good, luma, orange, green, *squares)):
                 store(samples, to + c * wide, value)
             d, (mx, my) = gather(frame.depth, at), motion_at(frame.motion, at)
@@ -95,8 +95,8 @@ def prepare(frame: FrameInputs, read: FrameSamples, y0: int, y1: int):
             store(read.motion_x, to, mx)
             store(read.motion_y, to, my)
         read.glares[y] = 0.0 if all_lanes(most <= GLARING) else 1.0
-        for c in range(SAMPLED):
-            repeat_ends(samples, (SAMPLED * y + c) * wide + PAD, w)
+        for c in range(SAMPLE_PLANES):
+            repeat_ends(samples, (SAMPLE_PLANES * y + c) * wide + PAD, w)
         for plane in (read.depth, read.motion_x, read.motion_y):
             repeat_ends(plane, y * wide + PAD, w)
 
@@ -130,7 +130,7 @@ def dilate(read: FrameSamples, y0: int, y1: int):
             glare = zero
             if glares_near:
                 for row in (above, here, below):
-                    glare = maximum(glare, glare_at(samples, SAMPLED * (row - PAD) + PAD + x, wide))
+                    glare = maximum(glare, glare_at(samples, SAMPLE_PLANES * (row - PAD) + PAD + x, wide))
             fours(read.own, 4 * (y * stride + x), mx, my, edge, glare)
             for at in (here + x + 1, below + x, below + x + 1):
                 other = load16(depths, at)

@@ -3,7 +3,7 @@
 import numpy as np
 
 from supersampler.backends.cpu.kernels.frame import LONGEST
-from supersampler.backends.cpu.layout import SAMPLES, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, TILE
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -54,11 +54,11 @@ def fingerprints(
 
     motion and moved: the same array.
     """
-    tiles = (w + SAMPLES - 1) // SAMPLES
+    tiles = (w + RENDER_TILE - 1) // RENDER_TILE
     for ty in range(y0, y1):
         for tx in range(tiles):
-            first, count = SAMPLES * ty * w + SAMPLES * tx, min(SAMPLES, w - SAMPLES * tx)
-            height = min(SAMPLES, h - SAMPLES * ty)
+            first, count = RENDER_TILE * ty * w + RENDER_TILE * tx, min(RENDER_TILE, w - RENDER_TILE * tx)
+            height = min(RENDER_TILE, h - RENDER_TILE * ty)
             total = spread16(np.int32(0))
             if not moves(moved, 2 * first, 2 * w, count, height):
                 total = total + np.int32(1)
