@@ -10,10 +10,10 @@ from supersampler.backends.cpu.kernels.colors import (
     DARKNESS,
     GLARE,
     clamped,
+    from_ycocg,
     largest,
     linear_of,
-    quarantined,
-    rgb,
+    sanitize,
     toned,
     without_glare,
     ycocg,
@@ -25,7 +25,7 @@ from supersampler.backends.cpu.kernels.filters import (
     filter_down,
     span,
 )
-from supersampler.backends.cpu.kernels.frame import fours, opened_at, repeat_ends
+from supersampler.backends.cpu.kernels.frame import opened_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
     aim,
     around,
@@ -127,7 +127,7 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
                 glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
             opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
-            fours(surface, 4 * (here + x), opened, mean, deviation, glare)
+            store4(surface, 4 * (here + x), opened, mean, deviation, glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
             mean_sum = mean_sum + select(inside, mean, 0.0)
             square_sum = square_sum + select(inside, deviation * deviation, 0.0)
@@ -233,7 +233,7 @@ def blend(
     y = select(known, lerp(rectified[0], lerp(frame[0], sample[0], settled), weight), frame[0])
     co = select(known, lerp(rectified[1], lerp(frame[1], sample[1], settled), weight), frame[1])
     cg = select(known, lerp(rectified[2], lerp(frame[2], sample[2], settled), weight), frame[2])
-    r, e, b = rgb(y, co, cg)
+    r, e, b = from_ycocg(y, co, cg)
     color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
     error = minimum(absolute(sample[0] - warped_color[0]), warped_spread + n[C.spread_step])
@@ -301,7 +301,7 @@ def step_rows(
             warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
             exposure = numbers[EXPOSURE]
-            warped_light = quarantined(q[0]), quarantined(q[1]), quarantined(q[2])
+            warped_light = sanitize(q[0]), sanitize(q[1]), sanitize(q[2])
             warped_color = ycocg(
                 *toned(warped_light[0] * exposure, warped_light[1] * exposure, warped_light[2] * exposure)
             )

@@ -6,10 +6,10 @@ from supersampler.backends.cpu.kernels.colors import (
     CONFIRMED,
     GLARE,
     clamped,
+    from_ycocg,
     largest,
     linear_of,
     luminance,
-    rgb,
     without_glare,
     ycocg,
 )
@@ -104,7 +104,7 @@ def clip_to_center(color, mean, extents):
         absolute(cg) / maximum(extents[2], 1e-5),
     )
     scale = 1.0 / maximum(overshoot, 1.0)
-    r, g, b = rgb(mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale)
+    r, g, b = from_ycocg(mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale)
     return clamped(r, 0.0, TONED), clamped(g, 0.0, TONED), clamped(b, 0.0, TONED)
 
 

@@ -10,11 +10,11 @@ from supersampler.backends.cpu.kernels.colors import (
     CONFIRMED,
     GLARE,
     clamped,
+    from_ycocg,
     largest,
     luminance,
-    quarantined,
-    rgb,
     root,
+    sanitize,
     toned,
     without_glare,
 )
@@ -74,7 +74,7 @@ GLARES: 1 where this frame or the history may have light over GLARING, else 0.
 def toned_at(numbers, r, g, b):
     """Return linear colours of the history, exposed and toned."""
     e = numbers[EXPOSURE]
-    return toned(quarantined(r) * e, quarantined(g) * e, quarantined(b) * e)
+    return toned(sanitize(r) * e, sanitize(g) * e, sanitize(b) * e)
 
 
 @device_function
@@ -132,7 +132,7 @@ def current_frame(sums, gamma):
         select(known, sums[12] * scale, 1.0) - mean[1] * mean[1],
         select(known, sums[13] * scale, 1.0) - mean[2] * mean[2],
     )
-    r, g, b = rgb(mean[0], mean[1], mean[2])
+    r, g, b = from_ycocg(mean[0], mean[1], mean[2])
     whole, scale = sums[7] > 0.9, 1.0 / maximum(sums[7], 1e-6)
     frame = (
         clamped(select(whole, sums[4] * scale, r), 0.0, TONED),
