@@ -63,7 +63,7 @@ class GatherScratch(NamedTuple):
 
     Attributes:
         ring: luma of the reprojected history, three rows.
-        slots, weights, warped: of `warp.aim` and `warp.warp`.
+        slots, weights, warped: of `warp.prepare_warp` and `warp.warp`.
         places: positions of a row's pixels in the previous frame.
         inputs: four rows of network inputs, INPUT_PLANES planes each.
         differences: luma of the history minus that of the frame, four rows.

@@ -7,7 +7,7 @@ import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import from_ycocg, linear_of, sanitize, toned, ycocg
 from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
-from supersampler.backends.cpu.kernels.warp import aim, cubic4, followed, on_screen
+from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
@@ -176,9 +176,9 @@ def step_rows(
             at = load16(columns.nearest, x) + np.int32(rows.nearest[y] * TAA_BOX * stride)
             mx = gather(box, at + np.int32(6 * stride)) * scale_x
             my = gather(box, at + np.int32(7 * stride)) * scale_y
-            px, py = followed(lane, y, mx, my, w_big, h_big)
+            px, py = previous_position(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
+            prepare_warp(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
             for i in range(16):
                 store(warped, 4 * i, cubic4(history, slots, weights, i))
             q = load_columns4(warped, 0)

@@ -41,7 +41,7 @@ class LinearAxis(NamedTuple):
 
 
 class TaaScratch(NamedTuple):
-    """Scratch of one thread: slots and weights of `warp.aim`, the warped history, the image's pixels."""
+    """Scratch of one thread: offsets and weights of the warp, the warped history, the image's pixels."""
 
     slots: Words
     weights: Floats

@@ -27,12 +27,12 @@ from supersampler.backends.cpu.kernels.filters import (
 )
 from supersampler.backends.cpu.kernels.frame import opened_at, repeat_ends, store4
 from supersampler.backends.cpu.kernels.warp import (
-    aim,
-    around,
-    disoccluded,
-    followed,
+    disocclusion,
+    linear_taps,
     mean_of,
     on_screen,
+    prepare_warp,
+    previous_position,
     warp5,
 )
 from supersampler.backends.cpu.layout import FILTER_LINES, PAD, SAMPLE_PLANES, TAAU_PIXEL
@@ -295,9 +295,9 @@ def step_rows(
                 samples.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
             )
             mx, my = mx * scale_x, my * scale_y
-            px, py = followed(lane, y, mx, my, w_big, h_big)
+            px, py = previous_position(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
+            prepare_warp(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
             warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
             exposure = numbers[EXPOSURE]
@@ -308,11 +308,11 @@ def step_rows(
             # visibility and shade of the surface in the previous frame
             sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
-            tap_weights = around(sx, sy, old_w, old_h, history.pitch, slots)
+            tap_weights = linear_taps(sx, sy, old_w, old_h, history.pitch, slots)
             a, b = gather4(history_surface, slots, 0, 4, 0), gather4(history_surface, slots, 0, 4, 4)
             c, d = gather4(history_surface, slots, 16, 4, 0), gather4(history_surface, slots, 16, 4, 4)
             depths_before = a[0], b[0], c[0], d[0]
-            occluded = disoccluded(
+            occluded = disocclusion(
                 depth, tap_weights, depths_before, numbers[C.depth_margin], numbers[C.depth_ramp]
             )
             same = select(on, maximum(1.0 - occluded * 2.0, 0.0), 0.0)

@@ -20,7 +20,7 @@ class TaauHistoryInput(NamedTuple):
 
 
 class TaauScratch(NamedTuple):
-    """Scratch of one thread: filtered rows; slots and weights of `warp.aim`; warped and final pixels."""
+    """Scratch of one thread: filtered rows; offsets and weights of the warp; warped and final pixels."""
 
     line: Floats
     slots: Words

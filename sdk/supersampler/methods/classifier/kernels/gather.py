@@ -21,12 +21,12 @@ from supersampler.backends.cpu.kernels.colors import (
 from supersampler.backends.cpu.kernels.filters import filter_all_across, filter_all_down
 from supersampler.backends.cpu.kernels.frame import repeat_ends
 from supersampler.backends.cpu.kernels.warp import (
-    aim,
-    aim_own,
-    around,
-    disoccluded,
-    followed,
+    disocclusion,
+    linear_taps,
     on_screen,
+    prepare_own_warp,
+    prepare_warp,
+    previous_position,
     warp,
 )
 from supersampler.backends.cpu.layout import HISTORY_PLANES, INPUT_PLANES, PAD, RECORD_WORDS
@@ -100,10 +100,10 @@ def gather_surface(depth, px, py, on, depths, wide, places, numbers):
     old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
     x = (px + 0.5) * numbers[OLD_W] / numbers[BIG_W] - 0.5 - numbers[JITTER_X]
     y = (py + 0.5) * numbers[OLD_H] / numbers[BIG_H] - 0.5 - numbers[JITTER_Y]
-    weights = around(x, y, old_w, old_h, wide, places)
+    weights = linear_taps(x, y, old_w, old_h, wide, places)
     a, b, c, d = gather4(depths, places, 0, 2, 0)
     e, f, g, h = gather4(depths, places, 16, 2, 0)
-    occluded = disoccluded(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
+    occluded = disocclusion(depth, weights, (b, d, f, h), numbers[C.depth_margin], numbers[C.depth_ramp])
     surface = select(on, maximum(1.0 - occluded * 2.0, 0.0), 0.0)
     right, low = x - floor(x) >= 0.5, y - floor(y) >= 0.5
     depth_before = select(low, select(right, g, e), select(right, c, a))
@@ -208,20 +208,20 @@ def make_gather_rows(*parts: str):
                     samples.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
                 )
                 mx, my = mx * scale_x, my * scale_y
-                px, py = followed(lane, y, mx, my, w_big, h_big)
+                px, py = previous_position(lane, y, mx, my, w_big, h_big)
                 on = on_screen(px, py, w_big, h_big)
                 own_x, own_y, edge, glare = gather4(
                     samples.own, tables.nearest_column, x, 4, 4 * tables.nearest_row[y] * stride
                 )
                 store(places, x, px)
                 store(places, width + x, py)
-                aim(px, py, big_w, big_h, 8, numbers[C.history_sharpness], slots, weights)
+                prepare_warp(px, py, big_w, big_h, 8, numbers[C.history_sharpness], slots, weights)
                 same_motion = True
                 if own_motion:
-                    ox, oy = followed(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
+                    ox, oy = previous_position(lane, y, own_x * scale_x, own_y * scale_y, w_big, h_big)
                     same_motion = all_lanes((ox == px) & (oy == py))
                     if not same_motion:
-                        aim_own(ox, oy, big_w, big_h, 8, slots, weights)
+                        prepare_own_warp(ox, oy, big_w, big_h, 8, slots, weights)
                 warp(history.pixels, slots, weights, same_motion, warped)
                 q = load_columns(warped, 0)
                 color = select3(on, toned_at(numbers, q[8], q[9], q[10]))

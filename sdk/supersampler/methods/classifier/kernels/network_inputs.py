@@ -9,7 +9,7 @@ import numpy as np
 
 from supersampler.backends.cpu.kernels.colors import clamped, root
 from supersampler.backends.cpu.kernels.frame import repeat_ends
-from supersampler.backends.cpu.kernels.warp import place
+from supersampler.backends.cpu.kernels.warp import store_offsets
 from supersampler.backends.cpu.layout import INPUT_PLANES, PAD, RECORD_WORDS
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import evens, odds, transposed
@@ -100,8 +100,8 @@ def warp_classes(classes, places, at, weights, width, big_w, big_h, p0, p1, reco
         px = evens(load16(places, 2 * x), load16(places, 2 * x + 16))
         py = evens(load16(places, width + 2 * x), load16(places, width + 2 * x + 16))
         on = (px > -half) & (px < right) & (py > -half) & (py < bottom)
-        store(weights, 0, place(px * half, 0, 1, half_w, 8, at, 0))
-        store(weights, 16, place(py * half, 0, 1, half_h, 8 * half_w, at, 2))
+        store(weights, 0, store_offsets(px * half, 0, 1, half_w, 8, at, 0))
+        store(weights, 16, store_offsets(py * half, 0, 1, half_h, 8 * half_w, at, 2))
         store(at, 64, select(on, spread16(np.int32(-1)), spread16(np.int32(0))))
         for i in range(min(16, p1 - x)):
             j, k, m, n = at[i], at[16 + i], at[32 + i], at[48 + i]
