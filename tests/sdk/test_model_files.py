@@ -17,7 +17,7 @@ from onnx import TensorProto, helper
 
 from noise import noise
 from supersampler import Model, ModelError, Upscaler
-from supersampler.backends.cpu.layout import SEEN
+from supersampler.backends.cpu.layout import INPUT_PLANES
 from supersampler.backends.onnx.graph_file import refusal_of
 from supersampler.backends.onnx.providers import CPU
 from supersampler.extrapolation import Extrapolator
@@ -247,8 +247,8 @@ def test_kernels_read_no_weights_beyond_a_narrow_decoder_s() -> None:
     info = read_model_info(find_model("classifier-small"))
     assert info.config["network"]["decoder"] == 16
     weights = read_network(info, Variant.of(info.config).outputs)["hidden.weights"]
-    assert weights.shape == (1, SEEN + 8, 32, 4)
-    assert not weights[:, SEEN + 4 :].any()
+    assert weights.shape == (1, INPUT_PLANES + 8, 32, 4)
+    assert not weights[:, INPUT_PLANES + 4 :].any()
 
 
 def test_nothing_is_made_room_for_that_a_file_merely_claims(learned: Path) -> None:

@@ -223,8 +223,8 @@ def test_boxes_cover_every_tile_once() -> None:
         covered = np.zeros(size[::-1], int)
         for box in tiles.boxes(32, size):
             covered[box.y0 : box.y1, box.x0 : box.x1] += 1
-        assert (tiles.drawn >= drawn).all()
-        wanted = np.kron(tiles.drawn, np.ones((32, 32), int))[: size[1], : size[0]]
+        assert (tiles.computed >= drawn).all()
+        wanted = np.kron(tiles.computed, np.ones((32, 32), int))[: size[1], : size[0]]
         assert covered.max(initial=0) <= 1
         assert np.array_equal(covered, wanted)
 

@@ -6,7 +6,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import FILTERED, LANES, PAD, SAMPLED
+from supersampler.backends.cpu.layout import FILTER_LINES, LANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, Kernel, ResampleTableCache, up_to
 from supersampler.backends.cpu.structs import FrameInputs, FrameSamples, Output, ResampleTables, pack
@@ -37,7 +37,7 @@ def empty_samples(render: Size) -> FrameSamples:
     wide = stride + 2 * PAD
     depth, motion_x, motion_y, eroded_depth = aligned((4, h, wide))
     dilated, own = aligned((2, h, stride, 4))
-    color, glares = aligned((h, SAMPLED, wide)), aligned((h,))
+    color, glares = aligned((h, SAMPLE_PLANES, wide)), aligned((h,))
     return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
 
 
@@ -54,7 +54,7 @@ class ResampledFrame:
         x, y: of columns and rows, for the current jitter.
         samples: of the current frame.
         wide: samples of a row with its padding.
-        lines: (threads, ...) rows that each thread filters in, FILTERED and four more.
+        lines: (threads, ...) rows that each thread filters in, FILTER_LINES and four more.
     """
 
     def __init__(
@@ -69,7 +69,7 @@ class ResampledFrame:
         self.set_jitter((0.0, 0.0))
         self.samples = empty_samples(render)
         self.wide = self.samples.stride + 2 * PAD
-        self.lines = aligned((threads, (FILTERED + 4) * self.wide + LANES))
+        self.lines = aligned((threads, (FILTER_LINES + 4) * self.wide + LANES))
 
     def set_jitter(self, jitter: tuple[float, float]) -> None:
         """Set the jitter of the current frame."""

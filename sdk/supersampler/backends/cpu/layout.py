@@ -1,38 +1,38 @@
-"""How arrays lie in memory: what kernels and those who call them both go by. Imports nothing."""
+"""Memory layout of arrays, shared by kernels and their callers. Imports nothing."""
 
 LANES = 16
-"""Values of a vector; rows of pixels end in whole vectors."""
+"""Values of a vector. Rows of pixels are padded to whole vectors."""
 PAD = 16
-"""Columns before and after a plane, that neighbourhoods reach into."""
+"""Columns of padding before and after each row of a plane, for neighbourhoods that cross its ends."""
 TILE = 32
-"""Display pixels of a tile's side: what a step does or leaves undone."""
-SAMPLES = 16
-"""Samples of a side of the tiles that a frame is compared in with what it was."""
+"""Side of a display tile, display pixels: a step computes or reuses whole tiles."""
+RENDER_TILE = 16
+"""Side of a tile of the frame, samples: static-tile reuse compares whole tiles."""
 
-SAMPLED = 10
-"""Planes of a row of samples: red, green, blue, usable; YCoCg and its squares."""
-FILTERED = 16
-"""Lines that filters make of them: four of the first, four of a second; YCoCg, its squares and usable of a
-third; one of none."""
+SAMPLE_PLANES = 10
+"""Planes of a row of samples: toned RGB, 1 where usable, YCoCg, squares of YCoCg."""
+FILTER_LINES = 16
+"""Lines of filtered samples: RGB and usable by the first filter; the same by the second; YCoCg, its squares
+and usable by the third; one unused."""
 
 TAA_PIXEL = 3
-"""Values of a pixel that go from frame to frame: linear RGB."""
+"""Values of a history pixel: linear RGB."""
 TAA_PLANES = 5
-"""Of a row: YCoCg, motion."""
+"""Planes of a row of samples: YCoCg, motion."""
 TAA_BOX = 8
-"""Planes of a row: low and high corner, longest motion."""
+"""Planes of a row of colour boxes: low corner, high corner, longest motion."""
 
 TAAU_PIXEL = 5
-"""Values of a pixel that go from frame to frame: linear RGB, count, power."""
+"""Values of a history pixel: linear RGB, samples, power."""
 
-GUIDE, GUIDED = 7, 10
-"""Planes of a shaded frame's samples: what their surfaces are told from; and these with the light on them."""
+GUIDE_PLANES, SHADED_PLANES = 7, 10
+"""Planes of a shaded frame's samples: guides, by which surfaces are compared; guides, then light."""
 
 CLASSIFIER_PIXEL = 8
-"""Values of a pixel that go from frame to frame: linear RGB, count, range, and two of room."""
-SEEN = 16
-"""Bytes that the network sees of a pixel: see methods.classifier.kernels.network_inputs."""
-RECORD = 18
-"""Words of four packed pixels: SEEN, and two at half size."""
-PAST = 3
-"""Floats of a pixel from gather to finish: the colour that goes around, where rounding would add up."""
+"""Values of a history pixel: linear RGB, count, luma range, two unused."""
+INPUT_PLANES = 16
+"""Network inputs of a pixel, one byte each: see methods.classifier.kernels.network_inputs."""
+RECORD_WORDS = 18
+"""Words of a packed pixel (2x2 display pixels): INPUT_PLANES, then two of inputs at half display size."""
+HISTORY_PLANES = 3
+"""float32 planes of the warped history between gather and finish: RGB. Rounding to fp16 would accumulate."""

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import SAMPLES
+from supersampler.backends.cpu.layout import RENDER_TILE
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.methods.array_spec import ArraySpec
@@ -16,10 +16,10 @@ Sums = NDArray[np.uint64]
 Jitter = tuple[float, float]
 
 MOVING = 0
-"""Fingerprint of a tile in which anything moves."""
+"""Fingerprint of a tile with motion; such a tile is never static."""
 PHASES = 256
 """Longest jitter sequence; with a longer one, or one that never repeats, no tile counts as static."""
-_MANY = 1 << 53  # frames: a million years
+_MAX_FRAMES = 1 << 53
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,14 +46,18 @@ class StaticTiles:
             jitter: of the frame.
             sums: (rows, columns) fingerprints of its tiles.
         """
-        begun = self if self.same is not None and self.same.shape == sums.shape else StaticTiles()
-        when, before = begun.phases.get(jitter, (begun.frames, None))
-        same = (sums == before) & (sums != MOVING) if before is not None else np.zeros(sums.shape, bool)
-        phases = {key: seen for key, seen in begun.phases.items() if key != jitter}
+        base = self if self.same is not None and self.same.shape == sums.shape else StaticTiles()
+        last_frame, sums_before = base.phases.get(jitter, (base.frames, None))
+        same = (
+            (sums == sums_before) & (sums != MOVING)
+            if sums_before is not None
+            else np.zeros(sums.shape, bool)
+        )
+        phases = {key: phase for key, phase in base.phases.items() if key != jitter}
         while len(phases) >= PHASES:
             del phases[next(iter(phases))]
-        phases[jitter] = begun.frames, sums
-        return StaticTiles(begun.frames + 1, phases, begun.frames - when, same)
+        phases[jitter] = base.frames, sums
+        return StaticTiles(base.frames + 1, phases, base.frames - last_frame, same)
 
     def arrays(self) -> dict[str, NDArray[Any]]:
         """Return copies for `of_arrays`; none before the first frame."""
@@ -94,11 +98,11 @@ class StaticTiles:
 
 def static_tile_specs(render: Size) -> dict[str, ArraySpec]:
     """Return the shapes and values of `StaticTiles.arrays` after a frame of this size."""
-    tiles = tuple(-(-extent // SAMPLES) for extent in render[::-1])
+    tiles = tuple(-(-extent // RENDER_TILE) for extent in render[::-1])
     return {
-        "still.frames": ArraySpec("int64", (), (1, _MANY)),
+        "still.frames": ArraySpec("int64", (), (1, _MAX_FRAMES)),
         "still.jitter": ArraySpec("float64", ("phases", 2), (-0.5, 0.5)),
-        "still.when": ArraySpec("int64", ("phases",), (0, _MANY)),
+        "still.when": ArraySpec("int64", ("phases",), (0, _MAX_FRAMES)),
         "still.sums": ArraySpec("uint64", ("phases", *tiles)),
         "still.same": ArraySpec("bool", tiles),
     }

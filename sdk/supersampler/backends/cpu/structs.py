@@ -66,7 +66,7 @@ class FrameSamples(NamedTuple):
     Rows of `wide` samples are PAD, stride, PAD; the padding repeats the border.
 
     Attributes:
-        color: (height, SAMPLED, wide) toned RGB, whether usable, YCoCg and its squares.
+        color: (height, SAMPLE_PLANES, wide) toned RGB, whether usable, YCoCg and its squares.
         depth, motion_x, motion_y: (height, wide); depth is -1 where it is unusable.
         eroded_depth: (height, wide) the farthest of 3x3.
         dilated: (height, stride, 4) depth and motion of the closest of 2x2 samples.

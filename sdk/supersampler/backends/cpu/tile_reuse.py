@@ -8,13 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import SAMPLES, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, TILE
 from supersampler.backends.cpu.memory import address
 from supersampler.backends.cpu.static_tiles import Jitter, Sums
 from supersampler.backends.cpu.structs import FrameInputs, TileComparison, pack
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tile_state import Pending, ReferenceTiles, TileState, next_generation
-from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, seen_from
+from supersampler.backends.cpu.tiles import Tiles, runs_of, scaled, tiles_reading
 from supersampler.conventions.jitter import jitter_phase_count
 from supersampler.frame import Float32, Size
 
@@ -50,7 +50,7 @@ class TileReuse:
     def most_bytes(display: Size, render: Size) -> int:
         """Return the bytes that a history comes to hold when the whole scene stands still."""
         phases = jitter_phase_count(display[0] / render[0])
-        tiles = -(-render[0] // SAMPLES) * -(-render[1] // SAMPLES)
+        tiles = -(-render[0] // RENDER_TILE) * -(-render[1] // RENDER_TILE)
         return display[0] * display[1] * 3 * 4 + phases * tiles * 8
 
     def begin(
@@ -73,19 +73,19 @@ class TileReuse:
             current: state of the next history.
             skips: whether tiles may be reused; else all are computed.
         """
-        drawn = np.ones(previous.generations.shape, bool)
+        required = np.ones(previous.generations.shape, bool)
         current.forget()
         if skips:
             self._commit_reference(previous)
             static_tiles = previous.static_tiles.after(jitter, self._fingerprints(planes))
-            same = np.zeros(drawn.shape, bool)
+            same = np.zeros(required.shape, bool)
             if static_tiles.same is not None and static_tiles.same.any():
-                same = ~seen_from(~static_tiles.same, display, planes.depth.shape[1::-1])
+                same = ~tiles_reading(~static_tiles.same, display, planes.depth.shape[1::-1])
             current.follow(previous, static_tiles, same)
             if current.still.mean() >= LEAST_SHARE:
-                drawn = ~current.still
-        tiles = Tiles(drawn)
-        current.generations[tiles.drawn] = next_generation()
+                required = ~current.still
+        tiles = Tiles(required)
+        current.generations[tiles.computed] = next_generation()
         current.work = tiles.work()
         return tiles
 
@@ -118,16 +118,16 @@ class TileReuse:
         self._settle(tiles, current, after[0][1], exposure, tolerance)
         if tiles.all:
             return
-        stale = ~tiles.drawn & (current.generations != previous.generations)
+        stale = ~tiles.computed & (current.generations != previous.generations)
         if stale.any():
             runs = runs_of(stale)
             for (unit, source), (_, target) in zip(before, after, strict=True):
                 boxes = scaled(runs, unit, (source.shape[1], source.shape[0]))
                 self._pool.run_rects("skip", boxes, partial(_copy, source, target))
-        current.generations[~tiles.drawn] = previous.generations[~tiles.drawn]
+        current.generations[~tiles.computed] = previous.generations[~tiles.computed]
         pixels, (height, width) = before[0][1], image.shape[:2]
         arguments = address(pixels), pixels.shape[2], width
-        boxes = scaled(runs_of(~tiles.drawn), TILE, (width, height))
+        boxes = scaled(runs_of(~tiles.computed), TILE, (width, height))
         self._pool.run_rects(
             "skip", boxes, lambda box, _: self._copy_colors(*arguments, *box, address(image))
         )
@@ -139,7 +139,7 @@ class TileReuse:
         interval = current.static_tiles.period * -(-SETTLE_FRAMES // max(current.static_tiles.period, 1))
         if not interval:
             return
-        due = tiles.drawn & (current.matched > 0) & ((current.matched - 1) % interval == 0)
+        due = tiles.computed & (current.matched > 0) & ((current.matched - 1) % interval == 0)
         if not due.any():
             return
         height, width = pixels.shape[:2]
@@ -186,7 +186,7 @@ class TileReuse:
 
     def _fingerprints(self, planes: FrameInputs) -> Sums:
         h, w = planes.depth.shape
-        rows, columns = -(-h // SAMPLES), -(-w // SAMPLES)
+        rows, columns = -(-h // RENDER_TILE), -(-w // RENDER_TILE)
         words = np.empty((rows, columns, 8), np.uint64)
         color, depth, motion = address(planes.color), address(planes.depth), address(planes.motion)
         inputs = color, depth, motion, motion, w, h

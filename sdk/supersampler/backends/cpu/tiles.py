@@ -1,63 +1,66 @@
-"""Tiles of a picture, and rectangles that cover them."""
+"""Tiles of an image, and rectangles that cover them."""
 
 from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import SAMPLES, TILE
+from supersampler.backends.cpu.layout import RENDER_TILE, TILE
 from supersampler.backends.cpu.threads import Rect
 from supersampler.frame import Float32, Size
 
 Bool = NDArray[np.bool_]
 
-REACH = 4
-"""Samples beyond its own that a display pixel looks at."""
+FILTER_REACH = 4
+"""Distance of the samples that a display pixel reads from its position, in samples."""
 HALO = 2
-"""Tiles around those that are drawn: the network sees 36 pixels far."""
-GAP = 3
-"""Tiles between boxes of a row: kernels may write 5 pixels too many, 80 of the display at the last level."""
-NEIGHBOUR = 0.5
-"""Share of the work in a tile that is only gathered, for the network to see from its neighbours."""
+"""Tiles around computed ones that are gathered, too: the network reads 36 pixels around a pixel."""
+MIN_GAP = 3
+"""Least number of tiles between two boxes of a row.
+
+Kernels may write 5 pixels beyond a box, which are 80 display pixels at the last level of the network.
+"""
+GATHER_WORK = 0.5
+"""Share of a full step's work in a tile that is only gathered, as input of the network for its neighbours."""
 
 
 class Tiles:
-    """Tiles of a picture that a step draws.
+    """The tiles that a step computes.
 
     Args:
-        wanted: (rows, columns) those that it must.
+        required: (rows, columns) tiles that it must compute.
 
     Attributes:
-        drawn: those that it does: small gaps in rows are closed.
-        any, all: whether it draws any, all of them.
-        seen: those that the network sees.
+        computed: (rows, columns) tiles that it computes: the required ones, and gaps in rows below MIN_GAP.
+        any, all: whether any, all tiles are computed.
+        gathered: (rows, columns) computed tiles, and tiles that the network reads around them.
     """
 
-    def __init__(self, wanted: Bool) -> None:
-        runs = runs_of(wanted, GAP)
-        self.drawn = _covered(runs, wanted.shape)
-        self.any, self.all = bool(self.drawn.any()), bool(self.drawn.all())
-        around = runs if self.all or not self.any else runs_of(grown(self.drawn, HALO), GAP)
-        self.seen = _covered(around, wanted.shape)
-        self._runs = {False: runs, True: around}
+    def __init__(self, required: Bool) -> None:
+        runs = runs_of(required, MIN_GAP)
+        self.computed = _covered(runs, required.shape)
+        self.any, self.all = bool(self.computed.any()), bool(self.computed.all())
+        gathered = runs if self.all or not self.any else runs_of(dilated(self.computed, HALO), MIN_GAP)
+        self.gathered = _covered(gathered, required.shape)
+        self._runs = {False: runs, True: gathered}
 
     def boxes(self, unit: int, size: Size, *, halo: bool = False) -> list[Rect]:
-        """Return rectangles of pixels that cover them.
+        """Return rectangles of pixels that cover the computed tiles.
 
         Args:
-            unit: pixels of a tile's side, in an image of `size`.
-            size: (width, height) that ends the last tiles.
-            halo: what their network sees, too.
+            unit: side of a tile, in pixels of an image of `size`.
+            size: (width, height); the last tiles end there.
+            halo: cover the gathered tiles instead.
         """
         return scaled(self._runs[halo], unit, size)
 
     def work(self) -> Float32:
-        """Share of the work of a step in each tile."""
-        return np.where(self.drawn, 1.0, np.where(self.seen, NEIGHBOUR, 0.0)).astype(np.float32)
+        """Return the share of a full step's work in each tile, (rows, columns) in [0, 1]."""
+        return np.where(self.computed, 1.0, np.where(self.gathered, GATHER_WORK, 0.0)).astype(np.float32)
 
 
-def grown(mask: Bool, tiles: int) -> Bool:
-    """Add what is within so many tiles."""
+def dilated(mask: Bool, tiles: int) -> Bool:
+    """Add all tiles within `tiles` rows and columns of the mask."""
     wide = np.pad(mask, tiles)
     for axis in (0, 1):
         shifted = [np.roll(wide, step, axis) for step in range(-tiles, tiles + 1)]
@@ -66,7 +69,7 @@ def grown(mask: Bool, tiles: int) -> Bool:
 
 
 def scaled(runs: Sequence[Rect], unit: int, size: Size) -> list[Rect]:
-    """Boxes of tiles as boxes of pixels, without those beyond the image."""
+    """Return rectangles of tiles as rectangles of pixels, cut at the image; empty ones are left out."""
     width, height = size
     boxes = [
         Rect(y0 * unit, min(y1 * unit, height), x0 * unit, min(x1 * unit, width)) for y0, y1, x0, x1 in runs
@@ -75,7 +78,10 @@ def scaled(runs: Sequence[Rect], unit: int, size: Size) -> list[Rect]:
 
 
 def runs_of(mask: Bool, gap: int = 1) -> list[Rect]:
-    """Boxes of tiles that cover a mask; those of a row are at least `gap` apart, equal rows are one."""
+    """Return rectangles of tiles that cover a mask.
+
+    Tiles of a row less than `gap` apart share a rectangle; consecutive equal rows do, too.
+    """
     if mask.all():  # mostly
         return [Rect(0, mask.shape[0], 0, mask.shape[1])]
     runs: list[Rect] = []
@@ -105,20 +111,26 @@ def _covered(runs: Sequence[Rect], shape: tuple[int, ...]) -> Bool:
     return mask
 
 
-def seen_from(changed: Bool, display: Size, render: Size) -> Bool:
-    """Tiles of the display that look at tiles of the frame."""
+def tiles_reading(changed: Bool, display: Size, render: Size) -> Bool:
+    """Return the display tiles that read changed tiles of the frame.
+
+    Args:
+        changed: (rows, columns) of tiles of RENDER_TILE samples.
+        display: (width, height).
+        render: (width, height).
+    """
     sums = np.pad(np.cumsum(np.cumsum(changed, axis=0), axis=1), ((1, 0), (1, 0)))
     (top, bottom), (left, right) = (
-        _looks(-(-display[axis] // TILE), display[axis], render[axis]) for axis in (1, 0)
+        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis]) for axis in (1, 0)
     )
     inside: NDArray[np.int64] = sums[np.ix_(bottom, right)] - sums[np.ix_(top, right)]
     inside += sums[np.ix_(top, left)] - sums[np.ix_(bottom, left)]
     return np.asarray(inside > 0)
 
 
-def _looks(tiles: int, display: int, render: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """First tile of the frame that each tile of the display looks at, and the one after the last."""
+def _read_tiles(tiles: int, display: int, render: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Return the first and one past the last tile of the frame that each display tile reads on an axis."""
     edges = np.minimum(np.arange(tiles + 1) * TILE, display) * (render / display)
-    first = np.clip(np.floor(edges[:-1]) - REACH, 0, None) // SAMPLES
-    last = np.clip(np.ceil(edges[1:]) + REACH, None, render) / SAMPLES
+    first = np.clip(np.floor(edges[:-1]) - FILTER_REACH, 0, None) // RENDER_TILE
+    last = np.clip(np.ceil(edges[1:]) + FILTER_REACH, None, render) / RENDER_TILE
     return first.astype(np.int64), np.ceil(last).astype(np.int64)

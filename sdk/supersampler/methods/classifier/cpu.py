@@ -5,7 +5,7 @@ import numpy as np
 from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
-from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, LANES, PAD, PAST, SEEN, TILE
+from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
 from supersampler.backends.cpu.resample_tables import Filter, catmull_rom, gaussian, up_to
 from supersampler.backends.cpu.structs import pack
@@ -48,7 +48,7 @@ class _Space:
         big_w, big_h = display
         half = self.half = (big_w + 1) // 2, (big_h + 1) // 2
         width = self.width = up_to(big_w, LANES)
-        history = aligned((big_h * width + LANES, PAST))
+        history = aligned((big_h * width + LANES, HISTORY_PLANES))
         rest = aligned((big_h * width, executor.variant.rest), np.uint16)
         self.gathered = Gathered(history, rest, big_w, big_h, width)
         self.encoder = Encoder(executor.network, half, executor.pool)
@@ -66,7 +66,7 @@ class _Scratch:
             aligned((12, LANES)),
             aligned((LANES, LANES)),
             aligned((2 * width + LANES,)),
-            aligned((4 * SEEN * width + 2 * LANES,), np.uint8),
+            aligned((4 * INPUT_PLANES * width + 2 * LANES,), np.uint8),
             aligned((4 * width + 2 * LANES,)),
         )
         read, decoded = aligned((2, half_w, 32), np.uint8)

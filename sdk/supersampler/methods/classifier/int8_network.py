@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import Call
-from supersampler.backends.cpu.layout import LANES, PAD, RECORD, TILE
+from supersampler.backends.cpu.layout import LANES, PAD, RECORD_WORDS, TILE
 from supersampler.backends.cpu.memory import aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import pack
@@ -96,7 +96,7 @@ class Encoder:
         self._pool = pool
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
-        records, means = aligned((half[1], row, RECORD), np.int32), aligned((half[1], 2, stride))
+        records, means = aligned((half[1], row, RECORD_WORDS), np.int32), aligned((half[1], 2, stride))
         self.inputs = NetworkInputs(records, means, *half, row, stride)
         self._levels = [
             _Level(layers, width >> level, height >> level, ALIGNED >> level)

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.lib import format as npy
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.layout import RECORD, SEEN
+from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
 from supersampler.errors import ModelError
 from supersampler.methods.array_spec import LARGEST, ArraySpec, checked_arrays
 from supersampler.methods.cpu_checks import wrong_constant
@@ -49,7 +49,7 @@ def read_network(info: ModelInfo, outputs: int) -> dict[str, NDArray[Any]]:
         raise ModelError(f"{path}: is damaged ({type(error).__name__}: {error}). Export it again.") from error
     checked = checked_arrays(arrays, specs, lambda got, want: _refused(path, got, want))
     hidden = checked["hidden.weights"]  # kernels read all that the decoder has room for
-    more = SEEN + _FEATURES // _WORD - hidden.shape[1]
+    more = INPUT_PLANES + _FEATURES // _WORD - hidden.shape[1]
     checked["hidden.weights"] = np.pad(hidden, ((0, 0), (0, more), (0, 0), (0, 0)))
     return checked
 
@@ -62,7 +62,7 @@ def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
     """
     levels, decoder, hidden = _widths(info)
     specs: dict[str, ArraySpec] = {}
-    words = RECORD
+    words = RECORD_WORDS
     for level, (channels, room) in enumerate(zip(levels, KEPT, strict=True)):
         kept = channels if level + 1 == len(KEPT) else channels // 2
         made = room * 4**level + channels - kept
@@ -74,7 +74,7 @@ def network_specs(info: ModelInfo, outputs: int) -> dict[str, ArraySpec]:
         specs |= _layer(f"{level}.last", shape, _blocks(made) * _BLOCK)
         words = (channels - kept) // _WORD
     specs |= _layer("decoder", (1, sum(KEPT) // _WORD, _BLOCK, _WORD), _BLOCK)
-    blocks, words = _blocks(hidden + _CLASSES), SEEN + -(-decoder // _WORD)
+    blocks, words = _blocks(hidden + _CLASSES), INPUT_PLANES + -(-decoder // _WORD)
     specs |= _layer("hidden", (blocks, words, _BLOCK, _WORD), blocks * _BLOCK)
     specs |= _layer("blend", (outputs, -(-hidden // _WORD), _WORD), outputs)
     specs["logits.first"] = ArraySpec("int64", (1,), (hidden, hidden))

@@ -6,7 +6,7 @@ from supersampler.backends.cpu.structs import Bytes, Floats, Halves, Words
 
 
 class ClassifierHistoryInput(NamedTuple):
-    """What the previous frame left.
+    """History as the kernels read it.
 
     Attributes:
         pixels: (display height, display width, CLASSIFIER_PIXEL).
@@ -22,11 +22,11 @@ class ClassifierHistoryInput(NamedTuple):
 
 
 class Gathered(NamedTuple):
-    """What gather hands to finish, in vectors of sixteen pixels.
+    """Results of gather for finish, in vectors of sixteen pixels.
 
     Attributes:
-        history: (height, pitch / 16, PAST, 16) toned RGB of the reprojected history.
-        rest: (height, pitch / 16, Variant.rest, 16) all else.
+        history: (height, pitch / 16, HISTORY_PLANES, 16) toned RGB of the reprojected history.
+        rest: (height, pitch / 16, Variant.rest, 16) the other planes, see `Variant`.
         width, height: of the display.
         pitch: width up to whole vectors.
     """
@@ -39,10 +39,10 @@ class Gathered(NamedTuple):
 
 
 class NetworkInputs(NamedTuple):
-    """What the network sees of packed pixels.
+    """Network inputs of packed pixels.
 
     Attributes:
-        records: (half height, row, RECORD) words.
+        records: (half height, row, RECORD_WORDS) words.
         means: (half height, 2, means_stride) mean differences between history and frame, signed and
             absolute; PAD columns on either side.
         half_width, half_height: packed pixels.
@@ -59,13 +59,13 @@ class NetworkInputs(NamedTuple):
 
 
 class GatherScratch(NamedTuple):
-    """What one thread of gather works in.
+    """Scratch of one thread of gather.
 
     Attributes:
         ring: luma of the reprojected history, three rows.
-        slots, weights, warped: of `warp.aim` and `warp.warp`.
-        places: where the pixels of a row were.
-        inputs: four rows of network inputs, SEEN planes each.
+        slots, weights, warped: of `warp.prepare_warp` and `warp.warp`.
+        places: positions of a row's pixels in the previous frame.
+        inputs: four rows of network inputs, INPUT_PLANES planes each.
         differences: luma of the history minus that of the frame, four rows.
     """
 
@@ -101,12 +101,12 @@ class LayerWeights(NamedTuple):
 
 
 class LevelAbove(NamedTuple):
-    """What a level of the encoder pools; ignored at the first level, where `channels` is 0.
+    """Input that a level of the encoder pools; ignored at the first level, where `channels` is 0.
 
     Attributes:
-        pixels: bytes, from the first channel that counts on.
+        pixels: bytes, from the first channel that is read on.
         pitch, row: bytes from pixel to pixel and from row to row.
-        channels: that count.
+        channels: number of channels that are read.
     """
 
     pixels: Bytes
@@ -119,10 +119,10 @@ class LevelBuffers(NamedTuple):
     """The images of a level of the encoder.
 
     Attributes:
-        x: (height + 2, row, pitch) what the first layer gives, within a border of one pixel.
+        x: (height + 2, row, pitch) output of the first layer, within a border of one pixel.
         pitch, row: bytes of `x` from pixel to pixel and from row to row.
         channels: of `x` that the other layers read.
-        out: (height, row, out_pitch) what the level gives.
+        out: (height, row, out_pitch) output of the level.
         out_pitch, out_row: bytes of `out`.
         width: of the level.
     """
@@ -138,7 +138,7 @@ class LevelBuffers(NamedTuple):
 
 
 class LevelScratch(NamedTuple):
-    """What one thread works in: rows of means and their codes, a row of bytes, the same bytes as words."""
+    """Scratch of one thread: rows of means and their codes, a row of bytes, the same bytes as words."""
 
     signed: Floats
     absolute: Floats
@@ -149,7 +149,7 @@ class LevelScratch(NamedTuple):
 
 
 class EncodedLevels(NamedTuple):
-    """What the levels of the encoder give; pitches: bytes a pixel of each, then bytes a row."""
+    """Outputs of the encoder's levels; pitches: bytes per pixel of each, then bytes per row."""
 
     level0: Bytes
     level1: Bytes
@@ -167,7 +167,7 @@ class FinishLayers(NamedTuple):
 
 
 class FinishConstants(NamedTuple):
-    """What finish goes by.
+    """Constants of finish.
 
     Attributes:
         logits: first byte of the hidden layer that is a class logit.
@@ -176,7 +176,7 @@ class FinishConstants(NamedTuple):
         most_samples, contraction: see ClassifierConfig.
         glares: 1 where the frame or the history may have light over GLARING, else 0.
         flash: 1 where the light of the whole frame is unconfirmed, see `is_flash`, else 0.
-        streams: what is written past the caches; see `compose`.
+        streams: which outputs are written past the caches; see `compose`.
     """
 
     logits: int
@@ -190,7 +190,7 @@ class FinishConstants(NamedTuple):
 
 
 class FinishScratch(NamedTuple):
-    """Rows that one thread of finish works in; those of bytes are there as words, too."""
+    """Scratch of one thread of finish: rows; `_words` are the same bytes as words."""
 
     read: Bytes
     read_words: Words

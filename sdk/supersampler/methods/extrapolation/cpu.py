@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.kernel_loader import load_kernels
-from supersampler.backends.cpu.layout import GUIDED, LANES
+from supersampler.backends.cpu.layout import LANES, SHADED_PLANES
 from supersampler.backends.cpu.memory import address, aligned
 from supersampler.backends.cpu.resample_tables import up_to
 from supersampler.backends.cpu.structs import pack
@@ -30,7 +30,7 @@ class _Space:
 
     def __init__(self, shaded: Size, threads: int) -> None:
         self.stride = up_to(shaded[0], LANES)
-        self.samples = aligned((GUIDED, shaded[1], self.stride))
+        self.samples = aligned((SHADED_PLANES, shaded[1], self.stride))
         self.scratch = [(np.zeros(LANES, np.int32), np.zeros(5 * LANES, np.float32)) for _ in range(threads)]
 
 

@@ -12,11 +12,11 @@ from supersampler.backends.cpu.kernels.colors import (
     clamped,
     exponential,
     logarithm,
-    quarantined,
+    sanitize,
     usable,
 )
-from supersampler.backends.cpu.kernels.frame import FAR, LONGEST, motion_at, places_of
-from supersampler.backends.cpu.layout import GUIDE
+from supersampler.backends.cpu.kernels.frame import FARTHEST_MOTION, MAX_MOTION, motion_at, places_of
+from supersampler.backends.cpu.layout import GUIDE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -105,7 +105,7 @@ def read_shaded(
     color: Floats, base: Floats, normal: Floats, depth: Floats, numbers: Floats, w: int, h: int, stride: int,
     y0: int, y1: int, samples: Floats,
 ):  # fmt: skip
-    """Write rows y0 to y1 of the samples of a shaded frame, (GUIDED, h, stride): guides, then light.
+    """Write rows y0 to y1 of the samples of a shaded frame, (SHADED_PLANES, h, stride): guides, then light.
 
     color to depth: planes (channels, h, w).
     """
@@ -117,9 +117,9 @@ def read_shaded(
             told, share = told_at(base, normal, depth, at, 1, w * h, usable(r, g, b), numbers)
             for c, value in enumerate(told):
                 store(samples, c * size + to, value)
-            store(samples, GUIDE * size + to, quarantined(r) / share[0])
-            store(samples, (GUIDE + 1) * size + to, quarantined(g) / share[1])
-            store(samples, (GUIDE + 2) * size + to, quarantined(b) / share[2])
+            store(samples, GUIDE_PLANES * size + to, sanitize(r) / share[0])
+            store(samples, (GUIDE_PLANES + 1) * size + to, sanitize(g) / share[1])
+            store(samples, (GUIDE_PLANES + 2) * size + to, sanitize(b) / share[2])
 
 
 @device_function
@@ -131,7 +131,7 @@ def led_to(place, jitter, other, size, other_size):
 @device_function
 def usable_at(plane, at):
     value = gather(plane, at)
-    return select(absolute(value) <= LONGEST, clamped(value, -FAR, FAR), 0.0)
+    return select(absolute(value) <= MAX_MOTION, clamped(value, -FARTHEST_MOTION, FARTHEST_MOTION), 0.0)
 
 
 @device_function
@@ -160,7 +160,9 @@ def back_to_shaded(motion, before, at, column, row, w, h, n):
     before_w, before_h = int(n[BEFORE_W]), int(n[BEFORE_H])
     across = between(before, 0, x, y, before_w, before_h) * wide / n[BEFORE_W]
     down = between(before, before_w * before_h, x, y, before_w, before_h) * high / n[BEFORE_H]
-    return clamped(mx + across, -FAR, FAR), clamped(my + down, -FAR, FAR)
+    return clamped(mx + across, -FARTHEST_MOTION, FARTHEST_MOTION), clamped(
+        my + down, -FARTHEST_MOTION, FARTHEST_MOTION
+    )
 
 
 @device_function
@@ -178,7 +180,7 @@ def squared(value):
 def apart(own, samples, size, at, first, together):
     """How far sixteen surfaces are from sixteen samples."""
     total = squared(own[0] - taken(samples, 0, size, at, first, together))
-    for c in range(1, GUIDE):
+    for c in range(1, GUIDE_PLANES):
         total = total + squared(own[c] - taken(samples, c, size, at, first, together))
     return total
 
@@ -265,9 +267,9 @@ def light_at(least, samples, size):
     p, q, r, s = exponential(best - p), exponential(best - q), exponential(best - r), exponential(best - s)
     total, at = p + q + r + s, (least[0][2], least[1][2], least[2][2], least[3][2])
     return (
-        mean_of(samples, GUIDE * size, at, (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE + 1) * size, at, (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE + 2) * size, at, (p, q, r, s)) / total,
+        mean_of(samples, GUIDE_PLANES * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE_PLANES + 1) * size, at, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE_PLANES + 2) * size, at, (p, q, r, s)) / total,
     )
 
 

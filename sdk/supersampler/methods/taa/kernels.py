@@ -5,9 +5,9 @@ A step reads the samples, fills a box of allowed colors for each, then computes 
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import linear_of, quarantined, rgb, toned, ycocg
+from supersampler.backends.cpu.kernels.colors import from_ycocg, linear_of, sanitize, toned, ycocg
 from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
-from supersampler.backends.cpu.kernels.warp import aim, cubic4, followed, on_screen
+from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
 from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
@@ -27,7 +27,7 @@ from supersampler.backends.cpu.structs import Floats, FrameInputs, Output
 from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 (EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
-"""Places in `numbers`; ALPHA is 1 where there is no history."""
+"""Indices into `numbers`; ALPHA is 1 where there is no history."""
 
 
 def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
@@ -44,10 +44,10 @@ def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
         for x in range(0, w, 16):
             at = places_of(x, y, w)
             r, g, b = color_at(color, at)
-            r, g, b = toned(quarantined(r) * exposure, quarantined(g) * exposure, quarantined(b) * exposure)
-            luma, orange, green = ycocg(r, g, b)
+            r, g, b = toned(sanitize(r) * exposure, sanitize(g) * exposure, sanitize(b) * exposure)
+            luma, co, cg = ycocg(r, g, b)
             mx, my = motion_at(motion, at)
-            for c, value in enumerate((luma, orange, green, mx, my)):
+            for c, value in enumerate((luma, co, cg, mx, my)):
                 store(planes, (5 * y + c) * wide + PAD + x, value)
         for c in range(5):
             repeat_ends(planes, (5 * y + c) * wide + PAD, w)
@@ -55,7 +55,7 @@ def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
 
 def fill_boxes(samples: TaaSamples, y0: int, y1: int):
     """Fill rows y0 to y1 of `samples.boxes` from the 3x3 samples around each."""
-    planes, box, gamma, stride = samples.planes, samples.boxes, samples.gamma, samples.stride
+    planes, boxes, gamma, stride = samples.planes, samples.boxes, samples.gamma, samples.stride
     w, h, wide = samples.width, samples.height, stride + 2 * PAD
     for y in range(y0, y1):
         above, here, below = (
@@ -73,9 +73,9 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                         low, high = minimum(v, low), maximum(v, high)
                         first, second = first + v, second + v * v
                 mean = first * (1.0 / 9.0)
-                reach = square_root(maximum(second * (1.0 / 9.0) - mean * mean, 0.0)) * gamma
-                store(box, (TAA_BOX * y + c) * stride + x, maximum(mean - reach, low))
-                store(box, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + reach, high))
+                extent = square_root(maximum(second * (1.0 / 9.0) - mean * mean, 0.0)) * gamma
+                store(boxes, (TAA_BOX * y + c) * stride + x, maximum(mean - extent, low))
+                store(boxes, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + extent, high))
             mx, my = load16(planes, here + 3 * wide + x), load16(planes, here + 4 * wide + x)
             length = mx * mx + my * my
             for row in (above, here, below):
@@ -88,13 +88,13 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                     longer = other > length
                     length = select(longer, other, length)
                     mx, my = select(longer, u, mx), select(longer, v, my)
-            store(box, (TAA_BOX * y + 6) * stride + x, mx)
-            store(box, (TAA_BOX * y + 7) * stride + x, my)
+            store(boxes, (TAA_BOX * y + 6) * stride + x, mx)
+            store(boxes, (TAA_BOX * y + 7) * stride + x, my)
 
 
 @device_function
 def upsampled(planes, c, wide, column, row, across, down):
-    """Linear interpolation of a plane between two columns and two rows."""
+    """Interpolate a plane linearly between two columns and two rows."""
     a, b = row[0] + np.int32(c * wide), row[1] + np.int32(c * wide)
     upper = gather(planes, a + column[0]) * across[0] + gather(planes, a + column[1]) * across[1]
     lower = gather(planes, b + column[0]) * across[0] + gather(planes, b + column[1]) * across[1]
@@ -102,38 +102,58 @@ def upsampled(planes, c, wide, column, row, across, down):
 
 
 @device_function
-def enters(color, sample, low, high):
-    """Where the segment from `color` to `sample` enters and leaves a slab."""
+def segment_in_slab(color, sample, low, high):
+    """Return where the segment from `color` (0) to `sample` (1) enters and leaves a slab."""
     step = sample - color
     step = select(absolute(step) < 1e-6, 1e-6, step)
-    near, far = (low - color) / step, (high - color) / step
-    return minimum(near, far), maximum(near, far)
+    first, second = (low - color) / step, (high - color) / step
+    return minimum(first, second), maximum(first, second)
 
 
 @device_function
 def clip_to_sample(history, sample, low, high):
-    """Cut the segment from the history to the sample where it enters the box; see `ops.rectification`."""
-    a, b = enters(history[0], sample[0], low[0], high[0])
-    c, d = enters(history[1], sample[1], low[1], high[1])
-    e, f = enters(history[2], sample[2], low[2], high[2])
+    """Clip the history where the segment to the sample enters the box; see `ops.rectification`."""
+    a, b = segment_in_slab(history[0], sample[0], low[0], high[0])
+    c, d = segment_in_slab(history[1], sample[1], low[1], high[1])
+    e, f = segment_in_slab(history[2], sample[2], low[2], high[2])
     first, last = maximum(maximum(a, c), e), minimum(minimum(b, d), f)
-    meets = (first <= last) & (first <= 1.0) & (last >= 0.0)
-    along = minimum(maximum(first, 0.0), 1.0)
-    y, o, g = (low[0] + high[0]) * 0.5, (low[1] + high[1]) * 0.5, (low[2] + high[2]) * 0.5
-    over = maximum(
-        maximum(beyond(history[0], y, low[0], high[0]), beyond(history[1], o, low[1], high[1])),
-        beyond(history[2], g, low[2], high[2]),
+    intersects = (first <= last) & (first <= 1.0) & (last >= 0.0)
+    share = minimum(maximum(first, 0.0), 1.0)
+    center_y, center_co, center_cg = (
+        (low[0] + high[0]) * 0.5,
+        (low[1] + high[1]) * 0.5,
+        (low[2] + high[2]) * 0.5,
     )
-    cut = 1.0 / maximum(over, 1.0)
+    overshoot = maximum(
+        maximum(
+            overshoot_of(history[0], center_y, low[0], high[0]),
+            overshoot_of(history[1], center_co, low[1], high[1]),
+        ),
+        overshoot_of(history[2], center_cg, low[2], high[2]),
+    )
+    scale = 1.0 / maximum(overshoot, 1.0)
     return (
-        select(meets, history[0] + along * (sample[0] - history[0]), y + (history[0] - y) * cut),
-        select(meets, history[1] + along * (sample[1] - history[1]), o + (history[1] - o) * cut),
-        select(meets, history[2] + along * (sample[2] - history[2]), g + (history[2] - g) * cut),
+        select(
+            intersects,
+            history[0] + share * (sample[0] - history[0]),
+            center_y + (history[0] - center_y) * scale,
+        ),
+        select(
+            intersects,
+            history[1] + share * (sample[1] - history[1]),
+            center_co + (history[1] - center_co) * scale,
+        ),
+        select(
+            intersects,
+            history[2] + share * (sample[2] - history[2]),
+            center_cg + (history[2] - center_cg) * scale,
+        ),
     )
 
 
 @device_function
-def beyond(value, center, low, high):
+def overshoot_of(value, center, low, high):
+    """Return the distance from the centre of an interval, in half extents."""
     return absolute(value - center) / maximum((high - low) * 0.5, 1e-5)
 
 
@@ -156,14 +176,14 @@ def step_rows(
             at = load16(columns.nearest, x) + np.int32(rows.nearest[y] * TAA_BOX * stride)
             mx = gather(box, at + np.int32(6 * stride)) * scale_x
             my = gather(box, at + np.int32(7 * stride)) * scale_y
-            px, py = followed(lane, y, mx, my, w_big, h_big)
+            px, py = previous_position(lane, y, mx, my, w_big, h_big)
             on = on_screen(px, py, w_big, h_big)
-            aim(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
+            prepare_warp(px, py, big_w, big_h, TAA_PIXEL, numbers[SHARPNESS], slots, weights)
             for i in range(16):
                 store(warped, 4 * i, cubic4(history, slots, weights, i))
             q = load_columns4(warped, 0)
-            r, g, b = toned(quarantined(q[0]) * e, quarantined(q[1]) * e, quarantined(q[2]) * e)
-            past = ycocg(r, g, b)
+            r, g, b = toned(sanitize(q[0]) * e, sanitize(q[1]) * e, sanitize(q[2]) * e)
+            warped_color = ycocg(r, g, b)
             column = load16(columns.first, x), load16(columns.second, x)
             across = load16(columns.first_weight, x), load16(columns.second_weight, x)
             sample = (
@@ -175,22 +195,22 @@ def step_rows(
             low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
             at = at + s * np.int32(3)
             high = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
-            past = clip_to_sample(past, sample, low, high)
-            share = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
-            r, g, b = rgb(
-                past[0] + share * (sample[0] - past[0]),
-                past[1] + share * (sample[1] - past[1]),
-                past[2] + share * (sample[2] - past[2]),
+            warped_color = clip_to_sample(warped_color, sample, low, high)
+            weight = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
+            r, g, b = from_ycocg(
+                warped_color[0] + weight * (sample[0] - warped_color[0]),
+                warped_color[1] + weight * (sample[1] - warped_color[1]),
+                warped_color[2] + weight * (sample[2] - warped_color[2]),
             )
             r, g, b = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), e)
             if output.has_weight:
-                store(output.weight, y * output.pitch + x, 1.0 - share)
+                store(output.weight, y * output.pitch + x, 1.0 - weight)
             zero = lane * 0.0
-            found = transposed((
+            pixels = transposed((
                 r, g, b, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero, zero,
             ))  # fmt: skip
             for i in range(16):
-                store(out, 16 * i, found[i])
+                store(out, 16 * i, pixels[i])
             for i in range(min(16, x1 - x)):
                 pixel = 3 * (y * big_w + x + i)
                 for c in range(3):

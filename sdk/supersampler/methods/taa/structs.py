@@ -6,7 +6,7 @@ from supersampler.backends.cpu.structs import Floats, Words
 
 
 class TaaSamples(NamedTuple):
-    """The samples of a frame, and what the 3x3 samples around each allow.
+    """The samples of a frame, and the colour box of the 3x3 samples around each.
 
     Attributes:
         planes: (height, TAA_PLANES, PAD + stride + PAD) toned YCoCg, motion in render pixels.
@@ -41,7 +41,7 @@ class LinearAxis(NamedTuple):
 
 
 class TaaScratch(NamedTuple):
-    """What one thread works in: slots and weights of `warp.aim`, the warped history, the image's pixels."""
+    """Scratch of one thread: offsets and weights of the warp, the warped history, the image's pixels."""
 
     slots: Words
     weights: Floats

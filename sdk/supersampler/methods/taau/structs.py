@@ -6,7 +6,7 @@ from supersampler.backends.cpu.structs import Floats, Words
 
 
 class TaauHistoryInput(NamedTuple):
-    """What the previous frame left.
+    """History as the kernels read it.
 
     Attributes:
         pixels: (display height, display width, TAAU_PIXEL).
@@ -20,7 +20,7 @@ class TaauHistoryInput(NamedTuple):
 
 
 class TaauScratch(NamedTuple):
-    """What one thread works in: filtered rows; slots and weights of `warp.aim`; warped and final pixels."""
+    """Scratch of one thread: filtered rows; offsets and weights of the warp; warped and final pixels."""
 
     line: Floats
     slots: Words

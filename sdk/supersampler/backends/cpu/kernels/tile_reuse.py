@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.frame import LONGEST
-from supersampler.backends.cpu.layout import SAMPLES, TILE
+from supersampler.backends.cpu.kernels.frame import MAX_MOTION
+from supersampler.backends.cpu.layout import RENDER_TILE, TILE
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
     absolute,
@@ -18,26 +18,26 @@ from supersampler.backends.cpu.simd.vector import (
 )
 from supersampler.backends.cpu.structs import Floats, TileComparison, Words
 
-STILL = 1e-3  # of a sample: what a matrix leaves of no motion
-FACTOR = np.int32(0x2C1B3C6D)  # odd: a change of one word is never lost
+MIN_MOTION = 1e-3  # samples: shorter motion is rounding of camera matrices
+FACTOR = np.int32(0x2C1B3C6D)  # odd: multiplication is invertible, so a change of one word changes the sum
 
 
 @device_function
-def moves(motion, at, row, count, height):
-    """Whether anything in a tile moves; motion that is none counts as none, as in `frame.motion_at`."""
-    most = spread16(np.float32(0.0))
+def has_motion(motion, at, row, count, height):
+    """Return whether a tile has motion; unusable motion counts as none, as in `frame.motion_at`."""
+    longest = spread16(np.float32(0.0))
     last = np.int32(2 * count - 1)
     for y in range(height):
         for half in range(2):
-            place = minimum(ramp16() + np.int32(16 * half), last) + np.int32(at + y * row)
-            length = absolute(gather(motion, place))
-            most = select((length > most) & (length <= LONGEST), length, most)
-    return not all_lanes(most <= STILL)
+            index = minimum(ramp16() + np.int32(16 * half), last) + np.int32(at + y * row)
+            length = absolute(gather(motion, index))
+            longest = select((length > longest) & (length <= MAX_MOTION), length, longest)
+    return not all_lanes(longest <= MIN_MOTION)
 
 
 @device_function
-def added(total, words, at, count):
-    """Add `count` words of a row, sixteen at a time; the last is repeated up to whole sixteens."""
+def hash_row(total, words, at, count):
+    """Hash `count` words of a row into `total`, sixteen at a time; the last word is repeated as padding."""
     for k in range(0, count, 16):
         if k + 16 <= count:
             word = load16(words, at + k)
@@ -50,23 +50,23 @@ def added(total, words, at, count):
 def fingerprints(
     color: Words, depth: Words, motion: Words, moved: Floats, w: int, h: int, y0: int, y1: int, out: Words
 ):
-    """Sums of each tile of tile rows y0 to y1, sixteen words (tile rows, tiles, 16); 0 where anything moves.
+    """Write sixteen words per tile of tile rows y0 to y1, (tile rows, tiles, 16); 0 where a tile has motion.
 
-    motion and moved: the same array.
+    motion and moved: the same array, as words and as floats.
     """
-    tiles = (w + SAMPLES - 1) // SAMPLES
+    tiles = (w + RENDER_TILE - 1) // RENDER_TILE
     for ty in range(y0, y1):
         for tx in range(tiles):
-            first, count = SAMPLES * ty * w + SAMPLES * tx, min(SAMPLES, w - SAMPLES * tx)
-            height = min(SAMPLES, h - SAMPLES * ty)
+            first, count = RENDER_TILE * ty * w + RENDER_TILE * tx, min(RENDER_TILE, w - RENDER_TILE * tx)
+            height = min(RENDER_TILE, h - RENDER_TILE * ty)
             total = spread16(np.int32(0))
-            if not moves(moved, 2 * first, 2 * w, count, height):
+            if not has_motion(moved, 2 * first, 2 * w, count, height):
                 total = total + np.int32(1)
                 for y in range(height):
                     at = first + y * w
-                    total = added(total, color, 3 * at, 3 * count)
-                    total = added(total, depth, at, count)
-                    total = added(total, motion, 2 * at, 2 * count)
+                    total = hash_row(total, color, 3 * at, 3 * count)
+                    total = hash_row(total, depth, at, count)
+                    total = hash_row(total, motion, 2 * at, 2 * count)
             store(out, 16 * (ty * tiles + tx), total)
 
 
@@ -81,9 +81,9 @@ def copy_colors(pixels: Floats, channels: int, big_w: int, y0: int, y1: int, x0:
 
 
 def compare_tiles(tiles: TileComparison, y0: int, y1: int, x0: int, x1: int):
-    """Write the mean square change of tiles, rows y0 to y1 and columns x0 to x1, of toned colors.
+    """Write the mean square change of toned colours of tiles, rows y0 to y1 and columns x0 to x1.
 
-    The change of a pixel is that of the channel that changed most.
+    The change of a pixel is the largest of its three channels.
     """
     pixels, reference, channels, exposure = tiles.pixels, tiles.reference, tiles.channels, tiles.exposure
     big_w, big_h = tiles.width, tiles.height
@@ -94,12 +94,12 @@ def compare_tiles(tiles: TileComparison, y0: int, y1: int, x0: int, x1: int):
             for y in range(ty * TILE, bottom):
                 for x in range(tx * TILE, right):
                     at, to = (y * big_w + x) * channels, (y * big_w + x) * 3
-                    off = bright = np.float32(0.0)
+                    change = brightest = np.float32(0.0)
                     for c in range(3):
-                        now, then = pixels[at + c], reference[to + c]
-                        off = max(off, abs(now - then))
-                        bright = max(bright, max(now, then))
-                    off = off * exposure / (np.float32(1.0) + bright * exposure)
-                    total += off * off
+                        value, value_before = pixels[at + c], reference[to + c]
+                        change = max(change, abs(value - value_before))
+                        brightest = max(brightest, max(value, value_before))
+                    change = change * exposure / (np.float32(1.0) + brightest * exposure)
+                    total += change * change
             count = np.float32((bottom - ty * TILE) * (right - tx * TILE))
             tiles.changes[ty * tiles.columns + tx] = total / count

@@ -1,4 +1,4 @@
-"""Reprojection: device functions that resample the history where motion leads."""
+"""Reprojection: device functions that resample the history at previous positions."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ from supersampler.backends.cpu.simd.vector import (
 
 @device_function
 def cubic(t, sharpness):
-    """Weights of the four samples around a place between the middle two."""
+    """Return the weights of four samples around a position; t: from the second sample, [0, 1)."""
     s = 1.0 - t
     before, after = t * s * s * -sharpness, s * t * t * -sharpness
     second = ((t * (sharpness - 2.0) + (3.0 - 2.0 * sharpness)) * t + sharpness) * t
@@ -29,25 +29,29 @@ def cubic(t, sharpness):
 
 
 @device_function
-def place(position, first, last, count, pitch, at, slot):
-    """Put the offsets of the samples `first` to `last` beside floor(position) into slots; return the rest."""
+def store_offsets(position, first, last, count, pitch, offsets, slot):
+    """Store the offsets of the samples floor(position) + first to + last, clamped; return the fraction.
+
+    count: samples of the axis; pitch: values from sample to sample; slot: the first of sixteen offsets.
+    """
     whole = floor(position)
     i = to_int(whole)
     for k in range(first, last + 1):
         inside = minimum(maximum(i + np.int32(k), np.int32(0)), np.int32(count - 1))
-        store(at, 16 * (slot + k - first), inside * np.int32(pitch))
+        store(offsets, 16 * (slot + k - first), inside * np.int32(pitch))
     return position - whole
 
 
 @device_function
-def aim(px, py, width, height, pitch, sharpness, at, weights):
-    """Offsets and weights of sixteen warps: ten slots of sixteen, read back pixel by pixel.
+def prepare_warp(px, py, width, height, pitch, sharpness, offsets, weights):
+    """Write the offsets and weights of sixteen pixels' warps, in slots of sixteen.
 
-    at: of four columns and four rows, of images of `pitch` values a pixel; weights: of a cubic without its
-    corners, and what is left of the place for a linear warp.
+    px, py: previous positions; pitch: values per pixel; offsets (8, 16): of four columns,
+    then four rows; weights (10, 16): of a bicubic filter without corners, columns then rows; then the
+    fractions for a linear one.
     """
-    tx = place(px, -1, 2, width, pitch, at, 0)
-    ty = place(py, -1, 2, height, pitch * width, at, 4)
+    tx = store_offsets(px, -1, 2, width, pitch, offsets, 0)
+    ty = store_offsets(py, -1, 2, height, pitch * width, offsets, 4)
     x0, x1, x2, x3 = cubic(tx, sharpness)
     y0, y1, y2, y3 = cubic(ty, sharpness)
     middle, sides = x1 + x2, y1 + y2
@@ -57,17 +61,17 @@ def aim(px, py, width, height, pitch, sharpness, at, weights):
 
 
 @device_function
-def aim_own(px, py, width, height, pitch, at, weights):
-    """The same of linear warps alone, in the slots after those of `aim`."""
-    store(weights, 160, place(px, 0, 1, width, pitch, at, 8))
-    store(weights, 176, place(py, 0, 1, height, pitch * width, at, 10))
+def prepare_own_warp(px, py, width, height, pitch, offsets, weights):
+    """Write the same for linear warps by the pixels' own motion, after the slots of `prepare_warp`."""
+    store(weights, 160, store_offsets(px, 0, 1, width, pitch, offsets, 8))
+    store(weights, 176, store_offsets(py, 0, 1, height, pitch * width, offsets, 10))
 
 
 @device_function
-def cubic4(h, at, weights, i):
-    """Four values of the pixel `i` by a cubic."""
-    a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
-    j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
+def cubic4(h, offsets, weights, i):
+    """Return four values of the pixel `i`, bicubic without corners."""
+    a, b, c, d = offsets[i], offsets[16 + i], offsets[32 + i], offsets[48 + i]
+    j, k, m, n = offsets[64 + i], offsets[80 + i], offsets[96 + i], offsets[112 + i]
     x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
     top = load4(h, j + b) * x1 + load4(h, j + c) * x2
     upper = load4(h, k + a) * x0 + load4(h, k + b) * x1 + load4(h, k + c) * x2 + load4(h, k + d) * x3
@@ -79,7 +83,7 @@ def cubic4(h, at, weights, i):
 
 @device_function
 def linear4(h, a, b, c, d, t, u):
-    """Four values between four places: upper left and right, lower left and right."""
+    """Interpolate four values between four offsets: upper left and right, lower left and right."""
     one = np.float32(1.0)
     upper = load4(h, a) * (one - t) + load4(h, b) * t
     lower = load4(h, c) * (one - t) + load4(h, d) * t
@@ -87,18 +91,18 @@ def linear4(h, a, b, c, d, t, u):
 
 
 @device_function
-def warp(history, at, weights, alone, out):
-    """Resample sixteen pixels of the history, (16, 16): linear; color by a cubic; color by own motion.
+def warp(history, offsets, weights, same_motion, out):
+    """Resample sixteen pixels to (16, 16): eight values linear; color bicubic; color by own motion.
 
-    history (H, W, 8). `alone`: the pixels' own motion leads to the same places, so it is left out.
+    history (H, W, 8). same_motion: the own motion is the dilated motion; the last four are then bicubic, too.
     """
     h = history
     one = np.float32(1.0)
-    after = at[63] + at[127] + 8 * 16  # lower right of the sixteen pixels after the next: rows from afar
+    after = offsets[63] + offsets[127] + 8 * 16  # lower right of the sixteen pixels after the next
     for i in range(16):
         prefetch(h, after + 8 * i)
-        a, b, c, d = at[i], at[16 + i], at[32 + i], at[48 + i]
-        j, k, m, n = at[64 + i], at[80 + i], at[96 + i], at[112 + i]
+        a, b, c, d = offsets[i], offsets[16 + i], offsets[32 + i], offsets[48 + i]
+        j, k, m, n = offsets[64 + i], offsets[80 + i], offsets[96 + i], offsets[112 + i]
         t, u = weights[128 + i], weights[144 + i]
         x0, x1, x2, x3 = weights[i], weights[16 + i], weights[32 + i], weights[48 + i]
         top = load4(h, j + b) * x1 + load4(h, j + c) * x2
@@ -111,43 +115,43 @@ def warp(history, at, weights, alone, out):
         sharp = sharp + bottom * weights[112 + i]
         upper8 = kb * (one - t) + kc * t
         lower8 = mb * (one - t) + mc * t
-        soft = upper8 * (one - u) + lower8 * u
+        linear = upper8 * (one - u) + lower8 * u
         own = sharp
-        if not alone:
-            a, b, j, k = at[128 + i], at[144 + i], at[160 + i], at[176 + i]
+        if not same_motion:
+            a, b, j, k = offsets[128 + i], offsets[144 + i], offsets[160 + i], offsets[176 + i]
             own = linear4(h, j + a, j + b, k + a, k + b, weights[160 + i], weights[176 + i])
-        store(out, 16 * i, joined(soft, joined(sharp, own)))
+        store(out, 16 * i, joined(linear, joined(sharp, own)))
 
 
 @device_function
-def warp5(history, at, weights, out):
-    """Resample sixteen pixels of five values, (16, 8): the first four by a cubic; the last four, linear."""
+def warp5(history, offsets, weights, out):
+    """Resample sixteen pixels of five values to (16, 8): the first four bicubic; the last four linear."""
     h = history
     for i in range(16):
-        store(out, 8 * i, cubic4(h, at, weights, i))
-        b, c, k, m = at[16 + i] + 1, at[32 + i] + 1, at[80 + i], at[96 + i]
-        soft = linear4(h, k + b, k + c, m + b, m + c, weights[128 + i], weights[144 + i])
-        store(out, 8 * i + 4, soft)
+        store(out, 8 * i, cubic4(h, offsets, weights, i))
+        b, c, k, m = offsets[16 + i] + 1, offsets[32 + i] + 1, offsets[80 + i], offsets[96 + i]
+        linear = linear4(h, k + b, k + c, m + b, m + c, weights[128 + i], weights[144 + i])
+        store(out, 8 * i + 4, linear)
 
 
 @device_function
 def on_screen(px, py, width, height):
-    """Whether the place in the previous frame is on screen."""
+    """Return whether a previous position is on screen."""
     return (px > -0.5) & (px < width - 0.5) & (py > -0.5) & (py < height - 0.5)
 
 
 @device_function
-def followed(lane, y, mx, my, width, height):
-    """Places of sixteen pixels in the previous frame, kept within two pixels of the screen."""
+def previous_position(lane, y, mx, my, width, height):
+    """Return the previous positions of sixteen pixels, clamped to two pixels around the screen."""
     return clamped(lane + mx, -2.0, width + 1.0), clamped(my + np.float32(y), -2.0, height + 1.0)
 
 
 @device_function
-def around(x, y, w, h, wide, places):
-    """Return the four samples around places in the previous frame, and their weights.
+def linear_taps(x, y, w, h, wide, places):
+    """Store the offsets of the four samples around positions of the previous frame; return their weights.
 
-    places (2, 16): of the upper and the lower left one, in a plane of rows of PAD, w and at least PAD
-    samples, `wide` from row to row, whose ends repeat the border.
+    places (2, 16): offsets of the upper and the lower left sample, in a plane of rows of PAD, w and at least
+    PAD samples, `wide` from row to row; the padding repeats the border.
     """
     fx, fy = floor(x), floor(y)
     tx, ty = x - fx, y - fy
@@ -162,17 +166,17 @@ def around(x, y, w, h, wide, places):
 
 
 @device_function
-def disoccluded(depth, weights, befores, margin, ramp):
-    """Weight of the four samples of the previous frame that were closer than `depth`: the disocclusion."""
-    share = depth * 0.0
-    for before, weight in zip(befores, weights):  # noqa: B905  # numba has no strict
-        closer = (before - depth) / maximum(maximum(before, depth), 1e-12)
-        share = share + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
-    return select(depth >= 0.0, share, 0.0)
+def disocclusion(depth, weights, depths_before, margin, ramp):
+    """Return the weight of those of four previous samples that were closer than `depth`, [0, 1]."""
+    occluded = depth * 0.0
+    for depth_before, weight in zip(depths_before, weights):  # noqa: B905  # numba has no strict
+        closer = (depth_before - depth) / maximum(maximum(depth_before, depth), 1e-12)
+        occluded = occluded + weight * clamped((closer - margin) / ramp, 0.0, 1.0)
+    return select(depth >= 0.0, occluded, 0.0)
 
 
 @device_function
 def mean_of(values, weights):
-    """Linear interpolation."""
+    """Return the weighted sum of four values."""
     upper = values[0] * weights[0] + values[1] * weights[1]
     return upper + values[2] * weights[2] + values[3] * weights[3]

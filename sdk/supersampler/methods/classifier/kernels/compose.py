@@ -1,4 +1,4 @@
-"""Compositor of `classifier`: the twin of `Classifier.finish`, by the network's blend parameters."""
+"""Compositor of `classifier`: twin of `Classifier.finish` for one row of display pixels."""
 
 import numpy as np
 
@@ -6,15 +6,15 @@ from supersampler.backends.cpu.kernels.colors import (
     CONFIRMED,
     GLARE,
     clamped,
+    from_ycocg,
     largest,
     linear_of,
     luminance,
-    rgb,
     without_glare,
     ycocg,
 )
 from supersampler.backends.cpu.kernels.filters import places_in, tap
-from supersampler.backends.cpu.layout import PAD, PAST, SAMPLED
+from supersampler.backends.cpu.layout import HISTORY_PLANES, PAD, SAMPLE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import (
     first_third,
@@ -45,8 +45,8 @@ from supersampler.methods.classifier.kernels.gather import (
     COUNT,
     DETAIL,
     FRAME,
-    LEAST,
-    MOST,
+    MAX_LUMA,
+    MIN_LUMA,
     SAMPLE,
     SURFACE,
     TONED,
@@ -54,14 +54,14 @@ from supersampler.methods.classifier.kernels.gather import (
 from supersampler.methods.classifier.variant import Variant
 
 SIDE, SHARPEST = 0.01, 2.0
-ROUNDS = 12582912.0  # added to a number, leaves it rounded, in the last bits
-HALVES = 32  # of a line of the caches
-STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # where rows begin at lines of the caches
+ROUNDS = 12582912.0  # 1.5 * 2^23: the sum has the rounded number in its last bits
+HALVES = 32  # fp16 values of a cache line
+STREAMS_HISTORY, STREAMS_IMAGE = 1, 2  # bits of `streams`: rows begin at cache lines, and bypass the caches
 
 
 @device_function
 def factor(value):
-    """e^x, to 1e-5 of it: steps of bytes are larger."""
+    """Return e^x for x clamped to [-16, 16], with a relative error of 1e-5."""
     x = clamped(value, -16.0, 16.0) * 1.4426950408889634
     rounded = x + ROUNDS
     f = x - (rounded - ROUNDS)
@@ -70,52 +70,53 @@ def factor(value):
 
 
 @device_function
-def blend_parameters(blend, pitch, number, numbers, half):
-    """One of so many numbers, of sixteen pixels in a row: left and right of packed ones from `half` on."""
-    left, right = load8(blend, number * pitch + half), load8(blend, (number + numbers) * pitch + half)
+def blend_parameters(blend, pitch, index, count, half):
+    """Return one of `count` blend parameters at sixteen pixels of a row, from packed pixel `half` on."""
+    left, right = load8(blend, index * pitch + half), load8(blend, (index + count) * pitch + half)
     return zipped(left, right)
 
 
 @device_function
-def sharpened(color, sharp, detail):
-    """A channel of the past with more of what the cubic has sharpened: `Classifier.pasts`, the first."""
-    return clamped(color + sharp * detail, 0.0, TONED)
+def sharpened(color, sharpness, detail):
+    """Return a channel of the history with detail added; see `Classifier.history_colors`."""
+    return clamped(color + sharpness * detail, 0.0, TONED)
 
 
 @device_function
-def crossed(past_planes, above, at, below, first, last, sides, scale, sharp, detail):
-    """The same, filtered by the learned cross before; first, last: where there is no left, no right."""
-    up, left, right, low = sides
-    v = load16(past_planes, at)
-    beside = select(first, v, shifted_in(load16(past_planes, max(at - 16 * PAST, 0)), v)) * left
-    beside = beside + select(last, v, shifted_out(v, load16(past_planes, at + 16 * PAST))) * right
-    moved = v + load16(past_planes, above) * up + beside + load16(past_planes, below) * low
-    return clamped(moved * scale + sharp * detail, 0.0, TONED)
+def cross_filtered(warped, above, at, below, first, last, sides, scale, sharpness, detail):
+    """Return the same after the learned cross; first, last: the pixels without a left, a right neighbour."""
+    up, left, right, lower = sides
+    own = load16(warped, at)
+    beside = select(first, own, shifted_in(load16(warped, max(at - 16 * HISTORY_PLANES, 0)), own)) * left
+    beside = beside + select(last, own, shifted_out(own, load16(warped, at + 16 * HISTORY_PLANES))) * right
+    filtered = own + load16(warped, above) * up + beside + load16(warped, below) * lower
+    return clamped(filtered * scale + sharpness * detail, 0.0, TONED)
 
 
 @device_function
-def cut_to_box(color, mean, reach):
-    """`clip_to_center`, back in RGB."""
-    y, o, g = ycocg(color[0], color[1], color[2])
-    y, o, g = y - mean[0], o - mean[1], g - mean[2]
-    over = largest(
-        absolute(y) / maximum(reach[0], 1e-5),
-        absolute(o) / maximum(reach[1], 1e-5),
-        absolute(g) / maximum(reach[2], 1e-5),
+def clip_to_center(color, mean, extents):
+    """Clip RGB towards the centre of a variance box in YCoCg; return RGB."""
+    y, co, cg = ycocg(color[0], color[1], color[2])
+    y, co, cg = y - mean[0], co - mean[1], cg - mean[2]
+    overshoot = largest(
+        absolute(y) / maximum(extents[0], 1e-5),
+        absolute(co) / maximum(extents[1], 1e-5),
+        absolute(cg) / maximum(extents[2], 1e-5),
     )
-    cut = 1.0 / maximum(over, 1.0)
-    r, g, b = rgb(mean[0] + y * cut, mean[1] + o * cut, mean[2] + g * cut)
+    scale = 1.0 / maximum(overshoot, 1.0)
+    r, g, b = from_ycocg(mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale)
     return clamped(r, 0.0, TONED), clamped(g, 0.0, TONED), clamped(b, 0.0, TONED)
 
 
 @device_function
 def three(planes, at):
+    """Load three vectors that lie one after the other."""
     return load16(planes, at), load16(planes, at + 16), load16(planes, at + 32)
 
 
 @device_function
 def added(sums, weight, color):
-    """Sums of weighted colours and of the weights."""
+    """Add a weighted colour to the sums of colours and of weights."""
     r, g, b, total = sums
     return r + color[0] * weight, g + color[1] * weight, b + color[2] * weight, total + weight
 
@@ -125,160 +126,179 @@ def make_compose_row(variant: Variant):
     corrected, rectified, own_motion = variant
     planes, mean, own = variant.rest, variant.mean, variant.own
     sample_weight, sharpness, kernel = variant.pasts, variant.sharpness, variant.kernel_weights
-    numbers = variant.blend_parameters
+    parameters = variant.blend_parameters
 
     @device_function
-    def compose_row(y, blend, blend_pitch, gathered, read, tables, constants, output, out, x0, x1):
-        """Compose columns x0 to x1 of a row, count, and go back to linear RGB."""
-        past_planes, rest, width = gathered.history, gathered.rest, gathered.pitch
-        samples, wide, h = read.color, read.stride + 2 * PAD, read.height
+    def compose_row(y, blend, blend_pitch, gathered, samples, tables, constants, output, out, x0, x1):
+        """Compute the image, linear RGB, and the next history of columns x0 to x1 of row y."""
+        warped_planes, rest, width = gathered.history, gathered.rest, gathered.pitch
+        colors, wide, h = samples.color, samples.stride + 2 * PAD, samples.height
         columns_near, row_near = tables.nearest_column, tables.nearest_row[y]
         across, down = tables.column_windows, tables.row_windows
         exposure, glares, streams = constants.exposure, constants.glares, constants.streams
         flash = constants.flash
-        big_w, big_h, history, image = output.width, output.height, output.next_history, output.image
+        big_w, big_h, history_out, image = output.width, output.height, output.next_history, output.image
         zero = spread16(np.float32(0.0))
         above, below = max(y - 1, 0) * width, min(y + 1, big_h - 1) * width
-        m = 2 * numbers * (y % 2)
+        m = 2 * parameters * (y % 2)
         for x in range(x0, x1, 16):
-            at, half = (y * width + x) * PAST, (y * width + x) * planes
+            at, rest_at = (y * width + x) * HISTORY_PLANES, (y * width + x) * planes
             pixels = x // 2
             for line in range(0, 16 * planes, HALVES):
-                prefetch(rest, half + 16 * planes + line)
-            # the past
-            sharp = clamped(
-                blend_parameters(blend, blend_pitch, m + sharpness, numbers, pixels), 0.0, SHARPEST
+                prefetch(rest, rest_at + 16 * planes + line)
+            # history colours
+            strength = clamped(
+                blend_parameters(blend, blend_pitch, m + sharpness, parameters, pixels), 0.0, SHARPEST
             )
-            detail = three(rest, half + 16 * DETAIL)
+            detail = three(rest, rest_at + 16 * DETAIL)
             if corrected:
                 lane, cross = ramp16() + np.int32(x), m + sharpness + 1
                 first, last = lane == np.int32(0), lane == np.int32(big_w - 1)
-                up = factor(blend_parameters(blend, blend_pitch, cross, numbers, pixels)) * SIDE
-                left = factor(blend_parameters(blend, blend_pitch, cross + 1, numbers, pixels)) * SIDE
-                right = factor(blend_parameters(blend, blend_pitch, cross + 2, numbers, pixels)) * SIDE
-                low = factor(blend_parameters(blend, blend_pitch, cross + 3, numbers, pixels)) * SIDE
-                sides, scale = (up, left, right, low), 1.0 / (up + left + right + low + 1.0)
-                a, c = (above + x) * PAST, (below + x) * PAST
+                up = factor(blend_parameters(blend, blend_pitch, cross, parameters, pixels)) * SIDE
+                left = factor(blend_parameters(blend, blend_pitch, cross + 1, parameters, pixels)) * SIDE
+                right = factor(blend_parameters(blend, blend_pitch, cross + 2, parameters, pixels)) * SIDE
+                lower = factor(blend_parameters(blend, blend_pitch, cross + 3, parameters, pixels)) * SIDE
+                sides, scale = (up, left, right, lower), 1.0 / (up + left + right + lower + 1.0)
+                a, c = (above + x) * HISTORY_PLANES, (below + x) * HISTORY_PLANES
                 color = (
-                    crossed(past_planes, a, at, c, first, last, sides, scale, sharp, detail[0]),
-                    crossed(
-                        past_planes, a + 16, at + 16, c + 16, first, last, sides, scale, sharp, detail[1]
+                    cross_filtered(warped_planes, a, at, c, first, last, sides, scale, strength, detail[0]),
+                    cross_filtered(
+                        warped_planes, a + 16, at + 16, c + 16, first, last, sides, scale, strength, detail[1]
                     ),
-                    crossed(
-                        past_planes, a + 32, at + 32, c + 32, first, last, sides, scale, sharp, detail[2]
+                    cross_filtered(
+                        warped_planes, a + 32, at + 32, c + 32, first, last, sides, scale, strength, detail[2]
                     ),
                 )
             else:
-                moved = three(past_planes, at)
+                warped = three(warped_planes, at)
                 color = (
-                    sharpened(moved[0], sharp, detail[0]),
-                    sharpened(moved[1], sharp, detail[1]),
-                    sharpened(moved[2], sharp, detail[2]),
+                    sharpened(warped[0], strength, detail[0]),
+                    sharpened(warped[1], strength, detail[1]),
+                    sharpened(warped[2], strength, detail[2]),
                 )
-            count = load16(rest, half + 16 * COUNT)
+            count = load16(rest, rest_at + 16 * COUNT)
             known = count > 0.0
             other = select(known, count * 0.1 + 1e-3, 0.0)
-            begun = select(known, count * load16(rest, half + 16 * SURFACE) + 1e-3, 0.0)
+            initial = select(known, count * load16(rest, rest_at + 16 * SURFACE) + 1e-3, 0.0)
             none = zero, zero, zero, zero
-            past = added(
-                none, begun * factor(blend_parameters(blend, blend_pitch, m, numbers, pixels)), color
+            history = added(
+                none, initial * factor(blend_parameters(blend, blend_pitch, m, parameters, pixels)), color
             )
             if rectified:
-                cut = cut_to_box(color, three(rest, half + 16 * mean), three(rest, half + 16 * (mean + 3)))
-                past = added(
-                    past, other * factor(blend_parameters(blend, blend_pitch, m + 1, numbers, pixels)), cut
+                clipped = clip_to_center(
+                    color, three(rest, rest_at + 16 * mean), three(rest, rest_at + 16 * (mean + 3))
+                )
+                history = added(
+                    history,
+                    other * factor(blend_parameters(blend, blend_pitch, m + 1, parameters, pixels)),
+                    clipped,
                 )
             if own_motion:
-                moved = three(rest, half + 16 * own)
+                warped = three(rest, rest_at + 16 * own)
                 number = m + sample_weight - 1
-                past = added(
-                    past, other * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), moved
+                history = added(
+                    history,
+                    other * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels)),
+                    warped,
                 )
-            kept = past[3]
-            # this frame
+            history_weight = history[3]
+            # current colours
             first, step, index = places_in(columns_near, x)
-            q = zero, zero, zero, zero
+            sums = zero, zero, zero, zero
             for k in range(9):
-                begun = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
+                initial = load16(across, (k % 3) * width + x) * down[3 * y + k // 3] + 1e-4
                 number = m + kernel + k
-                weigh = begun * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels))
+                tap_weight = initial * factor(
+                    blend_parameters(blend, blend_pitch, number, parameters, pixels)
+                )
                 row = min(max(row_near + k // 3 - 1, 0), h - 1)
-                at_row = SAMPLED * row * wide + PAD + first
-                q = tap(samples, at_row + k % 3 - 1, wide, step, index, weigh, q)
-            frame = three(rest, half + 16 * FRAME)
-            some, scale = q[3] > 1e-9, 1.0 / maximum(q[3], 1e-12)
+                at_row = SAMPLE_PLANES * row * wide + PAD + first
+                sums = tap(colors, at_row + k % 3 - 1, wide, step, index, tap_weight, sums)
+            frame = three(rest, rest_at + 16 * FRAME)
+            any_usable, scale = sums[3] > 1e-9, 1.0 / maximum(sums[3], 1e-12)
             filtered = (
-                select(some, q[0] * scale, frame[0]),
-                select(some, q[1] * scale, frame[1]),
-                select(some, q[2] * scale, frame[2]),
+                select(any_usable, sums[0] * scale, frame[0]),
+                select(any_usable, sums[1] * scale, frame[1]),
+                select(any_usable, sums[2] * scale, frame[2]),
             )
-            confidence = load16(rest, half + 16 * CONFIDENCE)
-            there = select(q[3] > 0.0, spread16(np.float32(1.0)), zero)
-            sampled, beside = there * (confidence + 1e-3), there * 0.05
-            sample = three(rest, half + 16 * SAMPLE)
+            confidence = load16(rest, rest_at + 16 * CONFIDENCE)
+            sampled_here = select(sums[3] > 0.0, spread16(np.float32(1.0)), zero)
+            sampled, frame_weight = sampled_here * (confidence + 1e-3), sampled_here * 0.05
+            sample = three(rest, rest_at + 16 * SAMPLE)
             number = m + sample_weight
-            now = added(
-                none, sampled * factor(blend_parameters(blend, blend_pitch, number, numbers, pixels)), sample
+            current = added(
+                none,
+                sampled * factor(blend_parameters(blend, blend_pitch, number, parameters, pixels)),
+                sample,
             )
-            now = added(
-                now, beside * factor(blend_parameters(blend, blend_pitch, number + 1, numbers, pixels)), frame
+            current = added(
+                current,
+                frame_weight * factor(blend_parameters(blend, blend_pitch, number + 1, parameters, pixels)),
+                frame,
             )
-            now = added(
-                now,
-                beside * factor(blend_parameters(blend, blend_pitch, number + 2, numbers, pixels)),
+            current = added(
+                current,
+                frame_weight * factor(blend_parameters(blend, blend_pitch, number + 2, parameters, pixels)),
                 filtered,
             )
-            new = now[3]
-            scale = 1.0 / maximum(kept + new, 1e-12)
-            r, g, b = (past[0] + now[0]) * scale, (past[1] + now[1]) * scale, (past[2] + now[2]) * scale
+            current_weight = current[3]
+            scale = 1.0 / maximum(history_weight + current_weight, 1e-12)
+            r, g, b = (
+                (history[0] + current[0]) * scale,
+                (history[1] + current[1]) * scale,
+                (history[2] + current[2]) * scale,
+            )
             r, g, b = linear_of(r, g, b, exposure)
             if output.has_weight:
-                store(output.weight, y * width + x, kept * scale)
-            # what the next frame looks back on
-            odds = kept / maximum(new, 1e-12) * (sampled + beside + beside)
-            worth = minimum(minimum(odds, count), constants.most_samples) + confidence
+                store(output.weight, y * width + x, history_weight * scale)
+            # next history
+            odds = history_weight / maximum(current_weight, 1e-12) * (sampled + frame_weight + frame_weight)
+            next_count = minimum(minimum(odds, count), constants.most_samples) + confidence
             luma = luminance(sample[0], sample[1], sample[2])
-            held = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
+            trust = select(known, minimum(odds * 4.0 / maximum(count, 1e-6), 1.0), 0.0)
             rate = confidence * constants.contraction
-            least, most = load16(rest, half + 16 * LEAST), load16(rest, half + 16 * MOST)
-            glared = most * 0.0
+            low, high = load16(rest, rest_at + 16 * MIN_LUMA), load16(rest, rest_at + 16 * MAX_LUMA)
+            warped_glare = high * 0.0
             if glares:
-                most, glared = without_glare(most)
-                worth = select((glared > 0.0) & (glared < CONFIRMED), 0.0, worth)
+                high, warped_glare = without_glare(high)
+                next_count = select((warped_glare > 0.0) & (warped_glare < CONFIRMED), 0.0, next_count)
             if flash:
-                worth = zero
-            least = minimum(least, luma) + rate * maximum(luma - least, 0.0)
-            most = maximum(most, luma) - rate * maximum(most - luma, 0.0)
-            least, most = luma + held * (least - luma), luma + held * (most - luma)
-            most = most + glared * GLARE
-            remember(r, g, b, worth, least, most, y * big_w + x, big_w - x, streams, history, image, out)
+                next_count = zero
+            low = minimum(low, luma) + rate * maximum(luma - low, 0.0)
+            high = maximum(high, luma) - rate * maximum(high - luma, 0.0)
+            low, high = luma + trust * (low - luma), luma + trust * (high - luma)
+            high = high + warped_glare * GLARE
+            store_pixels(
+                r, g, b, next_count, low, high, y * big_w + x, big_w - x, streams, history_out, image, out
+            )
 
     return compose_row
 
 
 @device_function
-def remember(r, g, b, count, least, most, pixel, room, streams, history, image, out):
-    """Write up to sixteen pixels of the picture, and what goes from frame to frame."""
+def store_pixels(r, g, b, count, low, high, pixel, remaining, streams, history, image, out):
+    """Write up to sixteen pixels of the image and of the next history."""
     zero = count * 0.0
-    rows = rows8((r, g, b, count, least, most, zero, zero))
-    if room < 16:
+    rows = rows8((r, g, b, count, low, high, zero, zero))
+    if remaining < 16:
         for i in range(8):
             store(out, 16 * i, rows[i])
-        for i in range(room):
+        for i in range(remaining):
             store(history, 8 * (pixel + i), load8(out, 8 * i))
             for c in range(3):
                 image[3 * (pixel + i) + c] = out[8 * i + c]
         return
     for i in range(8):
-        put(history, 8 * pixel + 16 * i, rows[i], streams & STREAMS_HISTORY)
-    put(image, 3 * pixel, first_third(r, g, b), streams & STREAMS_IMAGE)
-    put(image, 3 * pixel + 16, second_third(r, g, b), streams & STREAMS_IMAGE)
-    put(image, 3 * pixel + 32, last_third(r, g, b), streams & STREAMS_IMAGE)
+        store_or_stream(history, 8 * pixel + 16 * i, rows[i], streams & STREAMS_HISTORY)
+    store_or_stream(image, 3 * pixel, first_third(r, g, b), streams & STREAMS_IMAGE)
+    store_or_stream(image, 3 * pixel + 16, second_third(r, g, b), streams & STREAMS_IMAGE)
+    store_or_stream(image, 3 * pixel + 32, last_third(r, g, b), streams & STREAMS_IMAGE)
 
 
 @device_function
-def put(pointer, index, vector, past_caches):
-    if past_caches:
+def store_or_stream(pointer, index, vector, streams):
+    """Store a vector, past the caches where `streams` is set."""
+    if streams:
         stream(pointer, index, vector)
     else:
         store(pointer, index, vector)

@@ -1,8 +1,8 @@
-"""Finish of `classifier`: the last layers of the network, then the image by their blend parameters."""
+"""Finish of `classifier`: the last layers of the network, then the compositor."""
 
 import numpy as np
 
-from supersampler.backends.cpu.layout import RECORD, SEEN
+from supersampler.backends.cpu.layout import INPUT_PLANES, RECORD_WORDS
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns
 from supersampler.backends.cpu.simd.vector import dot4, load16, spread16, store, to_float, to_int
@@ -23,7 +23,7 @@ from supersampler.methods.classifier.structs import (
 )
 from supersampler.methods.classifier.variant import Variant
 
-WIDE = 16  # words of what the hidden layer gives
+WIDE = 16  # words of the hidden layer's output
 
 
 @device_function
@@ -41,12 +41,12 @@ def blend_row(hidden, layer, outputs, p0, p1, pitch, columns, out, constants, cl
             sums = eight_sums(columns, words, weights, c * words)
             for i in range(8):
                 store(out, (c + i) * pitch + p, to_float(sums[i]) * scales[c + i] + biases[c + i])
-        hold(columns, constants.logits, constants.logits_scale, p1 - p, classes, to + 8 * p)
+        store_classes(columns, constants.logits, constants.logits_scale, p1 - p, classes, to + 8 * p)
 
 
 @device_function
 def eight_sums(columns, words, weights, first):
-    """Eight outputs of sixteen pixels."""
+    """Return the sums of products of eight outputs at sixteen pixels."""
     a = b = c = d = e = f = g = h = spread16(np.int32(0))
     for k in range(words):
         x = load16(columns, 16 * k)
@@ -62,26 +62,26 @@ def eight_sums(columns, words, weights, first):
 
 
 @device_function
-def hold(columns, logits, scale, count, classes, to):
-    """Shares of the classes of up to sixteen packed pixels, eight bytes each."""
+def store_classes(columns, logits, scale, count, classes, to):
+    """Write the class probabilities of up to sixteen packed pixels, eight bytes each; 255 is one."""
     a, b, c = (
-        odds_of(columns, logits, scale),
-        odds_of(columns, logits + 1, scale),
-        odds_of(columns, logits + 2, scale),
+        exp_logit(columns, logits, scale),
+        exp_logit(columns, logits + 1, scale),
+        exp_logit(columns, logits + 2, scale),
     )
     d, e, f = (
-        odds_of(columns, logits + 3, scale),
-        odds_of(columns, logits + 4, scale),
-        odds_of(columns, logits + 5, scale),
+        exp_logit(columns, logits + 3, scale),
+        exp_logit(columns, logits + 4, scale),
+        exp_logit(columns, logits + 5, scale),
     )
     one, two = 255.0 / (a + b + c), 255.0 / (d + e + f)
     low = (
-        share(a * one)
-        | share(b * one) << np.int32(8)
-        | share(c * one) << np.int32(16)
-        | share(d * two) << np.int32(24)
+        byte_of(a * one)
+        | byte_of(b * one) << np.int32(8)
+        | byte_of(c * one) << np.int32(16)
+        | byte_of(d * two) << np.int32(24)
     )
-    high = share(e * two) | share(f * two) << np.int32(8)
+    high = byte_of(e * two) | byte_of(f * two) << np.int32(8)
     store(columns, 0, low)
     store(columns, 16, high)
     for i in range(min(16, count)):
@@ -90,13 +90,15 @@ def hold(columns, logits, scale, count, classes, to):
 
 
 @device_function
-def odds_of(columns, byte, scale):
+def exp_logit(columns, byte, scale):
+    """Return e^logit of sixteen pixels; byte: of the hidden layer."""
     value = load16(columns, 16 * (byte // 4)) >> np.int32(8 * (byte % 4)) & np.int32(255)
     return factor((to_float(value) - 128.0) * scale)
 
 
 @device_function
-def share(value):
+def byte_of(value):
+    """Return the nearest integer."""
     return to_int(value + 0.5)
 
 
@@ -108,7 +110,7 @@ def make_finish_rows(*parts: str):
 
     def finish_rows(
         levels: EncodedLevels, layers: FinishLayers, network: NetworkInputs, gathered: Gathered,
-        read: FrameSamples, tables: ResampleTables, constants: FinishConstants, scratch: FinishScratch,
+        samples: FrameSamples, tables: ResampleTables, constants: FinishConstants, scratch: FinishScratch,
         output: Output, next_classes: Words, y0: int, y1: int, p0: int, p1: int,
     ):  # fmt: skip
         """Decode and compose packed rows y0 to y1, packed pixels p0 to p1: the image and the next history.
@@ -128,8 +130,9 @@ def make_finish_rows(*parts: str):
                 scratch.decoded, 32 * p0, 32, p1 - p0,
             )  # fmt: skip
             pointwise_row_of_two(
-                network.records, (y * network.row + p0) * RECORD, RECORD, SEEN, scratch.decoded_words,
-                8 * p0, 8, 8, layers.hidden, scratch.hidden, 4 * WIDE * p0, 4 * WIDE, p1 - p0,
+                network.records, (y * network.row + p0) * RECORD_WORDS, RECORD_WORDS, INPUT_PLANES,
+                scratch.decoded_words, 8 * p0, 8, 8, layers.hidden, scratch.hidden, 4 * WIDE * p0,
+                4 * WIDE, p1 - p0,
             )  # fmt: skip
             blend_row(
                 scratch.hidden_words, layers.blend, outputs, p0, p1, blend_pitch, scratch.columns,
@@ -137,8 +140,8 @@ def make_finish_rows(*parts: str):
             )  # fmt: skip
             for row in range(2 * y, min(2 * y + 2, big_h)):
                 compose_row(
-                    row, scratch.blend, blend_pitch, gathered, read, tables, constants, output, scratch.out,
-                    2 * p0, min(2 * p1, output.pitch),
+                    row, scratch.blend, blend_pitch, gathered, samples, tables, constants, output,
+                    scratch.out, 2 * p0, min(2 * p1, output.pitch),
                 )  # fmt: skip
 
     return finish_rows
