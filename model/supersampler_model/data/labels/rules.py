@@ -87,11 +87,6 @@ class Labels:
     ghost: ClassMap
     alias: ClassMap
 
-    def class_fractions(self) -> dict[str, float]:
-        """Return the fraction of pixels of each class: visibility, shading, geometry, texture."""
-        counted = ((self.ghost, Ghost), (self.alias, Alias))
-        return {c.name.lower(): float(np.mean(map_ == c)) for map_, classes in counted for c in classes if c}
-
 
 def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Label one frame.
