@@ -1,4 +1,4 @@
-"""The rules that make classes: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
+"""The label rules: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
 
 Choices where the supplement is silent or contradicts itself:
 

@@ -76,7 +76,7 @@ class Evidence:
     Attributes:
         pixels: ranges over the samples of each pixel.
         motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of what the
-            pixel's centre sees. On a cut: as if the camera of now had stood still.
+            pixel's centre sees. On a cut: motion for a camera that does not move.
         depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
             pixel's centre sees had one frame ago, whether or not it was in sight then.
         cut: True on the first frame after a cut, which has no history.

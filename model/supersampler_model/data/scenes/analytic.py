@@ -1,4 +1,4 @@
-"""Scenes with exact truth at any resolution and exact motion, in numpy: no file, no renderer, no licence.
+"""Analytic scenes in numpy: exact references at any resolution and exact motion, without a renderer.
 
 A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
 at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
@@ -51,7 +51,7 @@ class Scene:
         raise NotImplementedError
 
     def cut(self, index: int) -> bool:
-        """Return True where frame `index` starts anew."""
+        """Return True where frame `index` is the first after a cut."""
         return index == 0
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
@@ -122,7 +122,7 @@ def grids(size: Size, samples: int) -> Iterator[tuple[Values, Values]]:
 
 
 def plain(x: Values, y: Values) -> Values:
-    """Grey all over: what remains of a scene is its shape."""
+    """Uniform grey: only depth and motion vary."""
     return np.broadcast_to(0.5, (*np.broadcast(x, y).shape, 3))
 
 
@@ -141,7 +141,7 @@ def checker(x: Values, y: Values) -> Values:
 
 
 def facing(x: Values, y: Values) -> Values:
-    """Normals that look at the camera."""
+    """Normals that face the camera."""
     return np.broadcast_to((0.0, 0.0, 1.0), (*np.broadcast(x, y).shape, 3))
 
 
@@ -195,7 +195,7 @@ class WiresOverPlane(Scene):
 
 @dataclass(frozen=True)
 class DiscOverPlane(Scene):
-    """A near, ringed disc that crosses a panning background: it hides at its front and reveals at its back.
+    """A near, ringed disc over a panning background: it occludes at its front and disoccludes at its back.
 
     Its rings move with it. `start` and `radius` in units, velocities in units a frame.
     """
