@@ -8,23 +8,14 @@ import pytest
 import torch
 from numpy.typing import NDArray
 
+from more_scenes import Cut, ShadingStep, dots, thin_lines
 from studies.ablation_classifier import METHODS as VARIANTS
 from supersampler import Frame, Model, Upscaler, halton_jitter
 from supersampler.frame import Float32
 from supersampler.io.display import display_transform
 from supersampler.methods.model_file import model_names
 from supersampler.methods.taa.spec import TaaConfig
-from supersampler_model.data.scenes.analytic import (
-    Cut,
-    DiscOverPlane,
-    Plane,
-    Scene,
-    ShadingStep,
-    checker,
-    dots,
-    thin_lines,
-    zone_plate,
-)
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker, zone_plate
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.taa.model import Taa

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.aux_outputs import CLASS_COLORS, NO_CLASS
+from supersampler.aux_outputs import CLASS_COLORS
 from supersampler.errors import ArgumentError
 from supersampler_model.data.labels import Alias, Ghost, Labels
 
@@ -41,14 +41,6 @@ def masks_of(labels: Labels) -> dict[str, NDArray[np.bool_]]:
         "geometry": (labels.alias == Alias.GEOMETRY) & ~ghost,
         "texture": (labels.alias == Alias.TEXTURE) & ~ghost,
     }
-
-
-def class_image(labels: Labels) -> Image:
-    """(H, W, 3) sRGB of the classes alone."""
-    image = np.full((*labels.ghost.shape, 3), NO_CLASS, np.uint8)
-    for name, mask in masks_of(labels).items():
-        image[mask] = CLASS_COLORS[name]
-    return image
 
 
 def overlay(labels: Labels, image: NDArray[Any]) -> Image:

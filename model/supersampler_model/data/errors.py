@@ -2,7 +2,7 @@
 
 DataError              base of all below, itself a SupersamplerError
   SceneError           a scene is inconsistent or exceeds a limit; names the field
-  GraphicsError        no usable OpenGL; says how to install one
+  GraphicsError        no usable OpenGL; the message names what to install
   DatasetError         a training set on disk is damaged, or of another description; names the file
 """
 
@@ -24,7 +24,7 @@ class SceneError(DataError, ArgumentError):
 
 
 class GraphicsError(DataError, RuntimeError):
-    """OpenGL is missing, too old, or refuses; the message is one line and says what to install."""
+    """OpenGL is missing, too old or fails; the message is one line and names what to install."""
 
 
 class DatasetError(DataError, OSError):

@@ -93,11 +93,11 @@ class ExtrapolateTask(ClassifierTask):
         """Step all crops, as `ClassifierTask` does; extrapolation takes no gradients."""
         count, net = len(self.method.history), self.method.net
         crops = [self._crop(s, state[count:]) for s, state in zip(samples, states, strict=True)]
-        shown, pasts = [crop.sample for crop in crops], [state[:count] for state in states]
-        gathered = [self.gather(sample, history) for sample, history in zip(shown, pasts, strict=True)]
+        shown, histories = [crop.sample for crop in crops], [state[:count] for state in states]
+        gathered = [self.gather(sample, history) for sample, history in zip(shown, histories, strict=True)]
         twins = [(i, crop.twin) for i, crop in enumerate(crops) if crop.twin is not None]
         with torch.no_grad():
-            beside = [self.method.network_inputs(self.gather(twin, pasts[i])) for i, twin in twins]
+            beside = [self.method.network_inputs(self.gather(twin, histories[i])) for i, twin in twins]
         inputs = [*map(self.method.network_inputs, gathered), *beside]
         surfaces = [_surface(c.sample) if c.unshaded else None for c in crops] + [
             _surface(t) for _, t in twins

@@ -34,8 +34,8 @@ BRIGHTER = 1.0  # maximum change of exposure in augmentation, stops
 class LightSample(NamedTuple):
     """A crop of one unshaded frame; (1, ., h, w) unless stated otherwise."""
 
-    later: Tensor  # (1, PICTURE, h / 2, w / 2) of the last shaded frame
-    earlier: Tensor  # (1, PICTURE, h / 2, w / 2) of the one before
+    later: Tensor  # (1, LIGHT, h / 2, w / 2) of the last shaded frame
+    earlier: Tensor  # (1, LIGHT, h / 2, w / 2) of the one before
     light: Tensor  # guided light of the last shaded frame, times the exposure
     guides: Tensor  # see `GuidedFlow.guides`
     reflectance: Tensor
@@ -116,7 +116,7 @@ class Lights:
 
 
 class LightStream:
-    """An endless stream of crops of light; frames with changing light are drawn more often.
+    """An endless stream of crops of light; frames with changing light are sampled more often.
 
     Args:
         datasets: sets that `gbuffer_set` returned.
@@ -148,7 +148,7 @@ class LightStream:
 
 
 def draw_light(random: np.random.Generator, found: Found, size: int) -> LightSample:
-    """Draw a random, augmented crop of unshaded frames.
+    """Cut a random, augmented crop out of the unshaded frames.
 
     Args:
         random: generator.

@@ -1,4 +1,4 @@
-"""Structural similarity as a loss (Wang et al. 2004): 11x11 Gaussian windows on luma."""
+"""Structural similarity as a loss (Wang et al. 2004): 11x11 Gaussian kernel on luma."""
 
 import torch
 from torch import Tensor

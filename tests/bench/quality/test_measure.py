@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from more_scenes import Cut, dots
 from supersampler import Frame, ShotError, StepResult
 from supersampler.frame import Float32
 from supersampler.io.display import CEILING_DB
@@ -17,7 +18,7 @@ from supersampler_bench.quality import metrics
 from supersampler_bench.quality.measure import measure_quality
 from supersampler_bench.quality.score_record import mean_row, scores_row
 from supersampler_bench.quality.summaries import BORDER, FRAME_METRICS, MASKED, FrameScores, MethodScores
-from supersampler_model.data.scenes.analytic import Cut, DiscOverPlane, Plane, Scene, checker, dots
+from supersampler_model.data.scenes.analytic import DiscOverPlane, Plane, Scene, checker
 
 RENDER, DISPLAY = (48, 27), (96, 54)
 SCENE = DiscOverPlane()

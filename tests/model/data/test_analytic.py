@@ -4,26 +4,21 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from more_scenes import Cut, Floor, ShadingStep, dots, ripples, thin_lines
 from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
     FAR,
     NEAR,
-    Cut,
     DiscOverPlane,
-    Floor,
     Mask,
     Pattern,
     Plane,
     Scene,
-    ShadingStep,
     WiresOverPlane,
     checker,
-    dots,
     places,
     plain,
-    ripples,
-    thin_lines,
     zone_plate,
 )
 

@@ -91,7 +91,7 @@ class Dataset:
     Args:
         folder: of the set.
         description: its content.
-        own: the set whose references and labels this one shares, with the sequences rendered a second time at
+        own: the set whose references and labels this one reuses, with the sequences rendered a second time at
             another ratio; None: its own.
     """
 

@@ -91,8 +91,8 @@ class _RatioTurns:
     """Gives each family its ratios with fixed frequencies, evenly even for few sequences."""
 
     def __init__(self, ratios: Sequence[float], random: np.random.Generator) -> None:
-        shares = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
-        weights = np.array([shares.get(ratio, 0.2) for ratio in ratios])
+        fractions = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
+        weights = np.array([fractions.get(ratio, 0.2) for ratio in ratios])
         self._ratios, self._ends = ratios, np.cumsum(weights / weights.sum())
         self._random = random
         self._turns: dict[str, float] = {}
@@ -107,8 +107,8 @@ class _RatioTurns:
 
 def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
     """Return whether sequence `index` is composed of files, and how many before it are: spread evenly."""
-    share = 0.0 if plan.gltf is None else plan.gltf_share
-    before, after = int(share * index + 0.5), int(share * (index + 1) + 0.5)
+    fraction = 0.0 if plan.gltf is None else plan.gltf_share
+    before, after = int(fraction * index + 0.5), int(fraction * (index + 1) + 0.5)
     return after > before, before
 
 

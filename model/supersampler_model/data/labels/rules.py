@@ -1,4 +1,4 @@
-"""The rules that make classes: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
+"""The label rules: equations 1 to 9 of the supplement of Guo et al. 2022, section 2.
 
 Choices where the supplement is silent or contradicts itself:
 
@@ -86,11 +86,6 @@ class Labels:
 
     ghost: ClassMap
     alias: ClassMap
-
-    def class_fractions(self) -> dict[str, float]:
-        """Return the fraction of pixels of each class: visibility, shading, geometry, texture."""
-        counted = ((self.ghost, Ghost), (self.alias, Alias))
-        return {c.name.lower(): float(np.mean(map_ == c)) for map_, classes in counted for c in classes if c}
 
 
 def label(now: Evidence, before: Evidence | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:

@@ -5,7 +5,7 @@ computes the same from samples in numpy.
 """
 
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -31,10 +31,9 @@ class Sample(NamedTuple):
 class PixelStatistics:
     """Ranges over all samples in each pixel of one frame, at display size (W, H).
 
-    Colours are toned by `toned`, at one exposure for all frames that are compared (`at_exposure` changes it).
-    That curve works on each channel alone and rises, so the range of toned samples is the toned range of the
-    samples: a renderer may gather linear ranges and tone them afterwards. Shapes and types are checked,
-    values never.
+    Colours are toned by `toned`, at one exposure for all frames that are compared. The curve rises and
+    treats each channel on its own, so a renderer may gather linear ranges and tone them afterwards. Shapes
+    and types are checked, values are not.
 
     Attributes:
         depth_min: (H, W) float32, smallest reversed depth (near / view distance): the farthest sample.
@@ -69,17 +68,6 @@ class PixelStatistics:
         height, width = self.depth_min.shape
         return height, width
 
-    def at_exposure(self, factor: float) -> "PixelStatistics":
-        """Tone the colours as if the exposure were `factor` (> 0) times what it was; exact but for rounding.
-
-        Labels compare two frames at one exposure, for a change of exposure leaves the history as it was.
-        """
-
-        def again(color: Float32) -> Float32:
-            return np.asarray(factor * color / (1.0 + (factor - 1.0) * color), np.float32)
-
-        return replace(self, color_min=again(self.color_min), color_max=again(self.color_max))
-
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Evidence:
@@ -88,7 +76,7 @@ class Evidence:
     Attributes:
         pixels: ranges over the samples of each pixel.
         motion: (H, W, 2) float32, display pixels (x right, y down), previous minus current, of what the
-            pixel's centre sees. On a cut: as if the camera of now had stood still.
+            pixel's centre sees. On a cut: motion for a camera that does not move.
         depth_before: (H, W) float32, expected previous depth: the reversed depth which the point that the
             pixel's centre sees had one frame ago, whether or not it was in sight then.
         cut: True on the first frame after a cut, which has no history.

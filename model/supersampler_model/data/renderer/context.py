@@ -53,7 +53,7 @@ def open_graphics(backend: Backend = "auto") -> Graphics:
     """Return a new context with depth in [0, 1]; "auto" takes EGL where it works, else OSMesa.
 
     Raises:
-        GraphicsError: neither is there; the one line says why and what to install.
+        GraphicsError: neither is available; the message, one line, gives the reason and what to install.
     """
     if importlib.util.find_spec("moderngl") is None:
         raise GraphicsError(NO_MODERNGL)

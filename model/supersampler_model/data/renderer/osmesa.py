@@ -31,7 +31,7 @@ class OsMesa:
         )
         if not self._context:
             raise GraphicsError("OSMesa grants no core context of OpenGL 4.5")
-        self._screen = ctypes.create_string_buffer(4 * 16 * 16)  # OSMesa wants one; nothing is drawn into it
+        self._screen = ctypes.create_string_buffer(4 * 16 * 16)  # OSMesa requires a buffer; it stays unused
         self.__enter__()
 
     @classmethod

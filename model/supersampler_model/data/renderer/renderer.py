@@ -132,8 +132,8 @@ class Renderer:
         spread = np.empty((height, width, 1), np.float32)
         with self._gl:
             for place, raster in self._parts():
-                drawn = self._draw(scene, "SAMPLES", "samples", raster)
-                part = self._resolved(drawn)
+                rendered = self._draw(scene, "SAMPLES", "samples", raster)
+                part = self._resolved(rendered)
                 for whole, index in zip((mean, least, most, spread), range(4), strict=True):
                     whole[place] = part.read(index)
         return Reference(
@@ -208,13 +208,13 @@ class Renderer:
         framebuffer.color_mask = tuple((True,) * 4 for _ in target.textures)
         framebuffer.depth_mask = True
 
-    def _resolved(self, drawn: Target) -> Target:
-        size = (drawn.size[0] // self._side, drawn.size[1] // self._side)
+    def _resolved(self, rendered: Target) -> Target:
+        size = (rendered.size[0] // self._side, rendered.size[1] // self._side)
         target = self._target("resolved", size, _RESOLVED, depth=False)
         target.framebuffer.use()
         self._gl.enable_only(self._gl.NOTHING)
-        drawn.textures[0].use(SAMPLERS["sample_colors"])
-        drawn.textures[1].use(SAMPLERS["sample_normals"])
+        rendered.textures[0].use(SAMPLERS["sample_colors"])
+        rendered.textures[1].use(SAMPLERS["sample_normals"])
         self._screen(self._resolve)
         return target
 

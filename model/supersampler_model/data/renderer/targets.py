@@ -1,4 +1,4 @@
-"""Textures that are drawn into and read back."""
+"""Render targets: textures to render into and read back."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""Scenes with exact truth at any resolution and exact motion, in numpy: no file, no renderer, no licence.
+"""Analytic scenes in numpy: exact references at any resolution and exact motion, without a renderer.
 
 A scene is a function of a frame's index and of places on a screen of 64 x 36 units (16:9). A frame samples it
 at pixel centre + jitter; the truth averages it over each pixel's area; the evidence for labels gathers ranges
@@ -51,7 +51,7 @@ class Scene:
         raise NotImplementedError
 
     def cut(self, index: int) -> bool:
-        """Return True where frame `index` starts anew."""
+        """Return True where frame `index` is the first after a cut."""
         return index == 0
 
     def visible_before(self, index: int, x: Values, y: Values) -> Mask:
@@ -122,7 +122,7 @@ def grids(size: Size, samples: int) -> Iterator[tuple[Values, Values]]:
 
 
 def plain(x: Values, y: Values) -> Values:
-    """Grey all over: what remains of a scene is its shape."""
+    """Uniform grey: only depth and motion vary."""
     return np.broadcast_to(0.5, (*np.broadcast(x, y).shape, 3))
 
 
@@ -133,17 +133,6 @@ def zone_plate(x: Values, y: Values) -> Values:
     return grey(0.5 + 0.5 * np.cos(np.pi / finest * (dx * dx + dy * dy)))
 
 
-def thin_lines(x: Values, y: Values) -> Values:
-    """Bright lines, 0.4 units wide, as spokes at twelve angles, on dark."""
-    return on_dark(from_spokes(x, y) < 0.2)
-
-
-def dots(x: Values, y: Values) -> Values:
-    """Bright discs of 0.35 units radius, smaller than a pixel at 64 x 36, 4.3 units apart, on dark."""
-    spacing = 4.3  # no multiple of a pixel: the dots fall on pixels in all ways
-    return on_dark(np.hypot(*((v + spacing / 2) % spacing - spacing / 2 for v in (x, y))) < 0.35)
-
-
 def checker(x: Values, y: Values) -> Values:
     """Squares of 3.7 units, turned by 20 degrees so that their edges alias, orange and blue."""
     turned = np.cos(0.35) * x + np.sin(0.35) * y, np.cos(0.35) * y - np.sin(0.35) * x
@@ -152,14 +141,8 @@ def checker(x: Values, y: Values) -> Values:
 
 
 def facing(x: Values, y: Values) -> Values:
-    """Normals that look at the camera."""
+    """Normals that face the camera."""
     return np.broadcast_to((0.0, 0.0, 1.0), (*np.broadcast(x, y).shape, 3))
-
-
-def ripples(x: Values, y: Values) -> Values:
-    """Normals of waves of 0.8 units, 30 degrees to either side: several a pixel at 64 x 36."""
-    tilt = np.pi / 6 * np.sin(2 * np.pi * (x + 0.5 * y) / 0.8)
-    return np.stack([np.sin(tilt), np.zeros_like(tilt), np.cos(tilt)], axis=-1)
 
 
 def from_spokes(x: Values, y: Values) -> Values:
@@ -172,11 +155,6 @@ def from_spokes(x: Values, y: Values) -> Values:
 def grey(values: Values) -> Values:
     """(...) to (..., 3)."""
     return np.repeat(values[..., None], 3, axis=-1)
-
-
-def on_dark(bright: Mask) -> Values:
-    """Return white where `bright`, dark grey elsewhere."""
-    return grey(np.where(bright, 1.0, 0.05))
 
 
 # --- scenes ---
@@ -202,32 +180,6 @@ class Plane(Scene):
 
 
 @dataclass(frozen=True)
-class Floor(Scene):
-    """A slanted plane, seen by a camera that goes `speed` distance units a frame towards its horizon.
-
-    The horizon is above the screen. Distances are 1 / reversed depth, which grows evenly from FAR at the
-    screen's top to NEAR at its bottom, as any plane's. The pattern lies on the floor: its x to the right, its
-    y away from the first camera, distance units.
-    """
-
-    pattern: Pattern = plain
-    speed: float = 0.0
-
-    SLOPE = (NEAR - FAR) / EXTENT[1]  # reversed depth a unit of y
-    FOCAL = EXTENT[0]  # units of the screen at distance 1; 53 degrees from left to right
-
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return the floor, nearer by `speed` with each frame."""
-        depth = FAR + self.SLOPE * y
-        depth_before = 1.0 / (1.0 / depth + self.speed)
-        aside = x - EXTENT[0] / 2
-        motion = aside * (depth_before / depth - 1.0), (depth_before - depth) / self.SLOPE
-        up = np.broadcast_to((0.0, 1.0, 0.0), (*x.shape, 3))
-        color = self.pattern(aside / (depth * self.FOCAL), 1.0 / depth + index * self.speed)
-        return Surface(color, depth, np.stack(motion, axis=-1), depth_before, up, up)
-
-
-@dataclass(frozen=True)
 class WiresOverPlane(Scene):
     """White wires near the camera, before a plane; all stand still. `half_width` in units."""
 
@@ -243,7 +195,7 @@ class WiresOverPlane(Scene):
 
 @dataclass(frozen=True)
 class DiscOverPlane(Scene):
-    """A near, ringed disc that crosses a panning background: it hides at its front and reveals at its back.
+    """A near, ringed disc over a panning background: it occludes at its front and disoccludes at its back.
 
     Its rings move with it. `start` and `radius` in units, velocities in units a frame.
     """
@@ -281,50 +233,3 @@ class DiscOverPlane(Scene):
         x_before, y_before = x - self.background_velocity[0], y - self.background_velocity[1]
         occluded = ~self.contains(index, x, y) & self.contains(index - 1, x_before, y_before)
         return super().visible_before(index, x, y) & ~occluded
-
-
-@dataclass(frozen=True)
-class ShadingStep(Scene):
-    """A scene whose light changes by `gain` at frame `at`, without any motion to tell of it."""
-
-    scene: Scene
-    at: int
-    gain: float = 0.25
-
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return the scene, in the light of now."""
-        surface = self.scene.surface(index, x, y)
-        return surface._replace(color=surface.color * (self.gain if index >= self.at else 1.0))
-
-    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return the visibility of the scene; light occludes nothing."""
-        return self.scene.visible_before(index, x, y)
-
-    def cut(self, index: int) -> bool:
-        """See `Scene.cut`."""
-        return self.scene.cut(index)
-
-
-@dataclass(frozen=True)
-class Cut(Scene):
-    """One scene until frame `at`, another from then on, which starts with a reset."""
-
-    before: Scene
-    after: Scene
-    at: int
-
-    def surface(self, index: int, x: Values, y: Values) -> Surface:
-        """Return the surfaces of the current scene."""
-        return self.shown(index).surface(index, x, y)
-
-    def visible_before(self, index: int, x: Values, y: Values) -> Mask:
-        """Return the visibility of the current scene; nothing on the cut."""
-        return self.shown(index).visible_before(index, x, y) & (not self.cut(index))
-
-    def cut(self, index: int) -> bool:
-        """Return True where the scene changes, and where the one that is on starts anew."""
-        return index == self.at or self.shown(index).cut(index)
-
-    def shown(self, index: int) -> Scene:
-        """Return the scene that frame `index` shows."""
-        return self.before if index < self.at else self.after

@@ -82,7 +82,7 @@ def tangents_of(positions: Points, normals: Points, uv: Points, indices: Indices
     for corner in (a, b, c):
         np.add.at(u, corner, of_u)
         np.add.at(v, corner, of_v)
-    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]  # far from the normal, for where u says nothing
+    axis = np.eye(3)[np.abs(normals).argmin(axis=1)]  # far from the normal, used where u is degenerate
     u = np.where(np.linalg.norm(u, axis=1, keepdims=True) > 1e-12, u, np.cross(normals, axis))
     u -= normals * (u * normals).sum(axis=1, keepdims=True)
     u /= np.maximum(np.linalg.norm(u, axis=1, keepdims=True), 1e-12)

@@ -145,7 +145,7 @@ class Instance:
 class Particles:
     """Soft round sprites that face the camera. As in an engine they are in the colour and nowhere else.
 
-    They are drawn after all opaque surfaces, depth-tested, and write neither depth nor motion.
+    They are rendered after all opaque surfaces, depth-tested, and write neither depth nor motion.
 
     Attributes:
         centers: (n, 3) world.

@@ -1,9 +1,9 @@
-"""What a scene that stands still is measured by: fine waves, a zone plate, a check pattern, a thin line.
+"""A static test scene: fine waves, a zone plate, a check pattern and a thin line.
 
-`bench still` steps methods through it. Its waves and rings are finer than the samples of one frame at ratio 2
-can hold, so that only samples of several frames tell what is there; they are smooth, so that all samples of a
-jitter period do. Sizes and contrasts were chosen on 2026-11-23 so that at 160x90 to 320x180 the methods that
-never converged (commit 571eab6) reach, in the fourth period, 35.0 dB (`taau`) and 34.2 dB (`classifier`).
+`bench still` measures convergence on it. One frame at ratio 2 undersamples its waves and rings, so a method
+needs several jittered frames to resolve them; one jitter period suffices, as the patterns are smooth.
+Sizes and contrasts were chosen on 2026-11-23 so that at 160x90 to 320x180 the methods that never converged
+(commit 571eab6) reach, in the fourth period, 35.0 dB (`taau`) and 34.2 dB (`classifier`).
 """
 
 import numpy as np
@@ -28,12 +28,12 @@ def still_life(x: Values, y: Values) -> Values:
 
 
 def still_scene() -> Plane:
-    """Return the pattern before a camera that stands."""
+    """Return the pattern under a static camera."""
     return Plane(still_life)
 
 
 def still_scene_with_mover() -> DiscOverPlane:
-    """Return the same with a disc that crosses its upper half, from left to right and on off screen."""
+    """Return the same scene with a disc that crosses its upper half from left to right."""
     return DiscOverPlane(
         velocity=(0.5, 0.0),
         background_velocity=(0.0, 0.0),

@@ -322,7 +322,7 @@ def light_of(shade: Tensor) -> Tensor:
 
 
 def light_after(light: Tensor, before: Tensor, change: Tensor) -> Tensor:
-    """(1, 4) `history.light` for the next frame, which says whether the light of this one is unconfirmed.
+    """(1, 4) `history.light` of the next frame: whether the light of this frame is unconfirmed.
 
     It is where the contrast of the previous frames does not explain that of this frame, and in one more such
     frame: an unshaded one may be extrapolated from it.

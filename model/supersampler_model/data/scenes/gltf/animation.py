@@ -128,7 +128,7 @@ def _slerp(start: Values, end: Values, share: float) -> Values:
     cosine = float(start @ end)
     if cosine < 0.0:
         end, cosine = -end, -cosine
-    if cosine > 0.9999:  # so close that the angle cannot be told, nor the difference to a straight line
+    if cosine > 0.9999:  # the angle is too small to divide by; linear interpolation is exact enough
         mixed = (1.0 - share) * start + share * end
         return np.asarray(mixed / np.linalg.norm(mixed))
     angle = np.arccos(cosine)

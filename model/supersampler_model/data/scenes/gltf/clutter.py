@@ -1,4 +1,4 @@
-"""Procedural things among a folder's props: thin ones, leaves, mirrors, fast movers, lights and particles."""
+"""Procedural objects beside a folder's props: thin ones, leaves, mirrors, fast movers, lights, particles."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -94,7 +94,7 @@ def _bush(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Values]
     place = ground.near(rng, focus, 0.6, 2.5)
     plant = Stage(environment=stage.environment)
     bush(rng, plant, (0.0, 0.0), rng.uniform(0.05, 0.16))
-    stage.props += [replace(prop, pose=paths.carried(prop.pose, _moved(place))) for prop in plant.props]
+    stage.props += [replace(prop, pose=paths.attached(prop.pose, _moved(place))) for prop in plant.props]
     return [place]
 
 
@@ -125,7 +125,7 @@ def _runner(rng: Rng, stage: Stage, ground: Ground, focus: Values) -> list[Value
         shapes.merged([(shapes.torus(0.4 * size, 0.12 * size), placed(0, 0.12 * size, 0))]),
     )[int(rng.integers(3))]
     turning = paths.spinning(np.eye(4), (0.0, 1.0, 0.0), rng.normal(0.0, 4.0))
-    stage.put(mesh, _patterned(rng), paths.carried(paths.headed(path), turning))
+    stage.put(mesh, _patterned(rng), paths.attached(paths.headed(path), turning))
     return []
 
 

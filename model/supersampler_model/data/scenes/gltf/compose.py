@@ -1,4 +1,4 @@
-"""Sequences composed at random of the glTF files in a folder, with procedural things among them.
+"""Sequences composed at random from the glTF files in a folder, with procedural objects added.
 
 A file of a room's size is the static stage. Smaller files are props on it, each with its own motion; some
 sequences have a bare floor as stage. Wires, fences, leaves, mirrors, movers and particles are added. Camera,

@@ -44,7 +44,7 @@ class Folder:
     panoramas: tuple[File, ...]
 
     def spec(self, seed: int, frames: int, frame_rate: float) -> SequenceSpec:
-        """Draw the files of a sequence: a stage or a bare floor, props, and a panorama or a drawn sky."""
+        """Choose the files of a sequence: a stage or a bare floor, props, a panorama or a procedural sky."""
         random = np.random.default_rng([seed, crc32(b"files")])
         bare = len(self.props) > 0 and random.random() < _BARE
         stages = [] if bare or not self.stages else [self.stages[int(random.integers(len(self.stages)))]]

@@ -57,8 +57,8 @@ class Ground:
         """Return a place between these distances from another, with nothing between them if there is one."""
         off = np.abs(_outside(np.hypot(*(self._centers() - place[[0, 2]]).T), least, most))
         close = self._cells_free[off <= max(float(off.min()), 0.5 * self.cell)]
-        drawn = close[rng.integers(len(close), size=_TRIES)] + rng.random((_TRIES, 2))
-        found = [self._place(cell) for cell in drawn]
+        candidates = close[rng.integers(len(close), size=_TRIES)] + rng.random((_TRIES, 2))
+        found = [self._place(cell) for cell in candidates]
         found.sort(key=lambda other: abs(float(_outside(np.hypot(*(other - place)[[0, 2]]), least, most))))
         return next((other for other in found if self.clear(other, place)), found[0])
 

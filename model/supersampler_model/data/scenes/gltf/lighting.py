@@ -15,7 +15,7 @@ from supersampler_model.data.scenes.gltf.motions import Course, Flicker
 from supersampler_model.data.scenes.lights import Point, Spot, Sun
 from supersampler_model.data.values import Color, Vector
 
-_SKY = 64  # rows of a drawn sky
+_SKY = 64  # rows of a procedural sky
 _DIMMEST = 0.12  # of what a sky or a panorama is multiplied by
 _BRIGHTEST = 50.0  # of a panorama; a sun of its own would sparkle in every reflection
 

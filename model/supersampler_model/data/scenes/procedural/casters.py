@@ -19,7 +19,7 @@ CASTERS = ("mill", "train", "clouds", "boughs")
 def caster(rng: Rng, stage: Stage, sun: Callable[[float], Sun], kind: str | None = None) -> None:
     """Add one of the CASTERS, a random one by default.
 
-    All are flat and face the sun; cameras on the scene's side see their backs, which are not drawn.
+    All are flat and face the sun. Cameras in the scene see their backs, which are culled.
     """
     kind = kind or str(rng.choice(CASTERS))
     frame, radius = _frame(sun(0.0)), sun(0.0).radius

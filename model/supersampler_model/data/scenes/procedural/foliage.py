@@ -176,4 +176,4 @@ def _butterfly(rng: Rng, stage: Stage) -> None:
         return lambda t: turned_by(2, side * (0.3 + 0.8 * np.sin(beat * t))) @ placed(0.08 * side)
 
     for side in (-1.0, 1.0):
-        stage.put(wing, cover, paths.carried(pose, flap(side)))
+        stage.put(wing, cover, paths.attached(pose, flap(side)))

@@ -69,7 +69,7 @@ def _sculpture(rng: Rng, stage: Stage, x: float, z: float) -> None:
     turn = rng.normal(0.0, 1.5)
     if kind == 0:
         form = paths.spinning(place @ placed(0, 0.42, 0), (0, 1, 0), turn)
-        stage.put(shapes.tube(_knot(), 0.06, 12), cover, paths.carried(form, placed(size=0.85)))
+        stage.put(shapes.tube(_knot(), 0.06, 12), cover, paths.attached(form, placed(size=0.85)))
     elif kind == 1:
         turns = [turned_by(0, 0.5 * k) @ turned_by(2, 0.4 * k) for k in range(4)]
         rings = [(shapes.torus(0.16 + 0.07 * k, 0.018, 40), at) for k, at in enumerate(turns)]
@@ -112,7 +112,7 @@ def _mobile(rng: Rng, stage: Stage) -> None:
         drop = rng.uniform(0.2, 0.7)
         thread = shapes.tube([(0, -drop, 0), (0, 0, 0)], 0.004, 5)
         leaf = shapes.merged([(shapes.ball(1.0, 8), placed(0, -drop, 0, size=(0.16, 0.11, 0.02)))])
-        hanging = paths.carried(turning, paths.spinning(placed(x), (0, 1, 0), rng.normal(0, 3)))
+        hanging = paths.attached(turning, paths.spinning(placed(x), (0, 1, 0), rng.normal(0, 3)))
         stage.put(thread, materials.paint(rng, (0.1, 0.1, 0.1)), hanging)
         stage.put(leaf, materials.paint(rng, gloss=0.9), hanging)
 

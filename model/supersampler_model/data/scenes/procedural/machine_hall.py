@@ -87,7 +87,7 @@ def _machine(rng: Rng, stage: Stage, x: float, z: float) -> None:
     spokes = [(shapes.box(0.95, 0.03, 0.06), placed(yaw=a)) for a in np.linspace(0, np.pi, 3, endpoint=False)]
     wheel = shapes.merged([rim, *spokes])
     axle = paths.spinning(placed(x + 1.0, 0.9, z + 0.2), (1, 0, 0), rng.normal(0.0, 7.0))
-    stage.put(wheel, materials.any_metal(rng, 0.3), paths.carried(axle, turned_by(2, np.pi / 2.0)))
+    stage.put(wheel, materials.any_metal(rng, 0.3), paths.attached(axle, turned_by(2, np.pi / 2.0)))
     gauge = materials.poster(rng, 1.0)
     pulsing = lighting.pulse(rng)
     stage.put(shapes.panel(0.5, 0.35), gauge, placed(x + 0.2, 0.45, z + 0.61), emission=pulsing)

@@ -127,7 +127,7 @@ def _walker(rng: Rng, stage: Stage) -> None:
         def step(t: float, side: float = side) -> Matrix:
             return placed(0.1 * side, 0.78, 0) @ turned_by(0, 0.5 * side * float(np.sin(stride * t)))
 
-        stage.put(leg, trousers, paths.carried(pose, step))
+        stage.put(leg, trousers, paths.attached(pose, step))
 
 
 def _lanterns(rng: Rng, stage: Stage) -> None:

@@ -201,7 +201,7 @@ def glow(color: Color, strength: float) -> Material:
 
 def poster(rng: Rng, shine: float = 0.0) -> Material:
     """Return a printed image; `shine` makes it a lit screen."""
-    image = textures.picture(rng)
+    image = textures.poster_image(rng)
     if shine:
         return Material(base_color=(0.02, 0.02, 0.02), emissive=(shine,) * 3, emissive_texture=image)
     return Material(base_color_texture=image, roughness=0.55)

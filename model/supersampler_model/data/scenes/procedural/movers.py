@@ -90,11 +90,11 @@ def _van(rng: Rng, stage: Stage) -> None:
     stage.put(_van_glass(), materials.metal(rng, (0.2, 0.22, 0.25), 0.08), pose)
     for side in (-0.86, 0.86):
         sign = placed(side, 0.8, -0.6, yaw=np.sign(side) * np.pi / 2.0)
-        stage.put(shapes.panel(1.8, 0.8), materials.poster(rng), paths.carried(pose, sign))
+        stage.put(shapes.panel(1.8, 0.8), materials.poster(rng), paths.attached(pose, sign))
     wheel = shapes.merged((shapes.torus(0.24, 0.12, 20), placed(x) @ WHEEL) for x in (-0.78, 0.78))
     rubber = materials.paint(rng, (0.06, 0.06, 0.06), 0.2)
     for z_axle in (-1.1, 1.2):
-        stage.put(wheel, rubber, paths.carried(pose, placed(0, 0.36, z_axle)))
+        stage.put(wheel, rubber, paths.attached(pose, placed(0, 0.36, z_axle)))
 
 
 def _van_body(rng: Rng) -> Mesh:
@@ -111,7 +111,7 @@ def _drone(rng: Rng, stage: Stage, dark: bool) -> None:
     home = (rng.uniform(-1.5, 1.5), rng.uniform(1.2, 2.8), rng.uniform(-2.5, 1.5))
     path = paths.circuit(rng, home, (rng.uniform(1.5, 4), 1.2), rng.uniform(3.0, 9.0))
     shake = paths.drift(rng, 0.15, 1.0)
-    pose = paths.carried(paths.headed(paths.together(path, shake)), placed(size=rng.uniform(0.8, 1.6)))
+    pose = paths.attached(paths.headed(paths.together(path, shake)), placed(size=rng.uniform(0.8, 1.6)))
     arms = [shapes.tube([(0, 0, 0), (x, 0.05, z)], 0.02, 6) for x in (-0.3, 0.3) for z in (-0.3, 0.3)]
     body, eye = shapes.box(0.22, 0.12, 0.34), shapes.ball(0.08, 8)
     stage.put([*arms, (body, placed(0, -0.06)), (eye, placed(0, -0.08, 0.12))], materials.paint(rng), pose)
@@ -119,7 +119,7 @@ def _drone(rng: Rng, stage: Stage, dark: bool) -> None:
     for x in (-0.3, 0.3):
         for z in (-0.3, 0.3):
             spin = paths.spinning(placed(x, 0.06, z), (0, 1, 0), rng.uniform(25.0, 60.0))
-            stage.put(blade, black, paths.carried(pose, spin))
+            stage.put(blade, black, paths.attached(pose, spin))
     pulsing = lighting.pulse(rng, "strobe")
     color = lighting.tint(rng, rng.uniform(3, 7) * (1.0 if dark else 2.0))
     below = paths.together(path, shake, (0.0, -0.2, 0.0))

@@ -104,11 +104,11 @@ def upright(path: Place) -> Pose:
     return pose
 
 
-def carried(by: Pose, local: Matrix | Pose) -> Pose:
-    """Return the pose of a thing attached to a moving one."""
+def attached(parent: Pose, local: Matrix | Pose) -> Pose:
+    """Return the world pose of an object attached to a moving parent: parent @ local."""
     if callable(local):
-        return lambda t: np.asarray(by(t) @ local(t))
-    return lambda t: np.asarray(by(t) @ local)
+        return lambda t: np.asarray(parent(t) @ local(t))
+    return lambda t: np.asarray(parent(t) @ local)
 
 
 def point_of(pose: Pose, local: Sequence[float]) -> Place:
@@ -175,7 +175,7 @@ def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matric
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vantage:
-    """From where a scene looks good: a camera may move `room` metres about `position`.
+    """A camera position of a scene; the camera may move up to `room` metres around it.
 
     A `brisk` camera seldom stands still, and when it turns it turns fast.
     """

@@ -1,4 +1,4 @@
-"""The product's own scene: a small square late in the afternoon, with something of every hard case."""
+"""The product scene: a small square in the late afternoon, with an example of every hard case."""
 
 import numpy as np
 
@@ -136,14 +136,14 @@ def _cart(rng: Rng, stage: Stage) -> None:
     for tilt in (-1.0, 1.0):
         slope = placed(0, 1.92, 0.21 * tilt) @ turned_by(0, 0.5 * tilt)
         cloth = materials.striped(rng, 5, (0.9, 0.55, 0.1))
-        stage.put(shapes.plane(1.25, 0.52, 0.8), cloth, paths.carried(rolling, slope))
+        stage.put(shapes.plane(1.25, 0.52, 0.8), cloth, paths.attached(rolling, slope))
     rim = (shapes.torus(0.3, 0.03, 32), turned_by(0, np.pi / 2.0))
     ends = [(0.3 * np.sin(a), 0.3 * np.cos(a), 0) for a in np.linspace(0, 2 * np.pi, 10, endpoint=False)]
     spokes = [shapes.tube([(0, 0, 0), end], 0.012, 5) for end in ends]
     wheel, iron = shapes.merged([rim, *spokes]), materials.paint(rng, (0.5, 0.08, 0.06))
     for z in (-0.36, 0.36):
         turning = paths.spinning(placed(0.05, 0.33, z), (0, 0, 1), -3.4 / 0.33)
-        stage.put(wheel, iron, paths.carried(rolling, turning))
+        stage.put(wheel, iron, paths.attached(rolling, turning))
 
 
 def _balls(rng: Rng, stage: Stage) -> None:

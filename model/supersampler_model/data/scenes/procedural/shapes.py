@@ -1,4 +1,4 @@
-"""Meshes in metres. Texture coordinates run in metres too, times `repeat`, unless said otherwise."""
+"""Meshes in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
 
 from collections.abc import Iterable, Sequence
 

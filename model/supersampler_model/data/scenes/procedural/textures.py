@@ -117,7 +117,7 @@ def leaves(rng: Rng, count: int, slim: float, size: int = SIZE) -> tuple[Values,
     return opacity, tone
 
 
-def picture(rng: Rng, size: int = SIZE) -> Texture:
+def poster_image(rng: Rng, size: int = SIZE) -> Texture:
     """Return a poster: a ground, bold shapes, and lines of fine marks like print."""
     y, x = (np.mgrid[:size, :size] + 0.5) / size
     image = np.broadcast_to(np.array(color(rng, 0.5, 0.8)), (size, size, 3)).copy()

@@ -1,4 +1,4 @@
-"""Matrices that place things; world = placed @ local, y up."""
+"""Object-to-world matrices: world = placed @ local, y up."""
 
 from collections.abc import Sequence
 
