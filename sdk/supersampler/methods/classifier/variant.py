@@ -7,8 +7,7 @@ from typing import Any, NamedTuple, Self
 class Variant(NamedTuple):
     """Of ClassifierConfig, what kernels leave out where it is not set: its planes, reads and arithmetic.
 
-    Properties say where things are among the planes of `classifier_gather` (`rest`) and among the numbers
-    that the network says of a pixel (`blend_parameters`).
+    Properties are indices of planes of `Gathered.rest` and of blend parameters.
     """
 
     corrected: bool
@@ -36,7 +35,7 @@ class Variant(NamedTuple):
 
     @property
     def own(self) -> int:
-        """Of `rest`: the history by the pixel's own motion."""
+        """Of `rest`: the history warped by the pixel's own motion."""
         return self.mean + 6 * self.rectified
 
     @property
@@ -45,14 +44,14 @@ class Variant(NamedTuple):
         return self.own + 3 * self.own_motion
 
     @property
-    def pasts(self) -> int:
-        """Colours of the history; of `blend_parameters`, the weights of those of this frame follow theirs."""
+    def history_colors(self) -> int:
+        """History colours; of `blend_parameters`, the weights of those of this frame follow theirs."""
         return 1 + self.rectified + self.own_motion
 
     @property
     def sharpness(self) -> int:
         """Of `blend_parameters`, after the weights; the cross and the kernel follow."""
-        return self.pasts + 3
+        return self.history_colors + 3
 
     @property
     def kernel_weights(self) -> int:
@@ -61,7 +60,7 @@ class Variant(NamedTuple):
 
     @property
     def blend_parameters(self) -> int:
-        """Numbers that the network says of a pixel."""
+        """Number of blend parameters of a pixel."""
         return self.kernel_weights + 9
 
     @property

@@ -46,7 +46,7 @@ THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, _, THEN_JITTER, _, BEFORE_JITTER, _,
 `before` is zeros; HAS_DEPTH: 0 where the shaded frame has no depth at all."""
 FARTHEST, NOWHERE = 1e-30, 1e4
 STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
-SURELY = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
+MARGIN = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
 
 
 @device_function
@@ -66,8 +66,8 @@ def three_at(image, at, pixel, plane):
 
 
 @device_function
-def reflected(base, normal, least):
-    """What a channel's colour is divided by; one at the sky."""
+def reflectance_of(base, normal, least):
+    """Return the divisor of each colour channel; 1 at the sky."""
     sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
     return (
         select(sky, 1.0, base[0] + least),
@@ -77,18 +77,18 @@ def reflected(base, normal, least):
 
 
 @device_function
-def told_at(base, normal, depth, at, pixel, plane, good, numbers):
-    """What sixteen `good` surfaces are told from, in standard deviations; and what all of them reflect."""
+def guides_at(base, normal, depth, at, pixel, plane, valid, numbers):
+    """Return the guides of sixteen surfaces, in standard deviations, and their reflectance; valid: a mask."""
     b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
     d = gather(depth, at)
-    good = good & known(b[0]) & known(b[1]) & known(b[2]) & known(n[0]) & known(n[1]) & known(n[2])
-    good = good & (d >= 0.0) & (d <= 1e30)
+    valid = valid & known(b[0]) & known(b[1]) & known(b[2]) & known(n[0]) & known(n[1]) & known(n[2])
+    valid = valid & (d >= 0.0) & (d <= 1e30)
     b = (color_of(b[0]), color_of(b[1]), color_of(b[2]))
     n = (side_of(n[0]), side_of(n[1]), side_of(n[2]))
-    far = select(good, logarithm(maximum(d, FARTHEST)) / numbers[C.depth_sigma], NOWHERE)
+    far = select(valid, logarithm(maximum(d, FARTHEST)) / numbers[C.depth_sigma], NOWHERE)
     s = numbers[C.surface_sigma]
-    told = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, far)
-    return told, reflected(b, n, numbers[C.least])
+    guides = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, far)
+    return guides, reflectance_of(b, n, numbers[C.least])
 
 
 @device_function
@@ -114,17 +114,17 @@ def read_shaded(
         for x in range(0, w, 16):
             at, to = places_of(x, y, w), y * stride + x
             r, g, b = three_at(color, at, 1, w * h)
-            told, share = told_at(base, normal, depth, at, 1, w * h, usable(r, g, b), numbers)
-            for c, value in enumerate(told):
+            guides, reflectance = guides_at(base, normal, depth, at, 1, w * h, usable(r, g, b), numbers)
+            for c, value in enumerate(guides):
                 store(samples, c * size + to, value)
-            store(samples, GUIDE_PLANES * size + to, sanitize(r) / share[0])
-            store(samples, (GUIDE_PLANES + 1) * size + to, sanitize(g) / share[1])
-            store(samples, (GUIDE_PLANES + 2) * size + to, sanitize(b) / share[2])
+            store(samples, GUIDE_PLANES * size + to, sanitize(r) / reflectance[0])
+            store(samples, (GUIDE_PLANES + 1) * size + to, sanitize(g) / reflectance[1])
+            store(samples, (GUIDE_PLANES + 2) * size + to, sanitize(b) / reflectance[2])
 
 
 @device_function
-def led_to(place, jitter, other, size, other_size):
-    """Where a pixel's motion leads, in another frame: 0 is the place of its first sample."""
+def reproject(place, jitter, other, size, other_size):
+    """Return a position in another frame, in its samples; 0 is its first sample."""
     return (place + (jitter + np.float32(0.5))) * other_size / size - (other + np.float32(0.5))
 
 
@@ -150,13 +150,13 @@ def between(plane, first, x, y, w, h):
 
 @device_function
 def back_to_shaded(motion, before, at, column, row, w, h, n):
-    """Motion of sixteen pixels and, from where it leads, back to the shaded frame."""
+    """Return the motion of sixteen pixels to the shaded frame: their own, plus that of the previous frame."""
     wide, high = np.float32(w), np.float32(h)
     mx, my = motion_at(motion, at)
     if n[MOVED] == 0.0:
         return mx, my
-    x = led_to(column + mx, n[JITTER], n[BEFORE_JITTER], wide, n[BEFORE_W])
-    y = led_to(my + row, n[JITTER + 1], n[BEFORE_JITTER + 1], high, n[BEFORE_H])
+    x = reproject(column + mx, n[JITTER], n[BEFORE_JITTER], wide, n[BEFORE_W])
+    y = reproject(my + row, n[JITTER + 1], n[BEFORE_JITTER + 1], high, n[BEFORE_H])
     before_w, before_h = int(n[BEFORE_W]), int(n[BEFORE_H])
     across = between(before, 0, x, y, before_w, before_h) * wide / n[BEFORE_W]
     down = between(before, before_w * before_h, x, y, before_w, before_h) * high / n[BEFORE_H]
@@ -166,7 +166,7 @@ def back_to_shaded(motion, before, at, column, row, w, h, n):
 
 
 @device_function
-def taken(samples, c, size, at, first, together):
+def load_samples(samples, c, size, at, first, together):
     """A plane's values at sixteen samples, the first of which is `first`."""
     return load16(samples, c * size + first) if together else gather(samples, at + np.int32(c * size))
 
@@ -177,11 +177,11 @@ def squared(value):
 
 
 @device_function
-def apart(own, samples, size, at, first, together):
-    """How far sixteen surfaces are from sixteen samples."""
-    total = squared(own[0] - taken(samples, 0, size, at, first, together))
+def squared_distance(own, samples, size, at, first, together):
+    """Return the squared distance of sixteen surfaces from sixteen samples, over all guides."""
+    total = squared(own[0] - load_samples(samples, 0, size, at, first, together))
     for c in range(1, GUIDE_PLANES):
-        total = total + squared(own[c] - taken(samples, c, size, at, first, together))
+        total = total + squared(own[c] - load_samples(samples, c, size, at, first, together))
     return total
 
 
@@ -246,13 +246,13 @@ def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, ri
     for ring in range(rings):
         if ring:
             near = (away * -1.0 + np.float32(strides[ring])) / sigma
-            if all_lanes(floor(squared(near) * (0.5 * SURELY * STEPS)) * NUMBERS >= least[3][0]):
+            if all_lanes(floor(squared(near) * (0.5 * MARGIN * STEPS)) * NUMBERS >= least[3][0]):
                 break
         for k in range(8 * ring + 1 if ring else 0, 8 * ring + 9):
             u, v = left + across[k], top + down[k]
             step = int(down[k]) * stride + int(across[k])
             at = middle + np.int32(step) if together else inside(v, h) * np.int32(stride) + inside(u, w)
-            off = apart(own, samples, size, at, first + step, together)
+            off = squared_distance(own, samples, size, at, first + step, together)
             u, v = (u - x) / sigma, (v - y) / sigma
             off = (off + (u * u + v * v)) * 0.5
             least = pushed(least, (key_of(off, np.float32(k)), off, at))
@@ -281,9 +281,9 @@ def mean_of(samples, plane, at, share):
 
 
 @device_function
-def shown(light, share):
-    """A channel of a colour: `bounded`."""
-    value = minimum(light * share, MAX_HALF)
+def bounded(light, reflectance):
+    """Return a colour channel, bounded."""
+    value = minimum(light * reflectance, MAX_HALF)
     return select(value >= DARKNESS, value, 0.0)
 
 
@@ -307,18 +307,24 @@ def extrapolate_rows(
             at = places_of(x, y, w)
             column, row = to_float(at - np.int32(y * w)), np.float32(y)
             mx, my = back_to_shaded(motion, before, at, column, row, w, h, n)
-            px = led_to(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
-            py = led_to(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
+            px = reproject(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
+            py = reproject(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
             px, py = clamped(px, 0.0, n[THEN_W] - 1.0), clamped(py, 0.0, n[THEN_H] - 1.0)
             every = spread16(n[HAS_DEPTH]) > 0.0
-            own, share = told_at(base, normal, depth, at, 3, 1, every, n)
+            own, reflectance = guides_at(base, normal, depth, at, 3, 1, every, n)
             least = four_least(
                 own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings.rings,
                 n[C.distance_sigma], room,
             )  # fmt: skip
             light = light_at(least, samples, size)
             for c, value in enumerate(
-                (mx, my, shown(light[0], share[0]), shown(light[1], share[1]), shown(light[2], share[2]))
+                (
+                    mx,
+                    my,
+                    bounded(light[0], reflectance[0]),
+                    bounded(light[1], reflectance[1]),
+                    bounded(light[2], reflectance[2]),
+                )
             ):
                 store(line, 16 * c, value)
             for i in range(min(16, w - x)):

@@ -125,7 +125,7 @@ def make_compose_row(variant: Variant):
     """Return `compose_row` of a variant."""
     corrected, rectified, own_motion = variant
     planes, mean, own = variant.rest, variant.mean, variant.own
-    sample_weight, sharpness, kernel = variant.pasts, variant.sharpness, variant.kernel_weights
+    sample_weight, sharpness, kernel = variant.history_colors, variant.sharpness, variant.kernel_weights
     parameters = variant.blend_parameters
 
     @device_function
