@@ -26,7 +26,7 @@ class ShotInfo:
         name: for people.
         render_size: (width, height) of the frames, unless a frame says otherwise.
         display_size: (width, height) of the references and display-size buffers; None where there are none.
-        frame_rate: frames a second, > 0; None where nobody has said.
+        frame_rate: frames a second, > 0; None where the source does not state it.
         conventions: how the stored colour, depth, motion and jitter are to be read.
         license: of the images; "" is unknown.
         attribution: whom to name where the images are shown, one line each.

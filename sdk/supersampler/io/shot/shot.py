@@ -111,7 +111,7 @@ class Shot:
 
     @property
     def frame_rate(self) -> float | None:
-        """Frames a second; None where nobody has said."""
+        """Frames a second; None where the source does not state it."""
         return self.info.frame_rate
 
     @property
