@@ -163,7 +163,7 @@ class ShotWriter:
 
     @contextmanager
     def _writing(self, names: list[str]) -> Iterator[None]:
-        """Note in a file which files are about to be written, after checking that no other program wrote them.
+        """Note in a file which files are about to be written; refuse names that other programs have written.
 
         A run that is killed before shot.json lists them leaves that note, by which the next one knows them.
 
