@@ -3,6 +3,7 @@
 Numbers and arrays in, numbers and arrays out: no file is read here.
 """
 
+from supersampler.conventions.camera_motion import camera_motion
 from supersampler.conventions.conventions import Conventions
 from supersampler.conventions.converter import Converter
 from supersampler.conventions.jitter import (
@@ -18,6 +19,7 @@ __all__ = [
     "Conventions",
     "Converter",
     "RawFrame",
+    "camera_motion",
     "halton_jitter",
     "jitter_phase_count",
     "jittered_projection",

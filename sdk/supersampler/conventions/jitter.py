@@ -113,9 +113,9 @@ def jittered_projection(
     Raises:
         ArgumentError: `matrix` is not 4 x 4, `jitter` not two finite numbers, or the size not whole and > 0.
     """
-    projection = _checked_matrix(matrix)
+    projection = checked_matrix("matrix", matrix)
     width, height = checked_size("render_size", render_size)
-    x, y = _checked_jitter(jitter)
+    x, y = checked_jitter(jitter)
     translation = np.eye(4)
     translation[0, 3] = -2.0 * x / width
     translation[1, 3] = 2.0 * y / height  # clip y points up, jitter y down
@@ -140,19 +140,29 @@ def _checked_scale(scale: float) -> float:
     return number
 
 
-def _checked_matrix(matrix: ArrayLike) -> NDArray[Any]:
+def checked_matrix(name: str, matrix: ArrayLike) -> NDArray[Any]:
+    """Return a matrix as an array.
+
+    Raises:
+        ArgumentError: it is not 4 x 4, or its elements are not finite numbers.
+    """
     try:
         array = np.asarray(matrix)
     except Exception:  # rows of several lengths, or an error of somebody's class
-        raise ArgumentError("matrix", got=shown(matrix), want="a 4 x 4 matrix") from None
+        raise ArgumentError(name, got=shown(matrix), want="a 4 x 4 matrix") from None
     if array.shape != (4, 4):
-        raise ArgumentError("matrix", got=f"of shape {array.shape}", want="a 4 x 4 matrix")
+        raise ArgumentError(name, got=f"of shape {array.shape}", want="a 4 x 4 matrix")
     if array.dtype.kind not in "iuf" or isinstance(matrix, np.ma.MaskedArray) or not np.isfinite(array).all():
-        raise ArgumentError("matrix", got=shown(array.tolist()), want="a 4 x 4 matrix of finite numbers")
+        raise ArgumentError(name, got=shown(array.tolist()), want="a 4 x 4 matrix of finite numbers")
     return array
 
 
-def _checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
+def checked_jitter(jitter: Sequence[float]) -> tuple[float, float]:
+    """Return a jitter as two floats.
+
+    Raises:
+        ArgumentError: it is not two finite numbers.
+    """
     pair = [as_number(value) for value in jitter] if is_row(jitter) else []
     if len(pair) != 2 or not all(value is not None and math.isfinite(value) for value in pair):
         raise ArgumentError("jitter", got=shown(jitter), want="(x, y) in render pixels")
