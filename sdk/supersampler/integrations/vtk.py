@@ -1,0 +1,188 @@
+"""Supersampling of a VTK render window: it renders small and with jitter, and shows the upscaled image."""
+
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
+from vtkmodules.vtkRenderingCore import vtkActor2D
+
+from supersampler.arguments import checked_scale
+from supersampler.conventions import halton_jitter
+from supersampler.frame import Float32, Frame, Size
+from supersampler.integrations.vtk_view import View
+from supersampler.model import Model
+from supersampler.upscaler import Upscaler
+
+_ENCODED_ROWS = 64  # of an image, at once: they stay in the cache
+
+
+class SupersampledWindow:
+    """A render window that renders at its size / `scale`, and shows what an `Upscaler` makes of it.
+
+    Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
+    the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
+    none, and leaves a short trail. 2D props (text, scalar bars) and other renderers (axes, overlays) are
+    rendered at full size on top. A view that jumps starts anew, as does one of another window size.
+
+    Colour is taken as VTK blends and resolves it: display values, of which the image is a mean.
+
+    Attributes:
+        upscaler: of the window's present size; None before the first image.
+
+    Args:
+        window: a `vtkRenderWindow` with OpenGL; its multi-sampling is turned off.
+        renderer: the one that shows the scene, on all of the window.
+        scale: window size / render size, >= 1.
+        model: see `Upscaler`.
+        threads: see `Upscaler`.
+
+    Raises:
+        ArgumentError: `scale` is below 1.
+        ModelError: see `Upscaler`.
+    """
+
+    def __init__(
+        self,
+        window: Any,
+        renderer: Any,
+        *,
+        scale: float = 2.0,
+        model: Model | str | Path = "classifier",
+        threads: int = 0,
+    ) -> None:
+        self._window, self._renderer = window, renderer
+        self._scale = checked_scale(scale)
+        self._model = model if isinstance(model, Model) else Model.load(model, threads=threads)
+        self.upscaler: Upscaler | None = None
+        self._frames = 0
+        self._unit = 1.0  # what `Frame.depth` is relative to, since the first frame
+        self._view: View | None = None  # of the last frame; None makes the next one the first
+        self._small: tuple[ExitStack, View] | None = None  # while the window renders small
+        self._nested = False
+        self._pixels, self._depth = vtkUnsignedCharArray(), vtkFloatArray()
+        self._samples = window.GetMultiSamples()
+        window.SetMultiSamples(0)
+        self._observers = [
+            window.AddObserver("StartEvent", lambda *_: self._before_render()),
+            window.AddObserver("EndEvent", lambda *_: self._after_render()),
+        ]
+
+    def reset(self) -> None:
+        """Drop the history: the next image is made of one frame alone."""
+        self._view = None
+
+    def disable(self) -> None:
+        """Let the window render as it did."""
+        while self._observers:
+            self._window.RemoveObserver(self._observers.pop())
+        self._window.SetMultiSamples(self._samples)
+
+    def _before_render(self) -> None:
+        """Make the window render this frame small, jittered, and without what comes on top."""
+        if self._nested:
+            return
+        width, height = self._window.GetActualSize()
+        if self.upscaler is None or self.upscaler.display_size != (width, height):
+            self.upscaler, self._view = Upscaler(self._model, display_size=(width, height)), None
+        size = max(1, round(width / self._scale)), max(1, round(height / self._scale))
+        jitter = halton_jitter(self._frames, self._scale)
+        camera = self._renderer.GetActiveCamera()
+        with ExitStack() as stack:
+            viewport = (0.0, 0.0, size[0] / width, size[1] / height)
+            stack.enter_context(_changed(self._renderer, "Viewport", *viewport))
+            for renderer in self._window.GetRenderers():
+                if renderer is not self._renderer:
+                    stack.enter_context(_changed(renderer, "Draw", 0))
+            stack.enter_context(_hidden(prop for prop in self._props() if isinstance(prop, vtkActor2D)))
+            view = View.of(self._renderer, size, jitter)
+            x, y = camera.GetWindowCenter()
+            center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
+            stack.enter_context(_changed(camera, "WindowCenter", *center))
+            self._small = stack.pop_all(), view
+
+    def _after_render(self) -> None:
+        """Upscale what was rendered, and show it."""
+        if self._nested or self._small is None or self.upscaler is None:
+            return
+        stack, view = self._small
+        self._small, self._nested = None, True
+        try:
+            with stack:
+                frame = self._frame(view)
+            self._show(self.upscaler.step(frame))
+            self._view, self._frames = view, self._frames + 1
+        finally:
+            self._nested = False
+
+    def _frame(self, view: View) -> Frame:
+        width, height = view.size
+        self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)
+        pixels = vtk_to_numpy(self._pixels).reshape(height, width, 3)[::-1]
+        color = np.multiply(pixels, np.float32(1.0 / 255.0), dtype=np.float32)
+        buffer = self._read_depth(view.size)
+        if self._view is None:
+            self._unit, reset = view.near, True
+            motion = np.zeros((height, width, 2), np.float32)
+        else:
+            motion = self._motion(view, buffer, self._view)
+            reset = view.is_jump(motion, self._view)
+        depth = view.frame_depth(buffer, self._unit)
+        return Frame(color=color, depth=depth, motion=motion, jitter=view.jitter, reset=reset, exposure=1.0)
+
+    def _motion(self, view: View, buffer: Float32, previous: View) -> Float32:
+        motion = view.motion(buffer, previous)
+        for props, of_these in view.moved_props(buffer, previous):
+            with _hidden(prop for prop in self._props() if prop not in props):
+                self._window.Render()
+                mine = self._read_depth(view.size) == buffer
+            motion[mine] = of_these[mine]
+        motion[buffer == 1.0] = 0.0  # the background belongs to the window
+        return motion
+
+    def _read_depth(self, size: Size) -> Float32:
+        self._window.GetZbufferData(0, 0, size[0] - 1, size[1] - 1, self._depth)
+        return np.ascontiguousarray(vtk_to_numpy(self._depth).reshape(size[1], size[0])[::-1])
+
+    def _show(self, image: Float32) -> None:
+        height, width = image.shape[:2]
+        encoded = np.empty((height, width, 3), np.uint8)
+        for top in range(0, height, _ENCODED_ROWS):
+            rows = np.minimum(image[top : top + _ENCODED_ROWS], np.float32(1.0))
+            rows *= np.float32(255.0)
+            rows += np.float32(0.5)
+            encoded[height - top - len(rows) : height - top] = rows[::-1]  # VTK's row 0 is at the bottom
+        pixels = numpy_to_vtk(encoded.reshape(-1, 3))
+        self._window.SetPixelData(0, 0, width - 1, height - 1, pixels, 0, 0)
+        scene = (prop for prop in self._props() if not isinstance(prop, vtkActor2D))
+        with _changed(self._renderer, "PreserveColorBuffer", 1), _hidden(scene):
+            self._window.Render()
+
+    def _props(self) -> list[Any]:
+        return list(self._renderer.GetViewProps())
+
+
+@contextmanager
+def _changed(vtk_object: Any, name: str, *values: Any) -> Iterator[None]:
+    """Set a property of a VTK object, and set it back."""
+    before = getattr(vtk_object, f"Get{name}")()
+    getattr(vtk_object, f"Set{name}")(*values)
+    try:
+        yield
+    finally:
+        getattr(vtk_object, f"Set{name}")(*(before if isinstance(before, tuple) else (before,)))
+
+
+@contextmanager
+def _hidden(props: Iterable[Any]) -> Iterator[None]:
+    visible = [prop for prop in props if prop.GetVisibility()]
+    for prop in visible:
+        prop.VisibilityOff()
+    try:
+        yield
+    finally:
+        for prop in visible:
+            prop.VisibilityOn()

@@ -1,0 +1,94 @@
+"""Camera and props of a VTK renderer at one frame: what depth and motion follow from."""
+
+from collections.abc import Collection, Iterator
+from dataclasses import dataclass
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkProp3D
+
+from supersampler.conventions import camera_motion
+from supersampler.conventions.depth import to_reversed_infinite
+from supersampler.frame import Float32, Size
+
+Matrix = NDArray[np.float64]
+
+_JUMP = 0.5  # of the image: a median motion beyond it is another view
+_PROBED = 8  # one pixel in so many, in either direction, tells
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Camera and props at one frame.
+
+    Attributes:
+        size: (width, height) of the render.
+        jitter: see `Frame`.
+        view_projection: without jitter, to a clip space from -1 to 1.
+        near: distance of the near plane; of the far plane `far`.
+        parallel: whether the projection is parallel.
+        matrices: of the props, from their own space to the world's.
+    """
+
+    size: Size
+    jitter: tuple[float, float]
+    view_projection: Matrix
+    near: float
+    far: float
+    parallel: bool
+    matrices: dict[vtkProp3D, Matrix]
+
+    @classmethod
+    def of(cls, renderer: Any, size: Size, jitter: tuple[float, float]) -> Self:
+        """Read the view of a renderer whose viewport has the size, before the camera is jittered."""
+        camera = renderer.GetActiveCamera()
+        aspect = renderer.GetTiledAspectRatio()
+        matrix = _array(camera.GetCompositeProjectionTransformMatrix(aspect, -1.0, 1.0))
+        near, far = camera.GetClippingRange()
+        props = [p for p in renderer.GetViewProps() if isinstance(p, vtkProp3D) and p.GetVisibility()]
+        matrices = {prop: _array(prop.GetMatrix()) for prop in props}
+        return cls(size, jitter, matrix, near, far, bool(camera.GetParallelProjection()), matrices)
+
+    def frame_depth(self, buffer: Float32, unit: float) -> Float32:
+        """Return unit / view distance of the depth buffer's values, 0 at the background."""
+        if self.parallel:  # planes may lie behind the camera: distances count from the near plane
+            range_ = self.far - self.near
+            distance = np.float32(unit) / (np.float32(range_) * (buffer + np.float32(0.1)))
+            return np.where(buffer < 1.0, distance, np.float32(0.0))
+        depth = to_reversed_infinite(buffer, "forward", self.near, self.far)
+        return np.where(buffer < 1.0, depth * np.float32(unit / self.near), np.float32(0.0))
+
+    def motion(self, buffer: Float32, previous: "View") -> Float32:
+        """Return `Frame.motion` of what does not move itself."""
+        return self._motion(buffer, previous.view_projection)
+
+    def moved_props(
+        self, buffer: Float32, previous: "View"
+    ) -> Iterator[tuple[Collection[vtkProp3D], Float32]]:
+        """Yield props that moved alike, with the motion that every pixel has if it shows one of them."""
+        moves: dict[bytes, list[vtkProp3D]] = {}
+        for prop, matrix in self.matrices.items():
+            before = previous.matrices.get(prop)
+            if before is not None and not np.array_equal(before, matrix):
+                move = before @ np.linalg.inv(matrix)
+                moves.setdefault(move.round(12).tobytes(), []).append(prop)
+        for props in moves.values():
+            move = previous.matrices[props[0]] @ np.linalg.inv(self.matrices[props[0]])
+            yield props, self._motion(buffer, previous.view_projection @ move)
+
+    def is_jump(self, motion: Float32, previous: "View") -> bool:
+        """Tell whether this is another view, not the previous one moved."""
+        if self.parallel != previous.parallel or self.size != previous.size:
+            return True
+        probes = np.abs(motion[::_PROBED, ::_PROBED]) / np.array(self.size, np.float32)
+        return bool(np.median(probes.max(axis=-1)) > _JUMP)
+
+    def _motion(self, buffer: Float32, previous: Matrix) -> Float32:
+        return camera_motion(
+            buffer, self.view_projection, previous, jitter=self.jitter, clip="minus_one_to_one"
+        )
+
+
+def _array(matrix: Any) -> Matrix:
+    return np.array([[matrix.GetElement(row, column) for column in range(4)] for row in range(4)])
