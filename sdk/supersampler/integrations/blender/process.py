@@ -1,0 +1,168 @@
+"""A Blender that renders the frames of a scene in a child process, and what it says on the way."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from collections import deque
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from threading import Condition, Thread
+from typing import Any
+
+from supersampler.errors import ArgumentError, ShotError, shown
+from supersampler.integrations.blender import render_frames
+
+_LAST_LINES = 20  # of Blender's own output, for an error of it
+_USUAL_PLACES = {
+    "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
+    "win32": (r"C:\Program Files\Blender Foundation\Blender *\blender.exe",),
+}
+
+
+def find_blender(path: str | None = None) -> str:
+    """Return the executable that renders: `path`, or `blender` on the path, or where installers put it.
+
+    Args:
+        path: Blender, or a Python that has the module bpy; None looks for Blender.
+
+    Raises:
+        ArgumentError: there is none.
+    """
+    if path is not None:
+        found = shutil.which(path)
+        if found is None:
+            want = "the path of Blender, or of a Python that has bpy"
+            raise ArgumentError("--blender", got=f"{path}, which is no program", want=want)
+        return found
+    places = (sorted(Path("/").glob(place.lstrip("/"))) for place in _USUAL_PLACES.get(sys.platform, ()))
+    found = shutil.which("blender") or next((str(hit) for hits in places for hit in reversed(hits)), None)
+    if found is None:
+        hint = "Install it from blender.org; or a Python 3.11 with `pip install bpy` does."
+        raise ArgumentError("--blender", got="left out, and no Blender was found", want="its path", hint=hint)
+    return found
+
+
+class BlenderRender:
+    """A running render. Frames are complete in the order of their numbers; `wait_for` waits for one.
+
+    >>> with BlenderRender(find_blender(), Path("scene.blend"), folder, settings) as render:
+    ...     scene = render.scene()
+    ...     file = render.wait_for(0)["file"]
+
+    Args:
+        program: as `find_blender` returns it.
+        blend: the scene's file; it is never written.
+        folder: to render into. blender.log there gets all that Blender says.
+        settings: see `render_frames.main`.
+        note: called with each line about what is rendered otherwise than the file says.
+
+    Raises:
+        ShotError: (of any method) Blender ended before its work was done; says why, as far as it told.
+    """
+
+    def __init__(
+        self,
+        program: str,
+        blend: Path,
+        folder: Path,
+        settings: Mapping[str, object],
+        note: Callable[[str], None],
+    ) -> None:
+        self._blend, self._note = blend, note
+        self._scene: dict[str, Any] | None = None
+        self._frames: list[dict[str, Any]] = []
+        self._error: str | None = None
+        self._done = False
+        self._changed = Condition()
+        file = folder / "settings.json"
+        own = {**settings, "blend": str(blend.resolve()), "folder": str(folder.resolve())}
+        file.write_text(json.dumps(own, indent=1), encoding="utf-8")
+        self._log = (folder / "blender.log").open("w", encoding="utf-8")
+        self._process = subprocess.Popen(  # noqa: S603  # the user names the program
+            _command(program, file),
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            encoding="utf-8",
+            errors="replace",
+            env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
+        )
+        self._reader = Thread(target=self._read, name="blender", daemon=True)
+        self._reader.start()
+
+    def __enter__(self) -> "BlenderRender":
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def scene(self) -> dict[str, Any]:
+        """Wait for what `render_frames.facts` tells of the scene."""
+        with self._changed:
+            self._changed.wait_for(lambda: self._scene is not None or self._done)
+            if self._scene is None:
+                raise self._failure("before the first frame")
+            return self._scene
+
+    def wait_for(self, index: int) -> dict[str, Any]:
+        """Wait until the frame of this place in the list of frames is complete, and return what was told of it."""
+        with self._changed:
+            self._changed.wait_for(lambda: len(self._frames) > index or self._done)
+            if len(self._frames) <= index:
+                number = self.scene()["frames"][index]
+                raise self._failure(f"at frame {number}")
+            return self._frames[index]
+
+    def close(self) -> None:
+        """End Blender, if it still runs; frames that are complete stay."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(timeout=10)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+        self._reader.join()
+        self._log.close()
+
+    def _read(self) -> None:
+        """Take in what Blender prints, until it ends."""
+        lines: deque[str] = deque(maxlen=_LAST_LINES)
+        assert self._process.stdout is not None  # noqa: S101  # it is a pipe
+        for line in self._process.stdout:
+            self._log.write(line)
+            if line.startswith(render_frames.LINE):
+                self._take(json.loads(line.removeprefix(render_frames.LINE)))
+            elif line.strip():
+                lines.append(line.strip())
+        code = self._process.wait()
+        with self._changed:
+            self._done = True
+            if code and self._error is None:
+                said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
+                self._error = f"Blender ended with {code}: {said}"
+            self._changed.notify_all()
+
+    def _take(self, content: dict[str, Any]) -> None:
+        with self._changed:
+            if "scene" in content:
+                self._scene = content["scene"]
+            elif "frame" in content:
+                self._frames.append(content)
+            elif "error" in content:
+                self._error = content["error"]
+            else:
+                self._note(content["note"])
+            self._changed.notify_all()
+
+    def _failure(self, when: str) -> ShotError:
+        problem = f"the render ended {when}: {self._error or 'Blender said nothing of why'}"
+        return ShotError(self._blend, problem, f"All that Blender said is in {self._log.name}.")
+
+
+def _command(program: str, settings: Path) -> list[str]:
+    script = str(Path(render_frames.__file__))
+    if Path(program).stem.lower().startswith("python"):
+        return [program, script, str(settings)]
+    return [program, "--background", "--python-exit-code", "1", "--python", script, "--", str(settings)]
