@@ -11,9 +11,10 @@ from pathlib import Path
 from threading import Condition, Thread
 from typing import Any
 
-from supersampler.errors import ArgumentError, ShotError, shown
-from supersampler.integrations.blender import render_frames
+from supersampler.errors import ArgumentError, ShotError
 
+_SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
+_TOLD = "supersampler "  # lines of the script begin with it
 _LAST_LINES = 20  # of Blender's own output, for an error of it
 _USUAL_PLACES = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
@@ -107,7 +108,7 @@ class BlenderRender:
             return self._scene
 
     def wait_for(self, index: int) -> dict[str, Any]:
-        """Wait until the frame of this place in the list of frames is complete, and return what was told of it."""
+        """Wait until a frame, by its place in the list, is complete; return what was told of it."""
         with self._changed:
             self._changed.wait_for(lambda: len(self._frames) > index or self._done)
             if len(self._frames) <= index:
@@ -132,8 +133,8 @@ class BlenderRender:
         assert self._process.stdout is not None  # noqa: S101  # it is a pipe
         for line in self._process.stdout:
             self._log.write(line)
-            if line.startswith(render_frames.LINE):
-                self._take(json.loads(line.removeprefix(render_frames.LINE)))
+            if line.startswith(_TOLD):
+                self._take(json.loads(line.removeprefix(_TOLD)))
             elif line.strip():
                 lines.append(line.strip())
         code = self._process.wait()
@@ -162,7 +163,6 @@ class BlenderRender:
 
 
 def _command(program: str, settings: Path) -> list[str]:
-    script = str(Path(render_frames.__file__))
     if Path(program).stem.lower().startswith("python"):
-        return [program, script, str(settings)]
-    return [program, "--background", "--python-exit-code", "1", "--python", script, "--", str(settings)]
+        return [program, str(_SCRIPT), str(settings)]
+    return [program, "--background", "--python-exit-code", "1", "--python", str(_SCRIPT), "--", str(settings)]

@@ -3,8 +3,8 @@
     blender --background scene.blend --python-exit-code 1 --python render_frames.py -- settings.json
 
 settings.json: see `main`. Each line on stdout that begins with "supersampler " is a JSON object:
-{"scene": ...} once, {"note": ...} for what is changed, {"frame": number, "file": path, ...} for each frame that
-is complete, {"error": ...} where the scene will not do. The .blend file is never saved.
+{"scene": ...} once, {"note": ...} for what is changed, {"frame": number, "file": path, ...} for each frame
+that is complete, {"error": ...} where the scene will not do. The .blend file is never saved.
 """
 
 import json
