@@ -21,7 +21,7 @@ NAME = "test-shots"
 CACHE_VARIABLE = "SUPERSAMPLER_CACHE"
 FROZEN = Path(__file__).parent / "frozen.json"
 """The hashes of the pixels that every published number was measured on."""
-PROVENANCE = "drawn.json"
+PROVENANCE = "provenance.json"
 """File in each shot's folder: the driver and the settings that it was rendered with."""
 _HOW = "`supersampler bench shots` renders it."
 
@@ -179,8 +179,15 @@ def open_test_shot(cache: Path, family: str, ratio: float, shots: TestShots, fro
 
 
 def read_provenance(folder: Path) -> dict[str, Any]:
-    """Return the driver and the settings of a shot's folder; {} where it has none."""
-    return _json(folder / PROVENANCE)
+    """Return the driver and the settings that a shot's folder was rendered with; {} where it has no shot.
+
+    Raises:
+        ShotError: it has a shot of an earlier version, without provenance.json.
+    """
+    path = folder / PROVENANCE
+    if not path.exists() and any(folder.glob("*.json")):
+        raise ShotError(path, "is missing: the shot is of an earlier version", f"Delete {folder}: {_HOW}")
+    return _json(path)
 
 
 def pixel_hash(shot: Shot) -> str:
