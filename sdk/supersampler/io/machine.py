@@ -1,4 +1,4 @@
-"""The machine and the package versions that images and times depend on."""
+"""Description of the machine, and versions of installed packages."""
 
 import os
 import platform
@@ -14,7 +14,7 @@ def machine() -> dict[str, Any]:
 
 
 def installed_versions(*packages: str) -> dict[str, str]:
-    """Return the versions of those that are installed, by name."""
+    """Return the versions of the packages that are installed, by name."""
     found = {}
     for name in packages:
         with suppress(PackageNotFoundError):
@@ -23,7 +23,7 @@ def installed_versions(*packages: str) -> dict[str, str]:
 
 
 def _cpu_model() -> str:
-    """Return the model's name where the system tells it, else the architecture."""
+    """Return the CPU's model name from Linux, else the name that Python knows."""
     info = Path("/proc/cpuinfo")
     if info.is_file():
         for line in info.read_text(encoding="utf-8", errors="replace").splitlines():

@@ -124,7 +124,9 @@ def test_a_shot_of_a_version_without_provenance_is_refused_when_it_is_opened_and
     shutil.copytree(cache, tmp_path / "old")
     court = tmp_path / "old" / "test-shots" / "court"
     (court / "provenance.json").rename(court / "drawn.json")
-    refused = pytest.raises(ShotError, match=r"provenance\.json: is missing: .*earlier version\. Delete .*court")
+    refused = pytest.raises(
+        ShotError, match=r"provenance\.json: is missing: .*earlier version\. Delete .*court"
+    )
     with refused:
         open_test_shots(tmp_path / "old", [2.0], TINY, tmp_path / "none.json")
     with refused:

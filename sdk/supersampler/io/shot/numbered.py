@@ -1,5 +1,6 @@
-"""Files that belong to numbered frames, and the jitter that comes beside them."""
+"""Find the numbered files of a frame sequence, and read its jitter."""
 
+import os
 import re
 from collections.abc import Sequence
 from itertools import pairwise
@@ -7,7 +8,7 @@ from pathlib import Path, PurePath, PurePosixPath
 from typing import TypeAlias
 
 from supersampler.errors import ArgumentError, ShotError
-from supersampler.io.atomic import check_inside
+from supersampler.io.atomic import NOT_FOUND, check_inside
 from supersampler.io.json_fields import read_json
 from supersampler.io.limits import SHOT_FRAMES
 
@@ -22,8 +23,8 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     Raises:
         ShotError: none matches, a name has no number, two have the same, or one lies outside of the folder.
     """
-    if not is_folder(folder):
-        raise ShotError(folder, "there is no such folder", "Is the path right, is the drive connected?")
+    if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
+        raise ShotError(folder, "there is no such folder", NOT_FOUND)
     files: dict[int, Path] = {}
     for path in _matching(folder, pattern):
         if path.name.startswith("."):  # being written
@@ -44,14 +45,6 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     return dict(sorted(files.items()))
 
 
-def is_folder(path: Path) -> bool:
-    """Tell whether a folder is there; False for a path that is too long for any to be."""
-    try:
-        return path.is_dir()
-    except OSError:
-        return False
-
-
 def _matching(folder: Path, pattern: str) -> list[Path]:
     parts = PurePosixPath(pattern).parts
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
@@ -64,7 +57,7 @@ def _matching(folder: Path, pattern: str) -> list[Path]:
 
 
 def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
-    """Raise where a frame is missing between two others: motion leads from each frame to the one before."""
+    """Raise ShotError where a frame number is missing: motion leads from each frame to the previous one."""
     numbers = list(files)
     for before, after in pairwise(numbers):
         if after != before + 1:
@@ -74,11 +67,11 @@ def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
 
 
 def read_jitter(folder: Path, jitter: Jitter | None, count: int) -> list[tuple[float, float]]:
-    """Return the jitter of each of `count` frames: as given, or from `jitter.json` in the folder, or zero.
+    """Return the jitter of `count` frames: as given, or from `jitter.json` in the folder, or zero.
 
     Raises:
         ShotError: the file is missing, or does not hold [x, y] for each frame.
-        ArgumentError: the sequence given does not.
+        ArgumentError: the given sequence does not hold (x, y) for each frame.
     """
     if jitter is None:
         if not (folder / JITTER_FILE_NAME).exists():
