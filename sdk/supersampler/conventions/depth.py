@@ -1,4 +1,4 @@
-"""Every kind of depth buffer to near / view distance, and back."""
+"""Convert every kind of depth buffer to near / view distance, and back."""
 
 from typing import Literal
 
@@ -23,7 +23,7 @@ def to_reversed_infinite(depth: Array, kind: DepthKind, near: float, far: float 
     if kind == "reversed_infinite":
         return values
     if kind == "linear":
-        with np.errstate(divide="ignore"):  # a distance of 0 becomes inf, which `FrameChecker` reports
+        with np.errstate(divide="ignore"):  # distance 0 becomes inf, which `FrameChecker` reports
             inverse = np.float32(near) / values
         return inverse if far is None else np.where(values >= far, np.float32(0), inverse)
     if kind.startswith("forward"):

@@ -217,7 +217,8 @@ class Recorder:
 
     @contextmanager
     def _or_end(self, undo: Callable[[], None] = lambda: None, *, later: bool = False) -> Iterator[None]:
-        """After an error, remove the log's lines of the block; where the disk refused, `undo` and end the log.
+        """After an error, remove the log's lines of the block; where the disk refused, `undo` and end the
+        log.
 
         Raises:
             RecordingError: the disk refused; with `later`, the next call raises it instead.

@@ -84,8 +84,9 @@ class Replay:
         recording: the recording.
         model: a model's name or folder; None takes the recorded one, which must ship.
         extrapolation: likewise, the model that extrapolates unshaded frames.
-        executor, precision: see `Model.load`. None is the recorded value where model, executor, precision and
-            providers are all recorded ones, else "auto".
+        executor: see `Model.load`. With the recorded model, and none of executor, precision and providers
+            given, the recorded values are used; otherwise None means "auto".
+        precision: likewise.
         providers: see `Model.load`; None is the recorded providers where they are installed, else "auto".
 
     Attributes:
@@ -196,7 +197,9 @@ def _refused(call: StepCall, here: Outcome) -> Replayed:
     note = f"raises {_text(here)}"
     if recorded is not None:
         kind, text = recorded.error
-        exact = kind == here.error[0] and (kind != "FrameError" or text == here.error[1])  # texts of other errors may vary
+        exact = kind == here.error[0] and (
+            kind != "FrameError" or text == here.error[1]
+        )  # texts of other errors may vary
         note += ", as recorded" if exact else f"; recorded: {_text(recorded) if kind else 'nothing'}"
     return Replayed(call.index, exact=exact, within=exact is True, note=note)
 
