@@ -78,7 +78,7 @@ def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
 def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
     as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str
 ) -> None:
-    """(closer, farther) surfaces that uncovered places were hidden by, if depth were of that order."""
+    """(closer, farther) surfaces that disoccluded places were hidden by, if depth were of that order."""
     assert _other_order({"reversed": as_reversed, "forward": as_forward}) == kind
 
 
@@ -204,7 +204,7 @@ def test_uncovered_places_are_looked_for_where_motion_and_both_jitters_lead(
 
     def hidden_by(before: tuple[float, float]) -> tuple[int, int]:
         [pair] = frame_pairs([Evidence.of_frame(replace(frame, jitter=before)), Evidence.of_frame(frame)])
-        return pair.uncovered("reversed", Conventions(), 30_000)
+        return pair.disoccluded("reversed", Conventions(), 30_000)
 
     assert hidden_by((-x, -y)) == found
     assert hidden_by((x, y)) == (0, 0)

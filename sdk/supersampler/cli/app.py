@@ -1,4 +1,4 @@
-"""The top of the command: global options, errors in one line, and commands that live in other packages."""
+"""The command group: global options, one-line errors, and the commands of other packages."""
 
 import re
 import sys
@@ -18,7 +18,7 @@ TOOLS = {
     "export": "supersampler_export.cli",
     "bench": "supersampler_bench.cli",
 }
-"""Commands of the training side, by the module whose `app` they are; imported only when they are called."""
+"""Modules with the `app` of commands in other packages, imported when they are called."""
 
 EXTRAS = {
     "torch": "train",
@@ -29,14 +29,14 @@ EXTRAS = {
     "moderngl": "render",
     "safetensors": "render",
 }
-"""Packages that a runtime-only install lacks, and the extra that brings each."""
+"""Packages that are missing in a runtime-only install, and the extra that installs each."""
 
 
 class Commands(TyperGroup):
-    """Finds commands of other packages, and turns expected errors into one line."""
+    """Finds commands of other packages, and prints expected errors as one line."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Take a tool's own command instead of its line in `--help`."""
+        """Return the command of another package, which is only a stub in this one."""
         if args and args[0] in TOOLS:
             command = typer.main.get_command(import_module(TOOLS[args[0]]).app)
             return args[0], command, args[1:]
@@ -69,10 +69,10 @@ def main() -> None:
 
 
 def _line(error: Exception) -> str | None:
-    """The one line for an error; None for a module whose lack is a bug."""
+    """Return the line to print for an error; None where it is a bug, such as a missing required module."""
     if isinstance(error, SupersamplerError):
         return str(error)
-    if isinstance(error, OSError):  # of a path that no file can have, a folder, a disk
+    if isinstance(error, OSError):
         return f"{error.filename}: {error.strerror}" if error.filename else str(error)
     if isinstance(error, UnicodeDecodeError):
         return f"a file that should hold text does not ({error})"
@@ -86,7 +86,7 @@ def _line(error: Exception) -> str | None:
 
 
 def _with_suggestion(message: str) -> str:
-    """Add "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
+    """Append "Did you mean ...?" to "'x' is not one of 'a', 'b'"."""
     given, _, choices = message.partition(" is not one of ")
     word = given.rpartition("'")[0].rpartition("'")[2]
     hint = did_you_mean(word, re.findall("'(.*?)'", choices))

@@ -1,4 +1,4 @@
-"""Checks of the G-buffers that a method reads."""
+"""Pixel checks of the G-buffers that a method reads."""
 
 from collections.abc import Collection, Iterator
 
@@ -11,16 +11,16 @@ from supersampler.validation import mistakes
 from supersampler.validation.evidence import PLACES, grid
 from supersampler.validation.mistakes import Mistake, where
 
-_FEW = 100  # places, too few to judge by
-_OUTSIDE = 1e-3  # rounding of halves near 1
-_LENGTH = 0.05  # what shaders that do not normalise leave
-_SHARE = 0.01  # of the places; fewer may be an accident
-_SCALE = 1.25  # by how much depths of two sizes may differ
-_SPREAD = 0.05  # in the logarithm of depth: surfaces at more than one distance
+_FEW = 100  # minimum number of places
+_OUTSIDE = 1e-3  # rounding error of half floats near 1
+_LENGTH = 0.05  # accepted error of a normal's length
+_SHARE = 0.01  # minimum fraction of wrong places
+_SCALE = 1.25  # accepted ratio of depths at two sizes
+_SPREAD = 0.05  # of log depth, from which on surfaces have several distances
 
 
 def gbuffer_mistakes(frame: Frame, names: Collection[str]) -> Iterator[Mistake]:
-    """Yield the mistakes in the G-buffers of these tensors, as far as the frame has them."""
+    """Yield the mistakes in the frame's G-buffers of these tensor names; missing ones are skipped."""
     for place in (GBUFFERS[name] for name in names):
         array = place.find(frame)
         if array is None:
@@ -65,7 +65,7 @@ def _normal(place: Place, array: Array) -> Iterator[Mistake]:
     if wrong.mean() <= _SHARE:
         return
     decoded = np.linalg.norm(2.0 * values - 1.0, axis=-1)[wrong]
-    decoded = decoded[decoded > _LENGTH]  # the sky, encoded, becomes 0
+    decoded = decoded[decoded > _LENGTH]  # the encoded sky is 0
     fitting = np.abs(decoded - 1.0) <= _LENGTH
     encoded = values.min() >= -_OUTSIDE and 2 * fitting.sum() > len(decoded)
     lengths = length[wrong]
@@ -74,7 +74,7 @@ def _normal(place: Place, array: Array) -> Iterator[Mistake]:
 
 
 def _depth(place: Place, array: Array, frame: Frame) -> Iterator[Mistake]:
-    """Compare display-size depth with the frame's own: the same kind, at more places."""
+    """Compare display-size depth with render-size depth, which must be of the same kind."""
     if array.min() < 0.0:
         yield mistakes.GBUFFER_DEPTH_NEGATIVE.found(place=place, least=float(array.min()))
         return
@@ -92,7 +92,7 @@ def _depth(place: Place, array: Array, frame: Frame) -> Iterator[Mistake]:
 
 
 def _same_places(frame: Frame, array: Array) -> tuple[Float32, Float32]:
-    """Depth of the frame at some samples, and display-size depth where they were taken."""
+    """Return render-size depth at some pixels, and display-size depth at their sample positions."""
     rows, columns = grid(frame.size, PLACES)
     there = []
     for axis, (index, jitter) in enumerate(((rows, frame.jitter[1]), (columns, frame.jitter[0]))):
@@ -103,5 +103,5 @@ def _same_places(frame: Frame, array: Array) -> tuple[Float32, Float32]:
 
 
 def _spread(values: Float32) -> float:
-    """Median distance from the median."""
+    """Return the median absolute deviation."""
     return float(np.median(np.abs(values - np.median(values))))
