@@ -1,7 +1,6 @@
-"""One scene for the tests of all importers, written in each layout, and what an importer must make of it.
+"""A test scene written in the file layout of each importer, and the frames that importers must return.
 
-Each layout is written by formulas of its own, with a sky, a jitter and a motion of whole pixels, so that each
-frame can be found in the one before it by its motion, exactly.
+It has a sky, jitter, and motion by whole pixels, so that motion vectors lead exactly to the previous frame.
 """
 
 import json

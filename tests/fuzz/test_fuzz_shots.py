@@ -1,4 +1,4 @@
-"""No description of frames harms its reader: shot.json, channels.json, jitter.json, upscale.json."""
+"""Fuzz tests of shot.json, channels.json, jitter.json and upscale.json: read or refused with ShotError."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Where the checks of G-buffers begin to speak: just short of each threshold they are silent."""
+"""Tests of the thresholds of the G-buffer checks: no warning just below each."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The command: resumable, never a half-written or wrong picture, errors in one line, quick to answer."""
+"""Tests of the `supersampler` command: resuming, complete output files, one-line errors, fast `--help`."""
 
 import json
 import os

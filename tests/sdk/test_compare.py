@@ -1,4 +1,4 @@
-"""The page is one file that needs nothing else, appears only when complete, and shows what it was given."""
+"""Tests of compare.html: self-contained, written atomically, with the right layers and numbers."""
 
 import base64
 import json

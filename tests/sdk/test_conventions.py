@@ -1,4 +1,4 @@
-"""Conventions: there and back again over all fields, the vendors' own formulas, and what is refused."""
+"""Tests of `Conventions`: round trips over all fields, the vendors' formulas, refused values."""
 
 import json
 from collections.abc import Callable

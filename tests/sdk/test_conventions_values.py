@@ -1,4 +1,4 @@
-"""Numbers that conversions give, worked out by hand: what comes back unchanged may be wrong both ways."""
+"""Tests of converted values against numbers computed by hand, as round trips can hide errors."""
 
 import math
 from typing import Any

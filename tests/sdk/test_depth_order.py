@@ -1,4 +1,4 @@
-"""How far a depth buffer is from planes, by which the detector tells its kind."""
+"""Tests of `bend`, the curvature of depth by which the detector tells its kind."""
 
 import numpy as np
 import pytest

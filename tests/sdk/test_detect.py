@@ -1,4 +1,4 @@
-"""The detector finds each planted mistake on the shipped shot, and says so where it cannot tell."""
+"""Tests of `detect_conventions` on the shipped shot: each wrong convention is found or called uncertain."""
 
 from dataclasses import replace
 from itertools import product

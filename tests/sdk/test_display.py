@@ -1,4 +1,4 @@
-"""The display transform is DESIGN.md section 7, and no pixel, however broken, gets out of [0, 1]."""
+"""Tests of the display transform and of measured exposure, with invalid pixels, too."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Anybody's EXR channels come out as our Frames: sign, unit, order, all of it."""
+"""Tests of `import_channels`: signs, units and order of the imported frames."""
 
 import json
 from pathlib import Path

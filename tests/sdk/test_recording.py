@@ -1,4 +1,4 @@
-"""A recording holds all calls of an Upscaler, bit for bit, whatever ends the process that writes it."""
+"""Tests of recordings: all calls and their results, bit for bit, whatever ends the process."""
 
 import json
 import shutil

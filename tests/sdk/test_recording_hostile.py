@@ -1,4 +1,4 @@
-"""A recording of a stranger is refused where it holds what no Upscaler writes."""
+"""Tests that manipulated recordings are refused with RecordingError."""
 
 import json
 import os

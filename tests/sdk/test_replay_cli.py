@@ -1,4 +1,4 @@
-"""`supersampler upscale --record` and `supersampler replay`: one folder, and an exit code."""
+"""Tests of `supersampler upscale --record` and `supersampler replay`, with their exit codes."""
 
 import json
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Promises about shot.json: what is wrong with it is said with file, key and frame."""
+"""Tests of shot.json: errors name the file, the key and the frame."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""What the checks say of several frames: jitter by itself, what hides what, and readings in words."""
+"""Tests of the checks over several frames: jitter, depth order, readings of motion."""
 
 import warnings
 from dataclasses import replace

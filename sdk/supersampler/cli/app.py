@@ -13,12 +13,18 @@ from supersampler.cli.arguments import printable
 from supersampler.errors import SupersamplerError, did_you_mean
 
 TOOLS = {
-    "render": "supersampler_model.data.cli",
-    "train": "supersampler_model.training.cli",
-    "export": "supersampler_export.cli",
-    "bench": "supersampler_bench.cli",
+    "render": (
+        "supersampler_model.data.cli",
+        "Render a training set with exact truth and labels. Needs moderngl.",
+    ),
+    "train": (
+        "supersampler_model.training.cli",
+        "Train a method on rendered data or your own shots. Needs torch.",
+    ),
+    "export": ("supersampler_export.cli", "Write a method as a model folder for ONNX Runtime. Needs torch."),
+    "bench": ("supersampler_bench.cli", "Measure methods against references. Needs flip-evaluator."),
 }
-"""Modules with the `app` of commands in other packages, imported when they are called."""
+"""Commands of other packages: the module with their `app`, imported when they are called, and their help."""
 
 EXTRAS = {
     "torch": "train",
@@ -36,9 +42,9 @@ class Commands(TyperGroup):
     """Finds commands of other packages, and prints expected errors as one line."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[str | None, Any, list[str]]:
-        """Return the command of another package, which is only a stub in this one."""
+        """Return the command of another package in place of its entry in `--help`."""
         if args and args[0] in TOOLS:
-            command = typer.main.get_command(import_module(TOOLS[args[0]]).app)
+            command = typer.main.get_command(import_module(TOOLS[args[0]][0]).app)
             return args[0], command, args[1:]
         return super().resolve_command(ctx, args)
 
@@ -112,19 +118,3 @@ def supersampler(
     with a channels.json, an Arm .safetensors sequence, or the name of the shot that ships: plaza. Sizes
     are width x height in pixels.
     """
-
-
-def render() -> None:
-    """Render a training set with exact truth and labels. Needs moderngl."""
-
-
-def train() -> None:
-    """Train a method that learns, on rendered data or on your own shots. Needs torch."""
-
-
-def export() -> None:
-    """Write a method as a model folder for ONNX Runtime. Needs torch."""
-
-
-def bench() -> None:
-    """Measure methods against references. Needs flip-evaluator."""

@@ -1,4 +1,4 @@
-"""`supersampler check`."""
+"""`supersampler check`: detects the conventions of a shot."""
 
 from typing import Annotated
 

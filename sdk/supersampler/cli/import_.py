@@ -1,4 +1,4 @@
-"""`supersampler import`."""
+"""`supersampler import`: copies frames of other programs into a shot."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
@@ -100,10 +100,9 @@ def _json_object(text: str, option: str) -> dict[str, Any]:
     want = 'an object, {"name": value, ...}'
     try:
         content = parse_json(text.encode()) if text.lstrip().startswith("{") else read_json(Path(text))
-    except ShotError as error:
-        raise ArgumentError(option, got=f"{text} ({error.problem})", want=f"a JSON file of {want}") from error
-    except (ValueError, RecursionError) as error:
-        raise ArgumentError(option, got=f"not JSON ({error})", want=want) from error
+    except (ShotError, ValueError, RecursionError) as error:
+        got = f"{text} ({error.problem})" if isinstance(error, ShotError) else f"not JSON ({error})"
+        raise ArgumentError(option, got=got, want=want) from error
     if not isinstance(content, dict):
         raise ArgumentError(option, got=type(content).__name__, want=want)
     return content

@@ -1,4 +1,4 @@
-"""`supersampler info`."""
+"""`supersampler info`: prints the properties of a method, a model or a shot."""
 
 from importlib import import_module
 from pathlib import Path

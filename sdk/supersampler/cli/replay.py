@@ -1,24 +1,17 @@
-"""`supersampler replay`."""
+"""`supersampler replay`: repeats a recording and compares the images."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from supersampler.cli.arguments import (
-    Executor,
-    Format,
-    Precision,
-    parse_providers,
-    printable,
-    size_text,
-)
+from supersampler.cli.arguments import Executor, Format, Precision, parse_providers, printable, size_text
 
 if TYPE_CHECKING:
     from supersampler.cli.results import Results
-    from supersampler.recording import Call
+    from supersampler.recording import Call, Setup
     from supersampler.recording.replay import Replay, Replayed
 
 
@@ -31,8 +24,7 @@ def replay(
         list[Format] | None, typer.Option(help="See `supersampler upscale`.", show_default="exr")
     ] = None,
     model: Annotated[
-        str | None,
-        typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded"),
+        str | None, typer.Option(help="A model folder, or a shipped model by name.", show_default="recorded")
     ] = None,
     extrapolation: Annotated[
         str | None,
@@ -115,26 +107,26 @@ def _machines(replay: "Replay") -> list[str]:
 
     setup, model = replay.recording.setup, replay.model
     size = f"to {size_text(setup.display_size)}" if setup.display_size else f"{setup.scale:g} times"
-    recorded = _place(setup.executor, setup.precision, setup.providers, setup.versions, setup.machine)
-    here = _place(model.executor, model.precision, model.providers, versions(), machine())
+    here = replace(
+        setup,
+        executor=model.executor,
+        precision=model.precision,
+        providers=tuple(model.providers),
+        versions=versions(),
+        machine=machine(),
+    )
     return [
         f"{replay.recording.path}: {setup.method}, {size}",
-        f"  recorded  {recorded}",
-        f"  here      {here}",
+        f"  recorded  {_machine(setup)}",
+        f"  here      {_machine(here)}",
     ]
 
 
-def _place(
-    executor: str,
-    precision: str,
-    providers: Sequence[str],
-    versions: Mapping[str, str],
-    machine: Mapping[str, object],
-) -> str:
-    provider = providers[0].removesuffix("ExecutionProvider") if providers else "unknown"
-    packages = ", ".join(f"{name} {version}" for name, version in versions.items())
-    where = f"{machine.get('cpu')}, {machine.get('cores')} cores, {machine.get('os')}"
-    return f"{provider} ({executor}, {precision}); {packages}; {where}"
+def _machine(setup: "Setup") -> str:
+    provider = setup.providers[0].removesuffix("ExecutionProvider") if setup.providers else "unknown"
+    packages = ", ".join(f"{name} {version}" for name, version in setup.versions.items())
+    where = f"{setup.machine.get('cpu')}, {setup.machine.get('cores')} cores, {setup.machine.get('os')}"
+    return f"{provider} ({setup.executor}, {setup.precision}); {packages}; {where}"
 
 
 def _run(replay: "Replay", steps: "list[Replayed]", results: "Results | None") -> None:

@@ -68,10 +68,10 @@ class Results:
                 `overwrite` is False. Nothing has been changed.
         """
         there = read_run_record(self.folder)
-        own = [] if there is None else there.own_files(self.folder)
+        self._record = there or RunRecord({})
+        own = self._record.own_files(self.folder)
         if there is not None and not overwrite:
             self._check_same(there.settings, settings)
-        self._record = RunRecord({}) if there is None else there
         self._check_free(frame_count, page=page)
         self._check_recording(recording)
         if overwrite:

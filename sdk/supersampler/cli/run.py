@@ -28,14 +28,7 @@ from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import StepResult
 from supersampler.io.atomic import check_apart
-from supersampler.io.compare import (
-    ERROR_LEGEND,
-    About,
-    ComparePage,
-    compare_layers,
-    compare_page,
-    versions,
-)
+from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
 from supersampler.methods.model_file import find_model, read_model_info

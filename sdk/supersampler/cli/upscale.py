@@ -1,4 +1,4 @@
-"""`supersampler upscale`."""
+"""`supersampler upscale`: upscales a shot into a folder of images."""
 
 from pathlib import Path
 from typing import Annotated
@@ -33,8 +33,7 @@ def upscale(
         ),
     ] = None,
     scale: Annotated[
-        float | None,
-        typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0."),
+        float | None, typer.Option(help="Instead of --display-size: display over render size, 1.0 to 4.0.")
     ] = None,
     format: Annotated[  # noqa: A002  # the option's name
         list[Format] | None,
@@ -58,8 +57,7 @@ def upscale(
     ] = "auto",
     threads: Annotated[int, typer.Option(min=0, help="CPU threads; 0 takes every core.")] = 0,
     precision: Annotated[
-        Precision,
-        typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships."),
+        Precision, typer.Option(help="Of the network. int8: fast on a CPU. fp32, fp16: a graph that ships.")
     ] = "auto",
     skip: Annotated[
         str,
@@ -68,8 +66,7 @@ def upscale(
         ),
     ] = "auto",
     preset: Annotated[
-        Preset | None,
-        typer.Option(help="Sets method, precision and skip for the best error at its speed."),
+        Preset | None, typer.Option(help="Sets method, precision and skip for the best error at its speed.")
     ] = None,
     extrapolate: Annotated[
         str | None,

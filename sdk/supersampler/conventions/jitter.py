@@ -1,7 +1,7 @@
 """Render sizes, jitter sequences, jittered projections and mip bias for temporal upscaling.
 
 Sizes are (width, height). Jitter is (x right, y down) in render pixels: the sample is taken at the pixel's
-centre + jitter. FSR and XeSS have it the other way round (centre - jitter): see `Conventions.fsr`.
+centre + jitter. FSR and XeSS use the opposite sign (centre - jitter): see `Conventions.fsr`.
 """
 
 import math

@@ -14,11 +14,19 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
     A range allows for the rounding of either size to whole pixels. A method with one ratio computes whole
     blocks of display pixels for each render pixel, and needs exactly that multiple of the render size.
     """
-    ratio = only_ratio(ratios)
-    if ratio is not None:
-        _check_exact(ratio, render_size, display_size)
-        return
     low, high = ratios
+    if low == high:
+        frames, display = scaled(display_size, 1.0 / low), scaled(render_size, low)
+        if display == display_size:
+            return
+        possible = [f"frames of {frames}"] * (frames is not None)
+        possible += [f"a display of {display}"] * (display is not None)
+        raise FrameError(
+            "size",
+            got=f"{render_size}, for a display of {display_size}",
+            want=f"{' or '.join(possible) or 'others'}: this method upscales exactly {low:g} times",
+            hint="Sizes are (width, height).",
+        )
     for axis, name in enumerate(("width", "height")):
         ratio = display_size[axis] / render_size[axis]
         slack = (1.0 + ratio) / render_size[axis]
@@ -51,17 +59,3 @@ def display_size_of(render_size: Size, scale: float) -> Size:
         ArgumentError: it is not an image size.
     """
     return checked_size("display_size", (round(render_size[0] * scale), round(render_size[1] * scale)))
-
-
-def _check_exact(ratio: float, render_size: Size, display_size: Size) -> None:
-    if scaled(render_size, ratio) == display_size:
-        return
-    frames, display = scaled(display_size, 1.0 / ratio), scaled(render_size, ratio)
-    would_do = [f"frames of {frames}"] * (frames is not None)
-    would_do += [f"a display of {display}"] * (display is not None)
-    raise FrameError(
-        "size",
-        got=f"{render_size}, for a display of {display_size}",
-        want=f"{' or '.join(would_do) or 'others'}: this method upscales exactly {ratio:g} times",
-        hint="Sizes are (width, height).",
-    )

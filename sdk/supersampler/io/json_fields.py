@@ -184,7 +184,7 @@ def read_fields(path: Path, most: int) -> Field:
         value = read_json(path, most)
         json.dumps(value, ensure_ascii=False).encode()  # refuses lone surrogates
     except (ShotError, UnicodeEncodeError, RecursionError) as error:
-        problem = error.problem if isinstance(error, ShotError) else f"is not JSON ({error})"
+        problem = getattr(error, "problem", f"is not JSON ({error})")
         raise ModelError(f"{path}: {problem}. Copy the whole folder again.") from error
     return Field(path, "the file", value, _model_error)
 

@@ -155,8 +155,6 @@ def _described_in(folder: Path) -> ModelInfo:
 
 
 def _parse(folder: Path, data: Field) -> ModelInfo:
-    network, only_extrapolated = data.optional("network"), data.optional("only_extrapolated")
-    products = None if network is None else network["multiply_adds"]
     return ModelInfo(
         folder=folder,
         contract=data["contract"].value,
@@ -171,13 +169,13 @@ def _parse(folder: Path, data: Field) -> ModelInfo:
         aux_outputs=tuple(_tensor(item) for item in data["aux_outputs"].items(_MANY)),
         maps={name: _map(item) for name, item in data["maps"].members(_MANY).items()},
         files={_file_name(item, name): _digest(item) for name, item in data["files"].members(_MANY).items()},
-        multiply_adds=0.0 if products is None else products.number(0.0, 1e12),
+        multiply_adds=data.read("network", lambda network: network["multiply_adds"].number(0.0, 1e12), 0.0),
         config={name: item.value for name, item in data["config"].members(_MANY).items()},
         parity={name: item.value for name, item in data["parity"].members(_MANY).items()},
         licence=data["licence"].text(),
         attributions=tuple(item.text() for item in data["attributions"].items(1000)),
         versions={name: item.text(200) for name, item in data["versions"].members(_MANY).items()},
-        only_extrapolated=only_extrapolated is not None and only_extrapolated.flag(),
+        only_extrapolated=data.read("only_extrapolated", Field.flag, default=False),
     )
 
 

@@ -48,7 +48,7 @@ class Difference:
 
 SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
 """Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
-_NOTHING, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
+_NONE, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -174,7 +174,7 @@ class Replay:
             return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
-        difference = _NOTHING if exact else _difference(here, recorded, exposure)
+        difference = _NONE if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 

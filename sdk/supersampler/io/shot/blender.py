@@ -77,12 +77,23 @@ def _layer_map(path: Path, channels: list[str], layer: str | None) -> ChannelMap
     if not layers:
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
     if layer is None and len(layers) > 1:
-        raise ArgumentError(
-            "layer", got=None, want=f"one of {', '.join(layers)}", hint="Several have all passes."
-        )
-    if layer is not None and layer not in layers:
+        hint = "Several have all passes."
+        raise ArgumentError("layer", got=None, want=f"one of {', '.join(layers)}", hint=hint)
+    layer = layers[0] if layer is None else layer
+    if layer not in layers:
         raise ArgumentError("layer", got=repr(layer), want=f"one of {', '.join(layers)}", hint=_NEEDED)
-    return _channel_map(channels, layers[0] if layer is None else layer)
+    depth = next(name for name in _DEPTH if f"{layer}.{name}" in channels)
+    found: dict[str, list[str]] = {
+        "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
+        "depth": [f"{layer}.{depth}"],
+        "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
+        "aovs": [f"{layer}.Combined.A"],
+        "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
+        "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
+    }
+    if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
+        found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
+    return {name: names for name, names in found.items() if names[0] in channels}
 
 
 def _complete_layers(channels: Sequence[str]) -> list[str]:
@@ -95,29 +106,11 @@ def _complete_layers(channels: Sequence[str]) -> list[str]:
     ]
 
 
-def _channel_map(channels: Sequence[str], layer: str) -> ChannelMap:
-    depth = next(name for name in _DEPTH if f"{layer}.{name}" in channels)
-    found: dict[str, list[str]] = {
-        "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
-        "depth": [f"{layer}.{depth}"],
-        "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
-    }
-    if f"{layer}.Combined.A" in channels:
-        found["aovs"] = [f"{layer}.Combined.A"]
-    if f"{layer}.Normal.X" in channels:
-        found["normal"] = [f"{layer}.Normal.{axis}" for axis in "XYZ"]
-    for diffuse in ("DiffCol", "Diffuse Color"):  # the second is Blender 5's
-        if f"{layer}.{diffuse}.R" in channels:
-            found["base_color"] = [f"{layer}.{diffuse}.{axis}" for axis in "RGB"]
-    return found
-
-
 def _reference_channels(path: Path) -> list[str]:
     """Return the colour channels of a reference: a layer's Combined pass, or plain R, G, B."""
     channels = read_exr_channels(path)
     for name in channels:
         if name == "R" or name.endswith(".Combined.R"):
             return [f"{name.removesuffix('R')}{axis}" for axis in "RGB"]
-    raise ShotError(
-        path, f"has no colour; it has {', '.join(channels)}", "A reference has R, G, B or Combined."
-    )
+    hint = "A reference has R, G, B or Combined."
+    raise ShotError(path, f"has no colour; it has {', '.join(channels)}", hint)

@@ -163,8 +163,14 @@ class _MappedFiles:
         }
         arrays: dict[str, Array] = {}
         for pattern, files in self.files.items():
-            if sources := {name: source for name, source in wanted.items() if source.pattern == pattern}:
-                arrays |= _read_file(files[self.numbers[index]], sources, render_size)
+            sources = {name: source for name, source in wanted.items() if source.pattern == pattern}
+            if not sources:
+                continue
+            path, names = files[self.numbers[index]], [n for s in sources.values() for n in s.channels]
+            channels = read_exr(path, only=names)
+            if set(sources) != {"motion"}:  # motion vectors in a file of their own may have display size
+                check_size(path, channels, render_size)
+            arrays |= {name: take(path, channels, source.channels) for name, source in sources.items()}
         aovs = arrays.get("aovs")
         return RawFrame(
             color=arrays.get("color"),
@@ -181,13 +187,6 @@ class _MappedFiles:
         return read_reference(path, display_size, self._reference_channels)
 
 
-def _read_file(path: Path, sources: Mapping[str, _Source], render_size: Size | None) -> dict[str, Array]:
-    channels = read_exr(path, only=[name for source in sources.values() for name in source.channels])
-    if set(sources) != {"motion"}:  # motion vectors of their own file may be of display size
-        check_size(path, channels, render_size)
-    return {name: take(path, channels, source.channels) for name, source in sources.items()}
-
-
 def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
     sources = {}
     for name, value in channel_map.items():
@@ -201,9 +200,8 @@ def _parsed(channel_map: ChannelMap) -> dict[str, _Source]:
         sources[name] = _source(name, texts)
     for name in ("depth", "motion"):
         if name not in sources:
-            raise ArgumentError(
-                "channel_map", got=f"a map without {name!r}", want="depth and motion at least"
-            )
+            got = f"a map without {name!r}"
+            raise ArgumentError("channel_map", got=got, want="depth and motion at least")
     return sources
 
 
@@ -224,9 +222,8 @@ def _common_numbers(folder: Path, files: Mapping[str, dict[int, Path]]) -> list[
     for other, found in others:
         for number in leader.keys() ^ found.keys():
             have, lack = (pattern, other) if number in leader else (other, pattern)
-            raise ShotError(
-                folder, f"frame {number} is among {have} and not among {lack}", "Render it again."
-            )
+            problem = f"frame {number} is among {have} and not among {lack}"
+            raise ShotError(folder, problem, "Render it again.")
     return list(leader)
 
 

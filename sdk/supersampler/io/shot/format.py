@@ -83,7 +83,19 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         hint = "Write it again, or update supersampler."
         raise ShotError(path, f"is of version {version}; this package reads {FORMAT_VERSION}", hint)
     header.check_names({"version", "frames", *(field.name for field in fields(ShotInfo))})
-    info = _info(header)
+    try:
+        conventions = Conventions.from_json(header["conventions"].of(dict))
+    except ArgumentError as error:
+        raise ShotError(path, f'"conventions" will not do: {error}') from error
+    info = ShotInfo(
+        name=header["name"].of(str),
+        render_size=header["render_size"].size(),
+        display_size=header.read("display_size", Field.size, None),
+        frame_rate=header.read("frame_rate", Field.rate, None),
+        conventions=conventions,
+        license=header.read("license", lambda text: text.of(str), ""),
+        attribution=header.read("attribution", Field.texts, ()),
+    )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:
         raise ShotError(path, f"lists no frames; want 1 to {SHOT_FRAMES}")
@@ -93,16 +105,8 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
 
 def shot_json(info: ShotInfo, entries: Sequence[FrameEntry]) -> str:
     """Return the text of a shot.json, with one line for each key and for each frame."""
-    header = {
-        "version": FORMAT_VERSION,
-        "name": info.name,
-        "render_size": info.render_size,
-        "display_size": info.display_size,
-        "frame_rate": info.frame_rate,
-        "license": info.license,
-        "attribution": info.attribution,
-        "conventions": info.conventions.to_json(),
-    }
+    header = {"version": FORMAT_VERSION, **{field.name: getattr(info, field.name) for field in fields(info)}}
+    header["conventions"] = info.conventions.to_json()
     head = "".join(f'  "{key}": {json.dumps(value, ensure_ascii=False)},\n' for key, value in header.items())
     frames = ",\n".join("    " + json.dumps(entry_json(entry)) for entry in entries)
     return f'{{\n{head}  "frames": [\n{frames}\n  ]\n}}\n'
@@ -119,22 +123,6 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
     if not entry.shaded:
         item["shaded"] = False
     return item
-
-
-def _info(header: Field) -> ShotInfo:
-    try:
-        conventions = Conventions.from_json(header["conventions"].of(dict))
-    except ArgumentError as error:
-        raise ShotError(header.path, f'"conventions" will not do: {error}') from error
-    return ShotInfo(
-        name=header["name"].of(str),
-        render_size=header["render_size"].size(),
-        display_size=header.read("display_size", Field.size, None),
-        frame_rate=header.read("frame_rate", Field.rate, None),
-        conventions=conventions,
-        license=header.read("license", lambda text: text.of(str), ""),
-        attribution=header.read("attribution", Field.texts, ()),
-    )
 
 
 def frame_entry(data: Field) -> FrameEntry:

@@ -129,7 +129,12 @@ class ShotWriter:
             ArgumentError: a display-size array has another size than the shot's, or `classes` are given
                 without a reference.
         """
-        raw = self._checked(frame)
+        converter = converter_at(self._info, self._entries, len(self._entries))
+        if isinstance(frame, Frame):
+            raw = converter.from_frame(frame)
+        else:
+            raw = frame
+            converter.to_frame(raw)  # raises where it could not be read again
         height, width = raw.depth.shape
         info = self._info if self._entries else replace(self._info, render_size=(width, height))
         self._check_display(raw, reference, classes)
@@ -204,14 +209,6 @@ class ShotWriter:
                 if any(name in files_of(entry) for entry in load_shot_json(path)[1]):
                     return True
         return False
-
-    def _checked(self, frame: RawFrame | Frame) -> RawFrame:
-        """Return the frame in the shot's conventions, after a check that it can be converted back."""
-        converter = converter_at(self._info, self._entries, len(self._entries))
-        if isinstance(frame, Frame):
-            return converter.from_frame(frame)
-        converter.to_frame(frame)
-        return frame
 
     def _continue(self, resume: bool) -> None:
         """Continue after the frames that exist."""
