@@ -4,6 +4,7 @@ import json
 import math
 import reprlib
 from collections.abc import Callable, Collection, Iterator
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn, TypeVar
 
@@ -30,7 +31,8 @@ class Field:
     def __init__(
         self, path: Path, place: str, value: Any, error: Callable[[Path, str], Exception] | None = None
     ) -> None:
-        self.path, self.place, self.value, self._error = path, place, value, error or _shot_error
+        self.path, self.place, self.value = path, place, value
+        self._error = error or partial(ShotError, hint="docs/shots.md lists the keys.")
 
     def refuse(self, want: str) -> NoReturn:
         """Raise the error that the value is not `want`."""
@@ -187,10 +189,6 @@ def read_fields(path: Path, most: int) -> Field:
         problem = getattr(error, "problem", f"is not JSON ({error})")
         raise ModelError(f"{path}: {problem}. Copy the whole folder again.") from error
     return Field(path, "the file", value, _model_error)
-
-
-def _shot_error(path: Path, problem: str) -> ShotError:
-    return ShotError(path, problem, "docs/shots.md lists the keys.")
 
 
 def _model_error(path: Path, problem: str) -> ModelError:

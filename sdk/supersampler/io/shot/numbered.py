@@ -26,7 +26,15 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     if not os.path.isdir(folder):  # noqa: PTH112  # Path.is_dir raises for names that are too long
         raise ShotError(folder, "there is no such folder", NOT_FOUND)
     files: dict[int, Path] = {}
-    for path in _matching(folder, pattern):
+    parts = PurePosixPath(pattern).parts
+    if not parts or PurePath(pattern).is_absolute() or ".." in parts:
+        hint = "Copy the files into the folder; names that leave it are not followed."
+        raise ShotError(folder, f"the pattern {pattern!r} is of no files in it", hint)
+    try:
+        paths = sorted(folder.glob(pattern))
+    except (ValueError, NotImplementedError, OSError) as error:
+        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
+    for path in paths:
         if path.name.startswith("."):  # being written
             continue
         digits = re.findall(r"\d+", path.stem)
@@ -43,17 +51,6 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
         raise ShotError(folder, f"has {len(files)} files {pattern}; want at most {SHOT_FRAMES}")
     check_inside(folder, files.values())
     return dict(sorted(files.items()))
-
-
-def _matching(folder: Path, pattern: str) -> list[Path]:
-    parts = PurePosixPath(pattern).parts
-    if not parts or PurePath(pattern).is_absolute() or ".." in parts:
-        hint = "Copy the files into the folder; names that leave it are not followed."
-        raise ShotError(folder, f"the pattern {pattern!r} is of no files in it", hint)
-    try:
-        return sorted(folder.glob(pattern))
-    except (ValueError, NotImplementedError, OSError) as error:
-        raise ShotError(folder, f"has no files {pattern!r} ({error})") from error
 
 
 def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
