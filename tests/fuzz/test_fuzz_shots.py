@@ -174,7 +174,7 @@ def test_patterns_do_not_leave_the_folder(shot: Path, pattern: str) -> None:
     pattern = pattern.format(absolute=shot.parent)
     content = {**CHANNELS, "channels": {**CHANNELS["channels"], "depth": f"{pattern}:depth.Z"}}  # type: ignore[dict-item]
     (shot / "channels.json").write_text(json.dumps(content))
-    with pytest.raises(ShotError, match="is of no files in it"):
+    with pytest.raises(ShotError, match="matches no files in it"):
         open_source(shot)
 
 

@@ -49,7 +49,9 @@ def parse_size(text: str) -> Size:
     """
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:
-        raise ArgumentError("--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, 1920x1080 say")
+        raise ArgumentError(
+            "--display-size", got=repr(text), want="WIDTHxHEIGHT in pixels, such as 1920x1080"
+        )
     return int(found[1]), int(found[2])
 
 

@@ -38,7 +38,7 @@ def import_shot(
     frame_rate: Annotated[float | None, typer.Option(help="Frames a second.", show_default="24")] = None,
     cuts: Annotated[str | None, typer.Option(help="First frames after cuts: 48,120.")] = None,
     reference: Annotated[
-        str | None, typer.Option(metavar="PATTERN", help="Blender: reference files, reference/*.exr say.")
+        str | None, typer.Option(metavar="PATTERN", help="Blender: reference files, such as reference/*.exr.")
     ] = None,
 ) -> None:
     """Copy frames of other programs into a shot of this package's format.
@@ -112,4 +112,6 @@ def _indices(text: str) -> list[int]:
     try:
         return [int(item) for item in text.split(",")]
     except ValueError:
-        raise ArgumentError("--cuts", got=repr(text), want="frame indices with commas, 48,120 say") from None
+        raise ArgumentError(
+            "--cuts", got=repr(text), want="frame indices with commas, such as 48,120"
+        ) from None

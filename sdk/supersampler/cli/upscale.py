@@ -29,7 +29,7 @@ def upscale(
     display_size: Annotated[
         str | None,
         typer.Option(
-            metavar="WxH", help="Size of the results, 1920x1080 say.", show_default="the shot's, or 2x"
+            metavar="WxH", help="Size of the results, such as 1920x1080.", show_default="the shot's, or 2x"
         ),
     ] = None,
     scale: Annotated[

@@ -96,8 +96,7 @@ def render_size_for(display_size: Size, mode: str | float) -> Size:
 def jittered_projection(
     matrix: ArrayLike, jitter: tuple[float, float], render_size: Size
 ) -> NDArray[np.floating[Any]]:
-    """Return the projection that moves the image by - `jitter`, so that pixels are sampled at centre +
-    jitter.
+    """Return the projection that moves the image by - `jitter`: pixels are sampled at centre + jitter.
 
     It is a translation in clip space on the left of `matrix`, for any projection and depth range.
 

@@ -8,8 +8,7 @@ from supersampler.frame import Size
 
 
 def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Size) -> None:
-    """Raise FrameError unless a method with these ratios (least, largest) upscales from one size to the
-    other.
+    """Raise FrameError unless a method with these ratios (least, largest) upscales between the sizes.
 
     A range allows for the rounding of either size to whole pixels. A method with one ratio computes whole
     blocks of display pixels for each render pixel, and needs exactly that multiple of the render size.

@@ -217,8 +217,7 @@ class Recorder:
 
     @contextmanager
     def _or_end(self, undo: Callable[[], None] = lambda: None, *, later: bool = False) -> Iterator[None]:
-        """After an error, remove the log's lines of the block; where the disk refused, `undo` and end the
-        log.
+        """After an error, remove the block's lines from the log; after a disk error also `undo` and end it.
 
         Raises:
             RecordingError: the disk refused; with `later`, the next call raises it instead.

@@ -81,7 +81,7 @@ DEPTH_CONSTANT = Mistake(
     "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
 MOTION_NOT_FINITE = Mistake(
     "motion not finite", "motion", "NaN or Inf {where}", "finite",
-    "Give 0, or the camera's motion, where nothing was rendered: at the sky, say.")
+    "Give 0, or the camera's motion, where nothing was rendered, such as the sky.")
 MOTION_TOO_LONG = Mistake(
     "motion too long", "motion", "longer than the whole image in {share:.0%} of the pixels", "render pixels",
     "Is it scaled twice? Vectors in pixels want no motion_scale but (1, 1).")

@@ -1,5 +1,4 @@
-"""Shots: folders of rendered frames, read one frame at a time, written atomically. docs/shots.md is the
-format.
+"""Shots: folders of rendered frames, read one at a time and written atomically; docs/shots.md.
 
 The importers of other programs' files are here, too.
 """

@@ -111,7 +111,7 @@ def import_described_channels(folder: Path | str) -> Shot:
             name=data.read("name", lambda name: name.of(str), None),
         )
     except ArgumentError as error:
-        raise ShotError(data.path, f"will not do: {error}") from error
+        raise ShotError(data.path, f"is not valid: {error}") from error
 
 
 @dataclass(frozen=True, slots=True)

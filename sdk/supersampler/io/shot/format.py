@@ -86,7 +86,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
     try:
         conventions = Conventions.from_json(header["conventions"].of(dict))
     except ArgumentError as error:
-        raise ShotError(path, f'"conventions" will not do: {error}') from error
+        raise ShotError(path, f'"conventions" is not valid: {error}') from error
     info = ShotInfo(
         name=header["name"].of(str),
         render_size=header["render_size"].size(),

@@ -29,7 +29,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
     parts = PurePosixPath(pattern).parts
     if not parts or PurePath(pattern).is_absolute() or ".." in parts:
         hint = "Copy the files into the folder; names that leave it are not followed."
-        raise ShotError(folder, f"the pattern {pattern!r} is of no files in it", hint)
+        raise ShotError(folder, f"the pattern {pattern!r} matches no files in it", hint)
     try:
         paths = sorted(folder.glob(pattern))
     except (ValueError, NotImplementedError, OSError) as error:
@@ -42,7 +42,7 @@ def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
             raise ShotError(path, "has no frame number in its name", "Name frames like beauty_0001.exr.")
         number = int(digits[-1])
         if number in files:
-            hint = f"Choose one sequence by a pattern: {path.stem.rstrip('0123456789')}*.exr, say."
+            hint = f"Choose one sequence by a pattern such as {path.stem.rstrip('0123456789')}*.exr."
             raise ShotError(path, f"has the same frame number as {files[number].name}", hint)
         files[number] = path
     if not files:
