@@ -31,22 +31,14 @@ class Format(StrEnum):  # a Literal cannot be given several times
 
 
 def open_shot(text: str) -> "Shot":
-    """Open a shot of any layout, or a shipped one by name.
-
-    Raises:
-        ShotError: no known shot is there.
-    """
+    """Open a shot of any layout, or a shipped one by name; ShotError where there is none."""
     from supersampler.io.shot import open_source
 
     return open_source(text)
 
 
 def parse_size(text: str) -> Size:
-    """Parse "1920x1080" as (1920, 1080).
-
-    Raises:
-        ArgumentError: it is not two integers >= 1 with an x between them.
-    """
+    """Parse "1920x1080" as (1920, 1080); ArgumentError for anything else."""
     found = re.fullmatch(r"\s*([1-9]\d*)\s*[xX×]\s*([1-9]\d*)\s*", text)
     if found is None:
         raise ArgumentError(

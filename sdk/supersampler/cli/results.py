@@ -123,11 +123,7 @@ class Results:
                 write_png(path, to_uint8(display_transform(image, exposure)))
 
     def begin_page(self) -> Path:
-        """List the page in upscale.json, and return its path.
-
-        Raises:
-            ShotError: a file of another program is there.
-        """
+        """List the page in upscale.json and return its path; ShotError if it is another program's."""
         if not self._record.files.get(PAGE):
             self._check_free(0, page=True)
             self._save(replace(self._record, files={**self._record.files, PAGE: 1}))

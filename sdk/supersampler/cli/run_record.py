@@ -52,11 +52,7 @@ class RunRecord:
         write_text(folder / FILE_NAME, json.dumps(content, indent=2) + "\n")
 
     def own_files(self, folder: Path) -> list[Path]:
-        """Return the listed files that exist in the folder.
-
-        Raises:
-            ShotError: a link or a folder has the name of one.
-        """
+        """Return the listed files that exist; ShotError where a link or folder has the name of one."""
         found = [path for pattern, count in self.files.items() for path in _listed(folder, pattern, count)]
         for path in found:
             if not is_regular(path):
@@ -65,11 +61,7 @@ class RunRecord:
 
 
 def read_run_record(folder: Path) -> RunRecord | None:
-    """Read the upscale.json of a folder; None where it is missing.
-
-    Raises:
-        ShotError: it is no regular file, or does not list the files of its run.
-    """
+    """Read the upscale.json of a folder, or return None; ShotError where it is damaged or foreign."""
     path = folder / FILE_NAME
     if not is_there(path):
         return None
@@ -100,11 +92,7 @@ def foreign(path: Path, problem: str = "is there already") -> ShotError:
 
 
 def numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
-    """Yield index and path of all files with names of this pattern, listed or not.
-
-    Raises:
-        ShotError: their folder is a link.
-    """
+    """Yield index and path of all files with names of this pattern; ShotError where a folder is a link."""
     place = folder / Path(pattern).parent
     if not is_there(place) or (place == folder and not place.is_dir()):
         return

@@ -15,9 +15,10 @@ def check_ratio(ratios: tuple[float, float], render_size: Size, display_size: Si
     """
     low, high = ratios
     if low == high:
-        frames, display = scaled(display_size, 1.0 / low), scaled(render_size, low)
+        display = scaled(render_size, low)
         if display == display_size:
             return
+        frames = scaled(display_size, 1.0 / low)
         possible = [f"frames of {frames}"] * (frames is not None)
         possible += [f"a display of {display}"] * (display is not None)
         raise FrameError(

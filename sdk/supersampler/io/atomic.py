@@ -46,11 +46,7 @@ def replacing(path: Path | str) -> Iterator[Path]:
 
 
 def write_text(path: Path, text: str) -> None:
-    """Write a UTF-8 text file atomically, with its line ends as they are.
-
-    Raises:
-        ShotError: the disk refused.
-    """
+    """Write a UTF-8 text file atomically; ShotError where the disk refuses."""
     with replacing(path) as partial:
         partial.write_text(text, encoding="utf-8", newline="\n")
 
@@ -89,11 +85,7 @@ def check_ours(path: Path, is_ours: Callable[[Path], bool], what: str) -> None:
 
 
 def remove_files(paths: Iterable[Path]) -> None:
-    """Remove files; those that do not exist are skipped.
-
-    Raises:
-        ShotError: the disk refused.
-    """
+    """Remove files, skipping those that do not exist; ShotError where the disk refuses."""
     for path in paths:
         with os_errors_as_shot_error(path, "removed", "Is it in use or write-protected?"):
             path.unlink(missing_ok=True)

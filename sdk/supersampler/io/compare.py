@@ -118,11 +118,7 @@ class ComparePage:
         self._frames.append({"index": index, "layers": list(layers), "numbers": numbers})
 
     def finish(self) -> None:
-        """Write the captions of all frames; no frame may follow.
-
-        Raises:
-            ArgumentError: there is no frame.
-        """
+        """Write the captions of all frames; ArgumentError where there is no frame."""
         if not self._frames:
             raise ArgumentError("frames", got="none", want="at least one to compare")
         content = {

@@ -60,11 +60,7 @@ def display_transform(image: Array, exposure: float = 1.0) -> Float32:
 
 
 def checked_image(name: str, image: Array) -> NDArray[Any]:
-    """Return `image`, (h, w, 3) numbers of any type, as an array.
-
-    Raises:
-        ArgumentError: it is not of that shape, or has no numbers.
-    """
+    """Return (h, w, 3) numbers of any type as an array; ArgumentError for anything else."""
     array = as_array(name, image, ArgumentError)
     if array.ndim != 3 or array.shape[2] != 3 or array.dtype.kind not in "iuf":
         raise ArgumentError(name, got=shown(array), want="(h, w, 3) numbers, linear RGB")

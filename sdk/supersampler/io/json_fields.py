@@ -177,11 +177,7 @@ def parse_json(text: bytes) -> Any:
 
 
 def read_fields(path: Path, most: int) -> Field:
-    """Read a model.json of at most `most` bytes.
-
-    Raises:
-        ModelError: it is missing or larger, or not JSON.
-    """
+    """Read a model.json of at most `most` bytes; ModelError where it is missing, larger or not JSON."""
     try:
         value = read_json(path, most)
         json.dumps(value, ensure_ascii=False).encode()  # refuses lone surrogates

@@ -74,11 +74,7 @@ def state_arrays(state: State) -> dict[str, NDArray[Any]]:
 
 
 def state_of(data: Field, arrays: Mapping[str, NDArray[Any]]) -> State:
-    """Return the state of `state_json` and `state_arrays`; `Upscaler.load_state` checks the arrays.
-
-    Raises:
-        ShotError: a value is missing, or of a wrong type or range.
-    """
+    """Return the state of `state_json` and `state_arrays`, whose arrays `Upscaler.load_state` checks."""
     shaded = {n.removeprefix(_SHADED): array for n, array in arrays.items() if n.startswith(_SHADED)}
     history = {n: array for n, array in arrays.items() if not n.startswith(_SHADED)}
     return State(

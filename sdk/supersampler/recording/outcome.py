@@ -68,11 +68,7 @@ def outcome_json(outcome: Outcome) -> dict[str, Any]:
 
 
 def read_outcome(line: Field, samples: Callable[[], Path]) -> Outcome:
-    """Read an outcome that `outcome_json` and `write_samples` wrote; `samples` returns the pixels' file.
-
-    Raises:
-        ShotError: a value is of a wrong type or range, or the pixels cannot be read.
-    """
+    """Read the outcome in a log line; `samples` returns the file of its pixels. ShotError if damaged."""
     if (error := line.optional("raised")) is not None:
         texts = error.texts()
         if len(texts) != 2:
@@ -87,11 +83,7 @@ def read_outcome(line: Field, samples: Callable[[], Path]) -> Outcome:
 
 
 def write_samples(path: Path, samples: Mapping[str, Array]) -> None:
-    """Write the kept pixels of a step's images.
-
-    Raises:
-        ShotError: the disk refused.
-    """
+    """Write the kept pixels of a step's images; ShotError where the disk refuses."""
     image, aovs = samples["image"], samples.get("aovs")
     names = [*COLOR, *aov_channels(0 if aovs is None else aovs.shape[2])]
     pixels = image if aovs is None else np.concatenate([image, aovs], axis=-1)

@@ -233,11 +233,7 @@ def _is_same(recorded: RecordedModel | None, used: str | Path | None) -> bool:
 
 
 def _recorded_model(recording: Recording, model: RecordedModel, option: str) -> Path:
-    """Return the folder of the shipped model that was recorded.
-
-    Raises:
-        RecordingError: it does not ship; the message names the command-line `option` for another folder.
-    """
+    """Return the shipped folder of a recorded model; RecordingError, with `option`, where none ships."""
     hint = f"Give the recorded one's folder: {option} FOLDER."
     if model.folder not in [*model_names(), *extrapolation_names()]:
         problem = f"was recorded with the model {model.folder!r} ({model.method}), which does not ship"

@@ -111,11 +111,7 @@ def versions() -> dict[str, str]:
 
 
 def read_setup(folder: Path) -> Setup:
-    """Read and check recording.json.
-
-    Raises:
-        RecordingError: it is missing, of another version, or a value is of a wrong type or range.
-    """
+    """Read recording.json; RecordingError where it is missing, damaged or of another version."""
     path = folder / SETUP
     if not folder.exists():
         raise RecordingError(folder, "there is no such folder", NOT_FOUND)

@@ -45,11 +45,7 @@ class Evidence:
 
     @classmethod
     def of_raw(cls, raw: RawFrame, stated: Conventions) -> "Evidence":
-        """Return the evidence of a `RawFrame`, with its rows and sRGB converted as stated.
-
-        Raises:
-            FrameError: depth or motion has a wrong shape, or is no array.
-        """
+        """Return the evidence of a `RawFrame`, with rows and sRGB as stated; FrameError for wrong shapes."""
         depth, motion = _rows("depth", raw.depth, stated), _rows("motion", raw.motion, stated)
         if depth.ndim != 2 or motion.ndim != 3 or motion.shape[2] != 2:
             shapes = f"depth {depth.shape}, motion {motion.shape}"

@@ -126,11 +126,7 @@ def entry_json(entry: FrameEntry) -> dict[str, object]:
 
 
 def frame_entry(data: Field) -> FrameEntry:
-    """Read a frame's entry; the inverse of `entry_json`.
-
-    Raises:
-        ShotError: a key is missing, wrong or unknown.
-    """
+    """Read a frame's entry, the inverse of `entry_json`; ShotError for a missing or wrong key."""
     data.check_names([field.name for field in fields(FrameEntry)])
     return FrameEntry(
         file=_file(data["file"]),

@@ -104,11 +104,7 @@ def read_classes(path: Path, display_size: Size | None) -> ClassMaps | None:
 
 
 def write_reference(path: Path, reference: Array, classes: ClassMaps | None, compression: str) -> None:
-    """Write a reference image, (H, W, 3), and its class maps.
-
-    Raises:
-        ShotError: EXR cannot store an array's type, or the disk refused.
-    """
+    """Write a reference image, (H, W, 3), and its class maps; ShotError where that fails."""
     channels = _named(COLOR, reference)
     if classes is not None:
         channels |= _named(CLASSES, np.stack([classes.ghost, classes.alias], -1).astype(np.float16))

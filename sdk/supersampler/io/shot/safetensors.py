@@ -49,11 +49,7 @@ def open_safetensors(path: Path) -> tuple[dict[str, NDArray[Any]], dict[str, Any
 
 
 def write_safetensors(path: Path, arrays: Mapping[str, NDArray[Any]]) -> None:
-    """Write arrays by name, atomically.
-
-    Raises:
-        ShotError: the format has no such array type, or the disk refused.
-    """
+    """Write arrays by name, atomically; ShotError for a type that the format lacks."""
     header, parts, end = dict[str, Any](), list[bytes](), 0
     for name, array in sorted(arrays.items(), key=lambda item: -item[1].itemsize):  # keeps all aligned
         if array.dtype not in _NAMES:

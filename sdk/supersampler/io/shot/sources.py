@@ -56,11 +56,7 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
 
 
 def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
-    """Return the layout by the names in a folder and the channels of its first frame.
-
-    Raises:
-        ShotError: the layout is not known; the message says what was found.
-    """
+    """Return the layout by file and channel names; ShotError, with what was found, where it is unknown."""
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
             return "arm" if path.suffix == ".safetensors" else "shot"
