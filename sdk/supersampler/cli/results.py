@@ -67,11 +67,11 @@ class Results:
             ShotError: files of another program are in the way; or images of other settings exist and
                 `overwrite` is False. Nothing has been changed.
         """
-        there = read_run_record(self.folder)
-        self._record = there or RunRecord({})
+        earlier = read_run_record(self.folder)
+        self._record = earlier or RunRecord({})
         own = self._record.own_files(self.folder)
-        if there is not None and not overwrite:
-            self._check_same(there.settings, settings)
+        if earlier is not None and not overwrite:
+            self._check_same(earlier.settings, settings)
         self._check_free(frame_count, page=page)
         self._check_recording(recording)
         if overwrite:
@@ -180,11 +180,11 @@ class Results:
             problem = f"is there already, and is no recording of an earlier run into {self.folder}"
             raise ShotError(recording, problem, "Choose another name, or move it away.")
 
-    def _check_same(self, there: Mapping[str, object], wanted: Mapping[str, object]) -> None:
-        changed = [key for key in wanted if there.get(key) != json.loads(json.dumps(wanted[key]))]
+    def _check_same(self, earlier: Mapping[str, object], wanted: Mapping[str, object]) -> None:
+        changed = [key for key in wanted if earlier.get(key) != json.loads(json.dumps(wanted[key]))]
         if changed:
             key = changed[0]
-            problem = f"images of another run are there: {key} was {there.get(key)}, is now {wanted[key]}"
+            problem = f"images of another run are there: {key} was {earlier.get(key)}, is now {wanted[key]}"
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 

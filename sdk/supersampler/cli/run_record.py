@@ -28,7 +28,7 @@ _FRAMES = frozenset(
     for place in ("", f"{format_}/")
 )
 _RECORDS_TO = "records to"
-_MOST = 10**9  # maximum number of listed frames
+_MAX_FILES = 10**9  # maximum number of listed frames
 _START_OVER = f"Remove the files of that run and {FILE_NAME} yourself, or choose another folder."
 
 
@@ -53,7 +53,10 @@ class RunRecord:
 
     def own_files(self, folder: Path) -> list[Path]:
         """Return the listed files that exist; ShotError where a link or folder has the name of one."""
-        found = [path for pattern, count in self.files.items() for path in _listed(folder, pattern, count)]
+        found = [folder / PAGE] if self.files.get(PAGE) and is_there(folder / PAGE) else []
+        for pattern, count in self.files.items():
+            if pattern != PAGE:
+                found += sorted(path for index, path in numbered(folder, pattern) if index < count)
         for path in found:
             if not is_regular(path):
                 raise foreign(path, "is no regular file")
@@ -73,7 +76,7 @@ def read_run_record(folder: Path) -> RunRecord | None:
         problem = "does not list the files of its run: it is of an earlier version, or of something else"
         raise ShotError(path, problem, _START_OVER)
     for pattern, count in files.items():
-        most = 1 if pattern == PAGE else _MOST if pattern in _FRAMES else -1
+        most = 1 if pattern == PAGE else _MAX_FILES if pattern in _FRAMES else -1
         if type(count) is not int or not 0 <= count <= most:
             raise ShotError(path, f"lists {pattern!r}: {count!r}, which no run writes", _START_OVER)
     recording = content.pop(_RECORDS_TO, None)
@@ -104,9 +107,3 @@ def numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
         found = re.fullmatch(rf"(\d{{4,10}}){suffix}", path.name)
         if found and f"{int(found[1]):04d}" == found[1]:
             yield int(found[1]), path
-
-
-def _listed(folder: Path, pattern: str, count: int) -> list[Path]:
-    if pattern == PAGE:
-        return [folder / PAGE] if count and is_there(folder / PAGE) else []
-    return sorted(path for index, path in numbered(folder, pattern) if index < count)

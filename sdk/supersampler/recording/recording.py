@@ -69,8 +69,10 @@ class Recording:
                     yield LoadStateCall(state_of(line, {name: np.array(a) for name, a in arrays.items()}))
                     states += 1
                 else:
-                    there = line.optional("sha256") is not None
-                    yield CloseCall(read_reference(self._checked(line, LAST_IMAGE), None) if there else None)
+                    has_image = line.optional("sha256") is not None
+                    yield CloseCall(
+                        read_reference(self._checked(line, LAST_IMAGE), None) if has_image else None
+                    )
             if step is not None:
                 yield step
 

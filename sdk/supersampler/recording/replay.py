@@ -46,9 +46,9 @@ class Difference:
         return self.mean <= tolerance.mean and self.most <= tolerance.most
 
 
-SINGLE, LESS = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
+FP32_TOLERANCE, REDUCED_TOLERANCE = Difference(1e-5, 1e-3, 1.0), Difference(1.0 / 255.0, 0.03, 1.0)
 """Tolerances between machines and executors: for fp32 networks, and for fp16 or int8 networks."""
-_NONE, _ALL = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
+_EQUAL, _DIFFERENT = Difference(0.0, 0.0, 0.0), Difference(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -121,16 +121,18 @@ class Replay:
                 providers = resolve_providers(setup.providers)
             except ProviderError:
                 providers = "auto"
-        asked = not self.is_recorded_model or given != (None, None, None)
+        overridden = not self.is_recorded_model or given != (None, None, None)
         self.recording = recording
         self.model = Model.load(
             folder,
             providers=providers,
             threads=setup.threads,
-            executor=(executor or "auto") if asked else cast("ExecutorName", setup.executor),
-            precision=(precision or "auto") if asked else cast("Precision", setup.precision),
+            executor=(executor or "auto") if overridden else cast("ExecutorName", setup.executor),
+            precision=(precision or "auto") if overridden else cast("Precision", setup.precision),
         )
-        self.tolerance = SINGLE if setup.precision == self.model.precision == "fp32" else LESS
+        self.tolerance = (
+            FP32_TOLERANCE if setup.precision == self.model.precision == "fp32" else REDUCED_TOLERANCE
+        )
         self._upscaler = Upscaler(
             self.model,
             display_size=setup.display_size,
@@ -174,7 +176,7 @@ class Replay:
             return Replayed(call.index, result, exposure, exact=False, within=False, note=note)
         here = returned(call.index, result)
         exact = here.digests == recorded.digests
-        difference = _NONE if exact else _difference(here, recorded, exposure)
+        difference = _EQUAL if exact else _difference(here, recorded, exposure)
         within = exact or difference.is_within(self.tolerance)
         return Replayed(call.index, result, exposure, exact, difference, within)
 
@@ -213,7 +215,7 @@ def _difference(here: Outcome, recorded: Outcome, exposure: float) -> Difference
     """Compare the kept pixels; differences of AOVs are relative to values above 1, without tone curve."""
     shapes = [{name: pixels.shape for name, pixels in o.samples.items()} for o in (here, recorded)]
     if shapes[0] != shapes[1]:
-        return _ALL
+        return _DIFFERENT
     differences = []
     for name, pixels in here.samples.items():
         other = recorded.samples[name]

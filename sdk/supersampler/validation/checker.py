@@ -15,7 +15,7 @@ from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 
 Validate = Literal["off", "warn", "strict"]
 
-_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
+_WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
 
 
 class FrameChecker:
@@ -57,7 +57,7 @@ class FrameChecker:
         fresh = frame.reset
         seen = FramesSeen() if fresh else self._seen
         read, reported = (0, frozenset[str]()) if fresh else (self._read, self._reported)
-        if self.validate == "strict" or (self.validate == "warn" and read < _FRAMES):
+        if self.validate == "strict" or (self.validate == "warn" and read < _WARN_FRAMES):
             evidence = Evidence.of_frame(frame)
             seen = seen.after(evidence, display_size)
             found = [*single_frame_mistakes(frame, evidence.light), *gbuffer_mistakes(frame, gbuffers)]

@@ -12,10 +12,10 @@ DepthOrder = Literal["reversed", "forward", "linear"]
 ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")
 
 _SKY = {"reversed": 0.0, "forward": 1.0}
-_FAR_AWAY = 1e6  # from here on linear depth is sky
-_GAP = 1.05  # ratio of distances that separates two surfaces
-_PART = 400  # side in pixels of the square in the middle that `bend` reads
-_BITS = 1e-6  # relative rounding error of float32 depth
+_SKY_DISTANCE = 1e6  # from here on linear depth is sky
+_DISTANCE_RATIO = 1.05  # ratio of distances that separates two surfaces
+_CROP_SIDE = 400  # side in pixels of the square in the middle that `bend` reads
+_ROUNDING = 1e-6  # relative rounding error of float32 depth
 
 
 def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
@@ -23,7 +23,7 @@ def inverse_distance(depth: Array, order: DepthOrder) -> NDArray[np.float64]:
     values = depth.astype(np.float64)
     with np.errstate(divide="ignore", invalid="ignore"):
         if order == "linear":
-            inverse = np.where(values < _FAR_AWAY, 1 / values, np.nan)
+            inverse = np.where(values < _SKY_DISTANCE, 1 / values, np.nan)
         else:
             inverse = values if order == "reversed" else 1 - values
         return np.where((inverse > 0) & np.isfinite(inverse), inverse, np.nan)
@@ -36,15 +36,15 @@ def bend(depth: Array, order: DepthOrder) -> float:
     where no neighbours differ.
     """
     height, width = depth.shape
-    top, left = max(0, height // 2 - _PART // 2), max(0, width // 2 - _PART // 2)
-    inverse = inverse_distance(depth[top : top + _PART, left : left + _PART], order)
+    top, left = max(0, height // 2 - _CROP_SIDE // 2), max(0, width // 2 - _CROP_SIDE // 2)
+    inverse = inverse_distance(depth[top : top + _CROP_SIDE, left : left + _CROP_SIDE], order)
     scale = np.ones_like(inverse) if order == "forward" else inverse
     parts = []
     for axis in (0, 1):
         first = np.diff(inverse, axis=axis)
         before, after = (np.delete(first, end, axis=axis) for end in (-1, 0))
         slope = np.abs(before) + np.abs(after)
-        rounding = _BITS * np.take(scale, range(1, scale.shape[axis] - 1), axis=axis)
+        rounding = _ROUNDING * np.take(scale, range(1, scale.shape[axis] - 1), axis=axis)
         excess = np.abs(after - before) - rounding
         known = slope > 20 * rounding  # False where NaN
         parts.append(np.maximum(excess[known], 0) / slope[known])
@@ -55,7 +55,7 @@ def bend(depth: Array, order: DepthOrder) -> float:
 def sky_share(depth: Array, order: DepthOrder) -> float:
     """Return the fraction of pixels with the sky's value in this order."""
     if order == "linear":
-        return float(np.mean(depth >= _FAR_AWAY))
+        return float(np.mean(depth >= _SKY_DISTANCE))
     return float(np.mean(depth == _SKY[order]))
 
 
@@ -84,8 +84,8 @@ def disoccluded(
     lowest, highest = _range(now, order, rows, columns)
     previous_lowest, previous_highest = _range(before, order, previous_rows, previous_columns)
     with np.errstate(invalid="ignore"):
-        closer = inside & (previous_lowest > _GAP * highest)
-        farther = inside & (lowest > _GAP * previous_highest)
+        closer = inside & (previous_lowest > _DISTANCE_RATIO * highest)
+        farther = inside & (lowest > _DISTANCE_RATIO * previous_highest)
     return int(closer.sum()), int(farther.sum())
 
 

@@ -9,7 +9,7 @@ from supersampler.conventions import Conventions
 SURE = 1.15
 """Minimum ratio of the second-best error to the best for a certain verdict."""
 
-_ALIKE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
+_TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +107,7 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
 
     def error(hypothesis: Hypothesis) -> float:
         holds = all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
-        return hypothesis.error / (_ALIKE if holds else 1.0)
+        return hypothesis.error / (_TIE if holds else 1.0)
 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
     if len(verdict.ranked) > 1 and verdict.margin < SURE:

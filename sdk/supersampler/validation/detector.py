@@ -74,8 +74,8 @@ def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) 
 
 
 def _middle(shot: "Shot | Sequence[RawFrame]", frames: int) -> list[RawFrame]:
-    asked = as_index(frames)
-    count = None if asked is None else min(asked, len(shot))
+    requested = as_index(frames)
+    count = None if requested is None else min(requested, len(shot))
     if count is None or count < 2:
         got = shown(frames) if count is None else count
         raise ArgumentError("frames", got=got, want="at least 2 frames to compare")

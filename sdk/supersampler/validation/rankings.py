@@ -15,7 +15,7 @@ from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mis
 from supersampler.validation.readings import JITTERS, MOTIONS, Overrides, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair
 
-_BETTER = 0.8  # maximum ratio of errors for a significant improvement
+_MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
 _DEPTH_TEXT = {
     "reversed": "reversed (larger is closer)", "forward": "forward (0 is the near plane)",
@@ -69,7 +69,7 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
         if readings:
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
-    if verdict.ranked[0].error > _BETTER * min(map(error_of_no_motion, [with_jitter, *readings])):
+    if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
         return Verdict("motion", verdict.ranked, "no reading explains the image much better than no motion")
     return verdict
 
@@ -117,12 +117,12 @@ def swapped_axes(
     mistakes: list[Mistake] = []
     if not pairs:
         return mistakes
-    as_found = _error(pairs, found)
-    if min(_error(pairs, replace(found, **o), motion_swapped=True) for o in MOTIONS) < _BETTER * as_found:
+    limit = _MAX_RATIO * _error(pairs, found)
+    if min(_error(pairs, replace(found, **o), motion_swapped=True) for o in MOTIONS) < limit:
         mistakes.append(MOTION_SWAPPED)
     if jitters:  # with exchanged jitter, motion seems to have jitter in it
         bare = replace(found, motion_jittered=False)
-        if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < _BETTER * as_found:
+        if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < limit:
             mistakes.append(JITTER_SWAPPED)
     return mistakes
 

@@ -18,11 +18,11 @@ from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pa
 
 Sums = Mapping[str, tuple[float, float]]
 
-_BETTER_ONCE = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
-_BETTER_LATER = 0.75  # and after several pairs, with summed errors
-_VISIBLE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
-_SURFACES = 20  # minimum number of disoccluded places
-_REPEATS = 3  # minimum number of frames with one jitter
+_MAX_RATIO_FIRST = 0.65  # maximum ratio of a reading's error to the frame's own, after one pair of frames
+_MAX_RATIO_LATER = 0.75  # and after several pairs, with summed errors
+_NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
+_MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
+_MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
 
 
@@ -102,7 +102,7 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
         if about_motion and few:
             continue
         error = error_of(pair.offset(reading), moves if about_motion else None)
-        if about_motion and error > _BETTER_LATER * still:
+        if about_motion and error > _MAX_RATIO_LATER * still:
             error = max(error, own[True])  # not better than no motion: chance
         errors[call] = (min(own[about_motion], 1.0), min(error, 1.0))
     return errors
@@ -110,24 +110,24 @@ def _errors(pair: FramePair, display_size: Size) -> Sums:
 
 def _better_reading(seen: FramesSeen) -> str:
     """Return the reading with the smallest error relative to the stated one, if clearly smaller; else ""."""
-    visible = _VISIBLE * seen.pairs
+    visible = _NOISE * seen.pairs
     parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
     best = min(parts, key=lambda call: parts[call], default="")
-    return best if best and parts[best] < (_BETTER_ONCE if seen.pairs == 1 else _BETTER_LATER) else ""
+    return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
 
 
 def _other_order(surfaces: Mapping[DepthOrder, tuple[int, int]]) -> str:
     closer, farther = surfaces.get("reversed", (0, 0))
-    if farther >= _SURFACES and farther > 4 * closer:
+    if farther >= _MIN_DISOCCLUDED and farther > 4 * closer:
         return "linear"
     closer_if_forward, farther_if_forward = surfaces.get("forward", (0, 0))
-    if closer_if_forward >= _SURFACES and closer_if_forward > 4 * (farther_if_forward + closer):
+    if closer_if_forward >= _MIN_DISOCCLUDED and closer_if_forward > 4 * (farther_if_forward + closer):
         return "forward_infinite"
     return ""
 
 
 def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iterator[Mistake]:
-    if len(jitters) < _REPEATS:
+    if len(jitters) < _MIN_REPEATS:
         return
     values = np.array(jitters)
     if np.ptp(values, axis=0).max() == 0:

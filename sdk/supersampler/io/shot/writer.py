@@ -218,10 +218,10 @@ class ShotWriter:
             hint = "Resume it (resume=True), delete the folder, or choose another."
             raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
         for field in ("name", "display_size", "frame_rate", "conventions"):
-            there, wanted = getattr(info, field), getattr(self._info, field)
-            if there != wanted:
+            existing, requested = getattr(info, field), getattr(self._info, field)
+            if existing != requested:
                 hint = "Resume with what the shot was begun with, or write to another folder."
-                raise ShotError(path, f"its {field} is {there}; this run's is {wanted}", hint)
+                raise ShotError(path, f"its {field} is {existing}; this run's is {requested}", hint)
         self._info, self._entries = info, entries
 
     def _check_display(self, frame: RawFrame, reference: Array | None, classes: ClassMaps | None) -> None:
