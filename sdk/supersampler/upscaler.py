@@ -2,6 +2,7 @@
 
 import time
 from collections.abc import Collection, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import TracebackType
@@ -11,7 +12,7 @@ from supersampler.arguments import checked_names, checked_path, checked_scale, c
 from supersampler.backends.onnx.tensors import Tensor, checked_tensors, size_of_tensors, tensors_of_frame
 from supersampler.conventions.ratios import display_size_of
 from supersampler.errors import ArgumentError, shown
-from supersampler.extrapolation import Extrapolation, ShadedHistory
+from supersampler.extrapolation import Extrapolator, ShadedHistory
 from supersampler.frame import Float32, Frame, Size, checked_frame, checked_reset
 from supersampler.history import Stats, StepResult
 from supersampler.methods.gbuffers import GBUFFERS, black
@@ -101,10 +102,16 @@ class Upscaler:
         if self._render_size is not None and display_size is None:
             display_size = display_size_of(self._render_size, self._scale)
         self._memory = Memory(display_size)
-        self._extrapolation = Extrapolation(extrapolation, self.model.providers, self.model.threads, executor)
-        self._on_extrapolated = self.model.on_extrapolated if self._extrapolation.infos else self.model
-        infos = (self.model.info, self._on_extrapolated.info, *self._extrapolation.infos)
-        inputs = list(dict.fromkeys(tensor.name for info in infos for tensor in info.inputs))
+        self._on_extrapolated, self._extrapolator = self.model, None
+        infos = []
+        if extrapolation is not None:
+            self._on_extrapolated = self.model.on_extrapolated
+            self._extrapolator = Extrapolator(
+                extrapolation, self.model.providers, self.model.threads, executor
+            )
+            infos = [self._extrapolator.info]
+        all_infos = (self.model.info, self._on_extrapolated.info, *infos)
+        inputs = list(dict.fromkeys(tensor.name for info in all_infos for tensor in info.inputs))
         self.gbuffers = tuple(name for name in inputs if name in GBUFFERS)
         self._closed = False
         self._recorder: Recorder | None = None
@@ -113,7 +120,7 @@ class Upscaler:
             from supersampler.recording.setup import setup_here
 
             made = {"display_size": display_size, "scale": self._scale, "skip": self.skip}
-            setup = setup_here(self.model, self._extrapolation.infos, **made, validate=validate)
+            setup = setup_here(self.model, infos, **made, validate=validate)
             self._recorder = recorder.Recorder(record, setup, inputs)
 
     plan = staticmethod(plan)
@@ -273,7 +280,8 @@ class Upscaler:
         size = checked_size("render_size", self._render_size if render_size is None else render_size)
         display_size = self.display_size or display_size_of(size, self._scale)
         frame = black(self.gbuffers, size, display_size)
-        self._extrapolation.warm_up(frame)
+        if self._extrapolator is not None:
+            self._extrapolator.extrapolate(replace(frame, color=None), self._extrapolator.after_shaded(frame))
         history = self.model.first_history(display_size, size)
         self.model.run(frame, history)
         if self._on_extrapolated is not self.model:
@@ -285,11 +293,16 @@ class Upscaler:
     def save_state(self) -> State:
         """Copy the history; an Upscaler that loads it continues bit for bit as this one does."""
         self._check_open()
-        history = self._memory.history
+        history, shaded = self._memory.history, self._memory.shaded
         if history is None:
             return State(self.model.info.method, self.display_size, None, None)
-        saved = self.model.save_history(history), self._extrapolation.save(self._memory.shaded)
-        return State(self.model.info.method, history.display_size, history.render_size, *saved)
+        return State(
+            self.model.info.method,
+            history.display_size,
+            history.render_size,
+            self.model.save_history(history),
+            None if self._extrapolator is None or shaded is None else self._extrapolator.save(shaded),
+        )
 
     def load_state(self, state: State) -> None:
         """Continue from `state`; where it has nothing to extrapolate from, shade a frame first.
@@ -301,7 +314,9 @@ class Upscaler:
         if not isinstance(state, State):
             raise ArgumentError("state", got=shown(state), want="a State, as `save_state` returns it")
         history = state.history_for(self.model, self.display_size)
-        shaded = self._extrapolation.load(state.shaded)
+        shaded = None
+        if self._extrapolator is not None and state.shaded is not None:
+            shaded = self._extrapolator.load(state.shaded)
         if self._recorder is not None:
             self._recorder.load_state(state)
         self._memory = Memory(state.display_size, history, None, shaded, self.stats)
@@ -324,16 +339,21 @@ class Upscaler:
         self.close()
 
     def _step(self, frame: Frame, out: Float32 | None, outputs: Collection[str]) -> Float32 | StepResult:
-        before = self._memory.shaded
-        shaded = None if frame.color is None else self._extrapolation.after_shaded(frame, before)
+        shaded = None
+        if self._extrapolator is not None and frame.color is not None:
+            shaded = self._extrapolator.after_shaded(frame, self._memory.shaded)
         return self._upscaled(self.model, frame, frame, shaded, out, outputs)
 
     def _extrapolate(
         self, frame: Frame, out: Float32 | None, outputs: Collection[str]
     ) -> Float32 | StepResult:
+        if self._extrapolator is None:
+            hint = "Upscaler(extrapolation='guided-warp') takes frames that were not shaded."
+            raise ArgumentError("extrapolation", got=None, want="a model", hint=hint)
         started = time.perf_counter()
-        shaded_frame, shaded = self._extrapolation.extrapolate(frame, self._memory.shaded)
+        color, shaded = self._extrapolator.extrapolate(frame, self._memory.shaded)
         took = time.perf_counter() - started
+        shaded_frame = replace(frame, color=color)
         return self._upscaled(self._on_extrapolated, frame, shaded_frame, shaded, out, outputs, took)
 
     def _upscaled(
@@ -375,7 +395,7 @@ class Upscaler:
         out: Tensor | None,
     ) -> Tensor:
         started, memory = time.perf_counter(), self._memory
-        if self._extrapolation.infos:
+        if self._extrapolator is not None:
             hint = "Extrapolation takes arrays alone: use `step`."
             raise ArgumentError("step_tensors", got="called with extrapolation", want="neither", hint=hint)
         size, kept = size_of_tensors(tensors), None if reset else memory.history
