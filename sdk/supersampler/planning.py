@@ -1,4 +1,4 @@
-"""What an `Upscaler` will need, before one is made."""
+"""`Upscaler.plan`: memory and arithmetic that a model needs at a size, before any is allocated."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,7 +19,7 @@ def plan(
     executor: ExecutorName = "auto",
     precision: Precision = "auto",
 ) -> Plan:
-    """Return what an Upscaler will need: bytes of history, of working memory, and multiply-adds.
+    """Return the memory and the multiply-adds that an Upscaler needs per frame.
 
     >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
     >>> megabytes = plan.history_bytes / 1e6
@@ -34,7 +34,7 @@ def plan(
         precision: see `Model.load`.
 
     Raises:
-        FrameError: the method does not upscale by that much.
+        FrameError: the method does not support this ratio.
         ModelError, ProviderError, ArgumentError: see `Model.load`.
     """
     sizes = checked_size("render_size", render_size), checked_size("display_size", display_size)

@@ -135,7 +135,7 @@ class CpuExecutor(ABC, Generic[Space]):
         kept = step.history.glares and not step.tiles.all
         step.next_history.glares = bool(view.samples.glares.any()) or kept
 
-    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         working = self._working_bytes(display, render) + self._tile_reuse.most_bytes(display, render)
         return held_bytes(self.zeros(display, render)), working

@@ -160,7 +160,7 @@ class OnnxExecutor:
             self._session.run_with_iobinding(binding)
             binding.synchronize_outputs()
 
-    def needs(self, display: Size, render: Size) -> tuple[int, int | None]:
+    def required_bytes(self, display: Size, render: Size) -> tuple[int, int | None]:
         """See `Executor`."""
         shapes = (
             h.input.shape_for(render=render, display=display, previous=render) for h in self._info.history
