@@ -8,8 +8,8 @@ from _thread import allocate_lock
 class ForkSafeLock:
     """A lock for `with fork_safe.lock:`.
 
-    The `with` statement must use Python's own lock. Its acquisition cannot be interrupted by a signal handler,
-    which in an `__enter__` of this class could raise and leave the lock held.
+    The `with` statement must use Python's own lock: no signal handler runs between its acquisition and the
+    block, whereas one that raises in an `__enter__` of this class would leave the lock held.
 
     Attributes:
         lock: Python's lock; a forked child gets a new one.
