@@ -34,10 +34,10 @@ def empty_samples(render: Size) -> FrameSamples:
     """Return buffers for the samples of frames of this size."""
     w, h = render
     stride = up_to(w, LANES)
-    wide = stride + 2 * PAD
-    depth, motion_x, motion_y, eroded_depth = aligned((4, h, wide))
+    padded_width = stride + 2 * PAD
+    depth, motion_x, motion_y, eroded_depth = aligned((4, h, padded_width))
     dilated, own = aligned((2, h, stride, 4))
-    color, glares = aligned((h, SAMPLE_PLANES, wide)), aligned((h,))
+    color, glares = aligned((h, SAMPLE_PLANES, padded_width)), aligned((h,))
     return FrameSamples(color, depth, motion_x, motion_y, eroded_depth, dilated, own, glares, w, h, stride)
 
 
@@ -68,8 +68,8 @@ class ResampledFrame:
         self.tables = ResampleTableCache(render, display, filters, windows)
         self.set_jitter((0.0, 0.0))
         self.samples = empty_samples(render)
-        self.wide = self.samples.stride + 2 * PAD
-        self.lines = aligned((threads, (FILTER_LINES + 4) * self.wide + LANES))
+        self.padded_width = self.samples.stride + 2 * PAD
+        self.lines = aligned((threads, (FILTER_LINES + 4) * self.padded_width + LANES))
 
     def set_jitter(self, jitter: tuple[float, float]) -> None:
         """Set the jitter of the current frame."""

@@ -63,7 +63,7 @@ class FrameInputs(NamedTuple):
 class FrameSamples(NamedTuple):
     """The samples of a frame, ready to be resampled.
 
-    Rows of `wide` samples are PAD, stride, PAD; the padding repeats the border.
+    Rows of `padded_width` samples are PAD, stride, PAD; the padding repeats the border.
 
     Attributes:
         color: (height, SAMPLE_PLANES, wide) toned RGB, whether usable, YCoCg and its squares.

@@ -41,8 +41,8 @@ class RectTask(NamedTuple):
 class ThreadPool:
     """Splits work by rows among threads; the calling thread is one of them.
 
-    The result of a row must not depend on how rows are split, so that images are bit-identical with any number
-    of threads.
+    The result of a row must not depend on how rows are split, so that any number of threads computes the same
+    image, bit for bit.
 
     Args:
         threads: number of threads, the calling one included.

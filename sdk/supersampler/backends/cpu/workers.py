@@ -1,7 +1,7 @@
 """Worker threads that take work items from a queue. They use locks, as futures are slower than some stages.
 
-A thread that waits for an item runs it itself if no worker has started it. Work therefore completes in a forked
-child, in a process that cannot start threads, and in a closed pool, if only in the calling thread.
+A thread that waits for an item runs it itself if no worker has started it. Work therefore completes even in a
+forked child, in a process that cannot start threads, and in a closed pool.
 """
 
 import os
@@ -37,7 +37,7 @@ class WorkItem:
         self.error: BaseException | None = None
 
     def run(self) -> None:
-        """Run the work as a worker, unless the waiting thread has started it; store an exception in `error`."""
+        """Run the work as a worker, unless the waiting thread has started it; keep its exception."""
         if self._owner.setdefault(None, _WORKER) is not _WORKER:
             return
         try:
@@ -58,7 +58,7 @@ class WorkItem:
             raise self.error
 
     def settle(self) -> None:
-        """Wait until no worker is running the work or can start it; suppress exceptions of signal handlers."""
+        """Wait until no worker runs the work or can start it; suppress exceptions of signal handlers."""
         while not (self._owner.setdefault(None, _WAITER) is _WAITER or self.ended):
             with suppress(BaseException):
                 self._wait()

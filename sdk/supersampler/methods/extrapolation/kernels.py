@@ -15,7 +15,7 @@ from supersampler.backends.cpu.kernels.colors import (
     sanitize,
     usable,
 )
-from supersampler.backends.cpu.kernels.frame import FARTHEST_MOTION, MAX_MOTION, motion_at, places_of
+from supersampler.backends.cpu.kernels.frame import FARTHEST_MOTION, MAX_MOTION, motion_at, sample_indices
 from supersampler.backends.cpu.layout import GUIDE_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.vector import (
@@ -39,25 +39,36 @@ from supersampler.methods.extrapolation.structs import ExtrapolationOutput, Ring
 from supersampler.methods.spec import constant_indices
 
 C = constant_indices(GUIDED_WARP)
-THEN_W, THEN_H, BEFORE_W, BEFORE_H, JITTER, _, THEN_JITTER, _, BEFORE_JITTER, _, MOVED, HAS_DEPTH = range(
-    len(C), len(C) + 12
-)
+(
+    SHADED_W,
+    SHADED_H,
+    PREVIOUS_W,
+    PREVIOUS_H,
+    JITTER,
+    _,
+    SHADED_JITTER,
+    _,
+    PREVIOUS_JITTER,
+    _,
+    HAS_PREVIOUS_MOTION,
+    HAS_DEPTH,
+) = range(len(C), len(C) + 12)
 """Of `numbers`, after the constants of `guided-warp`; two for each jitter, across and down; MOVED: 0 where
-`before` is zeros; HAS_DEPTH: 0 where the shaded frame has no depth at all."""
-FARTHEST, NOWHERE = 1e-30, 1e4
-STEPS, MOST, NUMBERS = 16.0, 262143.0, 64.0
+`previous_motion` is zeros; HAS_DEPTH: 0 where the shaded frame has no depth at all."""
+MIN_DEPTH, NO_SURFACE = 1e-30, 1e4
+DISTANCE_STEPS, MAX_DISTANCE, MAX_TAPS = 16.0, 262143.0, 64.0
 MARGIN = 0.999  # of a distance, so that no rounding leaves out a sample that would have been taken
 
 
 @device_function
-def known(value):
+def is_usable(value):
     return absolute(value) <= MAX_HALF
 
 
 @device_function
-def three_at(image, at, pixel, plane):
+def three_at(image, index, pixel, plane):
     """Three channels, of which values are `pixel` apart from sample to sample, `plane` from each other."""
-    first = at * np.int32(pixel)
+    first = index * np.int32(pixel)
     return (
         gather(image, first),
         gather(image, first + np.int32(plane)),
@@ -66,39 +77,47 @@ def three_at(image, at, pixel, plane):
 
 
 @device_function
-def reflectance_of(base, normal, least):
+def reflectance_of(base, normal, nearest):
     """Return the divisor of each colour channel; 1 at the sky."""
     sky = normal[0] * normal[0] + normal[1] * normal[1] + normal[2] * normal[2] < 0.1
     return (
-        select(sky, 1.0, base[0] + least),
-        select(sky, 1.0, base[1] + least),
-        select(sky, 1.0, base[2] + least),
+        select(sky, 1.0, base[0] + nearest),
+        select(sky, 1.0, base[1] + nearest),
+        select(sky, 1.0, base[2] + nearest),
     )
 
 
 @device_function
-def guides_at(base, normal, depth, at, pixel, plane, valid, numbers):
+def guides_at(base, normal, depth, index, pixel, plane, valid, numbers):
     """Return the guides of sixteen surfaces, in standard deviations, and their reflectance; valid: a mask."""
-    b, n = three_at(base, at, pixel, plane), three_at(normal, at, pixel, plane)
-    d = gather(depth, at)
-    valid = valid & known(b[0]) & known(b[1]) & known(b[2]) & known(n[0]) & known(n[1]) & known(n[2])
+    b, n = three_at(base, index, pixel, plane), three_at(normal, index, pixel, plane)
+    d = gather(depth, index)
+    valid = (
+        valid
+        & is_usable(b[0])
+        & is_usable(b[1])
+        & is_usable(b[2])
+        & is_usable(n[0])
+        & is_usable(n[1])
+        & is_usable(n[2])
+    )
     valid = valid & (d >= 0.0) & (d <= 1e30)
-    b = (color_of(b[0]), color_of(b[1]), color_of(b[2]))
-    n = (side_of(n[0]), side_of(n[1]), side_of(n[2]))
-    far = select(valid, logarithm(maximum(d, FARTHEST)) / numbers[C.depth_sigma], NOWHERE)
+    b = (sanitized_color(b[0]), sanitized_color(b[1]), sanitized_color(b[2]))
+    n = (sanitized_normal(n[0]), sanitized_normal(n[1]), sanitized_normal(n[2]))
+    far = select(valid, logarithm(maximum(d, MIN_DEPTH)) / numbers[C.depth_sigma], NO_SURFACE)
     s = numbers[C.surface_sigma]
     guides = (b[0] / s, b[1] / s, b[2] / s, n[0] / s, n[1] / s, n[2] / s, far)
-    return guides, reflectance_of(b, n, numbers[C.least])
+    return guides, reflectance_of(b, n, numbers[C.nearest])
 
 
 @device_function
-def color_of(value):
-    return select(known(value), clamped(value, 0.0, 1.0), 0.0)
+def sanitized_color(value):
+    return select(is_usable(value), clamped(value, 0.0, 1.0), 0.0)
 
 
 @device_function
-def side_of(value):
-    return select(known(value), clamped(value, -1.0, 1.0), 0.0)
+def sanitized_normal(value):
+    return select(is_usable(value), clamped(value, -1.0, 1.0), 0.0)
 
 
 def read_shaded(
@@ -112,9 +131,9 @@ def read_shaded(
     size = h * stride
     for y in range(y0, y1):
         for x in range(0, w, 16):
-            at, to = places_of(x, y, w), y * stride + x
-            r, g, b = three_at(color, at, 1, w * h)
-            guides, reflectance = guides_at(base, normal, depth, at, 1, w * h, usable(r, g, b), numbers)
+            index, to = sample_indices(x, y, w), y * stride + x
+            r, g, b = three_at(color, index, 1, w * h)
+            guides, reflectance = guides_at(base, normal, depth, index, 1, w * h, usable(r, g, b), numbers)
             for c, value in enumerate(guides):
                 store(samples, c * size + to, value)
             store(samples, GUIDE_PLANES * size + to, sanitize(r) / reflectance[0])
@@ -129,13 +148,13 @@ def reproject(place, jitter, other, size, other_size):
 
 
 @device_function
-def usable_at(plane, at):
-    value = gather(plane, at)
+def usable_motion(plane, index):
+    value = gather(plane, index)
     return select(absolute(value) <= MAX_MOTION, clamped(value, -FARTHEST_MOTION, FARTHEST_MOTION), 0.0)
 
 
 @device_function
-def between(plane, first, x, y, w, h):
+def interpolated_motion(plane, first, x, y, w, h):
     """Usable motion, of a plane (h, w) that begins at `first`, at a place: linear; the border beyond it."""
     x, y = clamped(x, 0.0, np.float32(w - 1)), clamped(y, 0.0, np.float32(h - 1))
     left, top = floor(x), floor(y)
@@ -143,32 +162,36 @@ def between(plane, first, x, y, w, h):
     column, row = to_int(left), to_int(top)
     right, start = minimum(column + np.int32(1), np.int32(w - 1)), np.int32(first)
     here, below = row * np.int32(w) + start, minimum(row + np.int32(1), np.int32(h - 1)) * np.int32(w) + start
-    upper = usable_at(plane, here + column) * (1.0 - s) + usable_at(plane, here + right) * s
-    lower = usable_at(plane, below + column) * (1.0 - s) + usable_at(plane, below + right) * s
+    upper = usable_motion(plane, here + column) * (1.0 - s) + usable_motion(plane, here + right) * s
+    lower = usable_motion(plane, below + column) * (1.0 - s) + usable_motion(plane, below + right) * s
     return upper * (1.0 - t) + lower * t
 
 
 @device_function
-def back_to_shaded(motion, before, at, column, row, w, h, n):
+def back_to_shaded(motion, previous_motion, index, column, row, w, h, n):
     """Return the motion of sixteen pixels to the shaded frame: their own, plus that of the previous frame."""
-    wide, high = np.float32(w), np.float32(h)
-    mx, my = motion_at(motion, at)
-    if n[MOVED] == 0.0:
+    float_w, float_h = np.float32(w), np.float32(h)
+    mx, my = motion_at(motion, index)
+    if n[HAS_PREVIOUS_MOTION] == 0.0:
         return mx, my
-    x = reproject(column + mx, n[JITTER], n[BEFORE_JITTER], wide, n[BEFORE_W])
-    y = reproject(my + row, n[JITTER + 1], n[BEFORE_JITTER + 1], high, n[BEFORE_H])
-    before_w, before_h = int(n[BEFORE_W]), int(n[BEFORE_H])
-    across = between(before, 0, x, y, before_w, before_h) * wide / n[BEFORE_W]
-    down = between(before, before_w * before_h, x, y, before_w, before_h) * high / n[BEFORE_H]
+    x = reproject(column + mx, n[JITTER], n[PREVIOUS_JITTER], float_w, n[PREVIOUS_W])
+    y = reproject(my + row, n[JITTER + 1], n[PREVIOUS_JITTER + 1], float_h, n[PREVIOUS_H])
+    previous_w, previous_h = int(n[PREVIOUS_W]), int(n[PREVIOUS_H])
+    across = interpolated_motion(previous_motion, 0, x, y, previous_w, previous_h) * float_w / n[PREVIOUS_W]
+    down = (
+        interpolated_motion(previous_motion, previous_w * previous_h, x, y, previous_w, previous_h)
+        * float_h
+        / n[PREVIOUS_H]
+    )
     return clamped(mx + across, -FARTHEST_MOTION, FARTHEST_MOTION), clamped(
         my + down, -FARTHEST_MOTION, FARTHEST_MOTION
     )
 
 
 @device_function
-def load_samples(samples, c, size, at, first, together):
+def load_samples(samples, c, size, index, first, together):
     """A plane's values at sixteen samples, the first of which is `first`."""
-    return load16(samples, c * size + first) if together else gather(samples, at + np.int32(c * size))
+    return load16(samples, c * size + first) if together else gather(samples, index + np.int32(c * size))
 
 
 @device_function
@@ -177,22 +200,22 @@ def squared(value):
 
 
 @device_function
-def squared_distance(own, samples, size, at, first, together):
+def squared_distance(own, samples, size, index, first, together):
     """Return the squared distance of sixteen surfaces from sixteen samples, over all guides."""
-    total = squared(own[0] - load_samples(samples, 0, size, at, first, together))
+    total = squared(own[0] - load_samples(samples, 0, size, index, first, together))
     for c in range(1, GUIDE_PLANES):
-        total = total + squared(own[c] - load_samples(samples, c, size, at, first, together))
+        total = total + squared(own[c] - load_samples(samples, c, size, index, first, together))
     return total
 
 
 @device_function
-def inside(place, count):
+def clamped_index(place, count):
     """The column or row of a place, that of the border beyond it."""
     return to_int(clamped(place, 0.0, np.float32(count - 1)))
 
 
 @device_function
-def swapped(kept, other):
+def sorted_pair(kept, other):
     """The one with the lesser key, and the other; samples are key, -log of the weight, and place."""
     first = other[0] < kept[0]
     return (
@@ -210,74 +233,87 @@ def swapped(kept, other):
 
 
 @device_function
-def pushed(least, sample):
+def insert_sorted(nearest, sample):
     """The four least of four, in order, and another."""
-    a, sample = swapped(least[0], sample)
-    b, sample = swapped(least[1], sample)
-    c, sample = swapped(least[2], sample)
-    d, sample = swapped(least[3], sample)
+    a, sample = sorted_pair(nearest[0], sample)
+    b, sample = sorted_pair(nearest[1], sample)
+    c, sample = sorted_pair(nearest[2], sample)
+    d, sample = sorted_pair(nearest[3], sample)
     return a, b, c, d
 
 
 @device_function
-def key_of(off, number):
-    return minimum(floor(off * STEPS), MOST) * NUMBERS + number
+def sort_key(distance, number):
+    return minimum(floor(distance * DISTANCE_STEPS), MAX_DISTANCE) * MAX_TAPS + number
 
 
 @device_function
-def four_least(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, room):
+def nearest_four(own, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, index_scratch):
     """The samples around sixteen places that weigh most.
 
     What is farther off than the fourth of them could be, however like its surface is, is not looked at.
     """
     left, top = floor(x + 0.5), floor(y + 0.5)
-    at = to_int(top) * np.int32(stride) + to_int(left)
-    store(room, 0, at)
-    first = room[0]
+    index = to_int(top) * np.int32(stride) + to_int(left)
+    store(index_scratch, 0, index)
+    first = index_scratch[0]
     row, column, reach = first // stride, first % stride, strides[rings - 1]
     together = (
-        all_lanes(at == ramp16() + np.int32(first))
+        all_lanes(index == ramp16() + np.int32(first))
         and row >= reach and row < h - reach and column >= reach and column + 15 < w - reach
     )  # fmt: skip
-    away = maximum(absolute(left - x), absolute(top - y))
-    none = spread16(np.float32(3e38))
-    least = (none, none, at), (none, none, at), (none, none, at), (none, none, at)
-    middle = at
+    center_distance = maximum(absolute(left - x), absolute(top - y))
+    farthest = spread16(np.float32(3e38))
+    nearest = (
+        (farthest, farthest, index),
+        (farthest, farthest, index),
+        (farthest, farthest, index),
+        (farthest, farthest, index),
+    )
+    center = index
     for ring in range(rings):
         if ring:
-            near = (away * -1.0 + np.float32(strides[ring])) / sigma
-            if all_lanes(floor(squared(near) * (0.5 * MARGIN * STEPS)) * NUMBERS >= least[3][0]):
+            near = (center_distance * -1.0 + np.float32(strides[ring])) / sigma
+            if all_lanes(floor(squared(near) * (0.5 * MARGIN * DISTANCE_STEPS)) * MAX_TAPS >= nearest[3][0]):
                 break
         for k in range(8 * ring + 1 if ring else 0, 8 * ring + 9):
             u, v = left + across[k], top + down[k]
             step = int(down[k]) * stride + int(across[k])
-            at = middle + np.int32(step) if together else inside(v, h) * np.int32(stride) + inside(u, w)
-            off = squared_distance(own, samples, size, at, first + step, together)
+            index = (
+                center + np.int32(step)
+                if together
+                else clamped_index(v, h) * np.int32(stride) + clamped_index(u, w)
+            )
+            distance = squared_distance(own, samples, size, index, first + step, together)
             u, v = (u - x) / sigma, (v - y) / sigma
-            off = (off + (u * u + v * v)) * 0.5
-            least = pushed(least, (key_of(off, np.float32(k)), off, at))
-    return least
+            distance = (distance + (u * u + v * v)) * 0.5
+            nearest = insert_sorted(nearest, (sort_key(distance, np.float32(k)), distance, index))
+    return nearest
 
 
 @device_function
-def light_at(least, samples, size):
+def mean_light(nearest, samples, size):
     """Mean light of the chosen samples."""
-    p, q, r, s = least[0][1], least[1][1], least[2][1], least[3][1]
+    p, q, r, s = nearest[0][1], nearest[1][1], nearest[2][1], nearest[3][1]
     best = minimum(minimum(minimum(p, q), r), s)
     p, q, r, s = exponential(best - p), exponential(best - q), exponential(best - r), exponential(best - s)
-    total, at = p + q + r + s, (least[0][2], least[1][2], least[2][2], least[3][2])
+    total, index = p + q + r + s, (nearest[0][2], nearest[1][2], nearest[2][2], nearest[3][2])
     return (
-        mean_of(samples, GUIDE_PLANES * size, at, (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE_PLANES + 1) * size, at, (p, q, r, s)) / total,
-        mean_of(samples, (GUIDE_PLANES + 2) * size, at, (p, q, r, s)) / total,
+        mean_of(samples, GUIDE_PLANES * size, index, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE_PLANES + 1) * size, index, (p, q, r, s)) / total,
+        mean_of(samples, (GUIDE_PLANES + 2) * size, index, (p, q, r, s)) / total,
     )
 
 
 @device_function
-def mean_of(samples, plane, at, share):
+def mean_of(samples, plane, index, weights):
     start = np.int32(plane)
-    total = gather(samples, at[0] + start) * share[0] + gather(samples, at[1] + start) * share[1]
-    return total + gather(samples, at[2] + start) * share[2] + gather(samples, at[3] + start) * share[3]
+    total = gather(samples, index[0] + start) * weights[0] + gather(samples, index[1] + start) * weights[1]
+    return (
+        total
+        + gather(samples, index[2] + start) * weights[2]
+        + gather(samples, index[3] + start) * weights[3]
+    )
 
 
 @device_function
@@ -288,7 +324,7 @@ def bounded(light, reflectance):
 
 
 def extrapolate_rows(
-    frame: UnshadedFrame, motion_before: Floats, samples: Floats, numbers: Floats, rings: Rings, room: Words,
+    frame: UnshadedFrame, previous_motion: Floats, samples: Floats, numbers: Floats, rings: Rings, index_scratch: Words,
     line: Floats, output: ExtrapolationOutput, y0: int, y1: int,
 ):  # fmt: skip
     """Compute rows y0 to y1 of the image of an unshaded frame, and its motion back to the shaded one.
@@ -297,26 +333,26 @@ def extrapolate_rows(
     line: scratch of a thread.
     """
     base, normal, depth, motion = frame.base_color, frame.normal, frame.depth, frame.motion
-    before, w, h, stride = motion_before, frame.width, frame.height, frame.samples_stride
+    previous_motion, w, h, stride = previous_motion, frame.width, frame.height, frame.samples_stride
     across, down, strides = rings.x, rings.y, rings.strides
     total, image, n = output.motion, output.image, numbers
-    then_w, then_h = int(n[THEN_W]), int(n[THEN_H])
-    size, pixels = then_h * stride, w * h
+    shaded_w, shaded_h = int(n[SHADED_W]), int(n[SHADED_H])
+    size, pixels = shaded_h * stride, w * h
     for y in range(y0, y1):
         for x in range(0, w, 16):
-            at = places_of(x, y, w)
-            column, row = to_float(at - np.int32(y * w)), np.float32(y)
-            mx, my = back_to_shaded(motion, before, at, column, row, w, h, n)
-            px = reproject(column + mx, n[JITTER], n[THEN_JITTER], np.float32(w), n[THEN_W])
-            py = reproject(my + row, n[JITTER + 1], n[THEN_JITTER + 1], np.float32(h), n[THEN_H])
-            px, py = clamped(px, 0.0, n[THEN_W] - 1.0), clamped(py, 0.0, n[THEN_H] - 1.0)
-            every = spread16(n[HAS_DEPTH]) > 0.0
-            own, reflectance = guides_at(base, normal, depth, at, 3, 1, every, n)
-            least = four_least(
-                own, samples, size, then_w, then_h, stride, px, py, across, down, strides, rings.rings,
-                n[C.distance_sigma], room,
+            index = sample_indices(x, y, w)
+            column, row = to_float(index - np.int32(y * w)), np.float32(y)
+            mx, my = back_to_shaded(motion, previous_motion, index, column, row, w, h, n)
+            px = reproject(column + mx, n[JITTER], n[SHADED_JITTER], np.float32(w), n[SHADED_W])
+            py = reproject(my + row, n[JITTER + 1], n[SHADED_JITTER + 1], np.float32(h), n[SHADED_H])
+            px, py = clamped(px, 0.0, n[SHADED_W] - 1.0), clamped(py, 0.0, n[SHADED_H] - 1.0)
+            valid = spread16(n[HAS_DEPTH]) > 0.0
+            own, reflectance = guides_at(base, normal, depth, index, 3, 1, valid, n)
+            nearest = nearest_four(
+                own, samples, size, shaded_w, shaded_h, stride, px, py, across, down, strides, rings.rings,
+                n[C.distance_sigma], index_scratch,
             )  # fmt: skip
-            light = light_at(least, samples, size)
+            light = mean_light(nearest, samples, size)
             for c, value in enumerate(
                 (
                     mx,

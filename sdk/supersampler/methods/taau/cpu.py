@@ -32,7 +32,7 @@ class _Space(ResampledFrame):
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
-        self.shade_lines = aligned((threads, 3, self.wide))
+        self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
         self.scratch = [
             TaauScratch(

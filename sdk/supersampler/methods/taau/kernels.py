@@ -69,7 +69,7 @@ MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
 """As in the torch method and in `supersampler_model.ops.sampling`."""
 C = constant_indices(TAAU)
 (
-    EXPOSURE, W, H, BIG_W, BIG_H, OLD_W, OLD_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
+    EXPOSURE, W, H, BIG_W, BIG_H, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
 ) = range(len(C), len(C) + 12)  # fmt: skip
 """Indices into `numbers`, after the constants of `taau`.
 
@@ -80,9 +80,9 @@ UNCONFIRMED: 1 where light of this frame that raises the contrast is unconfirmed
 
 
 @device_function
-def sum3(line, at):
+def sum3(line, index):
     """Return the sums of three neighbours in a row."""
-    return load16(line, at - 1) + load16(line, at) + load16(line, at + 1)
+    return load16(line, index - 1) + load16(line, index) + load16(line, index + 1)
 
 
 def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
@@ -99,33 +99,36 @@ def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0
     """
     colors, own, glares, eroded = samples.color, samples.own, samples.glares, samples.eroded_depth
     w, h, stride = samples.width, samples.height, samples.stride
-    wide = stride + 2 * PAD
+    padded_width = stride + 2 * PAD
     for y in range(y0, y1):
         above, below = max(y - 1, 0), min(y + 1, h - 1)
         for x in range(0, w, 16):
             luma = square = usable = load16(eroded, 0) * 0.0
             for row in (above, y, below):
-                at = SAMPLE_PLANES * row * wide + PAD + x
-                luma, square = luma + load16(colors, at + 4 * wide), square + load16(colors, at + 7 * wide)
-                usable = usable + load16(colors, at + 3 * wide)
+                index = SAMPLE_PLANES * row * padded_width + PAD + x
+                luma, square = (
+                    luma + load16(colors, index + 4 * padded_width),
+                    square + load16(colors, index + 7 * padded_width),
+                )
+                usable = usable + load16(colors, index + 3 * padded_width)
             store(line, PAD + x, luma)
-            store(line, wide + PAD + x, square)
-            store(line, 2 * wide + PAD + x, usable)
+            store(line, padded_width + PAD + x, square)
+            store(line, 2 * padded_width + PAD + x, usable)
         for c in range(3):
-            first = c * wide + PAD
+            first = c * padded_width + PAD
             line[first - 1], line[first + w] = line[first], line[first + w - 1]
-        here = y * wide + PAD
+        here = y * padded_width + PAD
         glares_near = glares[above] + glares[y] + glares[below] > 0.0
         mean_sum = square_sum = load16(eroded, 0) * 0.0
         for x in range(0, w, 16):
-            usable = sum3(line, 2 * wide + PAD + x)
+            usable = sum3(line, 2 * padded_width + PAD + x)
             scale = 1.0 / maximum(usable, 9e-6)
             mean = sum3(line, PAD + x) * scale
-            deviation = square_root(maximum(sum3(line, wide + PAD + x) * scale - mean * mean, 0.0))
+            deviation = square_root(maximum(sum3(line, padded_width + PAD + x) * scale - mean * mean, 0.0))
             glare = usable * 0.0
             if glares_near:
                 glare = gather(own, (ramp16() + np.int32(y * stride + x)) * 4 + 3)
-            opened = opened_at(eroded, above * wide + PAD, here, below * wide + PAD, x)
+            opened = opened_at(eroded, above * padded_width + PAD, here, below * padded_width + PAD, x)
             deviation = select(usable > 9.0 * MIN_WEIGHT, deviation, 1.0)
             store4(surface, 4 * (here + x), opened, mean, deviation, glare)
             inside = ramp16() + np.int32(x) < np.int32(w)
@@ -280,24 +283,28 @@ def step_rows(
     line, slots, weights = scratch.line, scratch.slots, scratch.weights
     warped, out = scratch.warped, scratch.out
     next_history, image = output.next_history, output.image
-    big_w, big_h, width = output.width, output.height, output.pitch
-    old_w, old_h = np.int64(numbers[OLD_W]), np.int64(numbers[OLD_H])
-    w_big, h_big, exposure_change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
-    scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide = stride + 2 * PAD
+    display_w, display_h, width = output.width, output.height, output.pitch
+    previous_w, previous_h = np.int64(numbers[PREVIOUS_W]), np.int64(numbers[PREVIOUS_H])
+    float_w, float_h, exposure_change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
+    scale_x, scale_y = float_w / numbers[W], float_h / numbers[H]
+    padded_width = stride + 2 * PAD
     for y in range(y0, y1):
-        filter_all_down(colors, rows, down, big_h, y, starts, x0, x1, wide, line)
-        near, (first, last) = 4 * (3 * big_h + y), span(starts, x0, x1)
-        filter_down(colors, 0, 4, rows, down, y, near, wide, first, last, line, FILTER_LINES * wide)
+        filter_all_down(colors, rows, down, display_h, y, starts, x0, x1, padded_width, line)
+        near, (first, last) = 4 * (3 * display_h + y), span(starts, x0, x1)
+        filter_down(
+            colors, 0, 4, rows, down, y, near, padded_width, first, last, line, FILTER_LINES * padded_width
+        )
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
             depth, mx, my, _ = gather4(
                 samples.dilated, tables.first_column, x, 4, 4 * tables.first_row[y] * stride
             )
             mx, my = mx * scale_x, my * scale_y
-            px, py = previous_position(lane, y, mx, my, w_big, h_big)
-            on = on_screen(px, py, w_big, h_big)
-            prepare_warp(px, py, big_w, big_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights)
+            px, py = previous_position(lane, y, mx, my, float_w, float_h)
+            on = on_screen(px, py, float_w, float_h)
+            prepare_warp(
+                px, py, display_w, display_h, TAAU_PIXEL, numbers[C.history_sharpness], slots, weights
+            )
             warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
             exposure = numbers[EXPOSURE]
@@ -306,9 +313,9 @@ def step_rows(
                 *toned(warped_light[0] * exposure, warped_light[1] * exposure, warped_light[2] * exposure)
             )
             # visibility and shade of the surface in the previous frame
-            sx = (px + 0.5) * numbers[OLD_W] / w_big - 0.5 - numbers[JITTER_X]
-            sy = (py + 0.5) * numbers[OLD_H] / h_big - 0.5 - numbers[JITTER_Y]
-            tap_weights = linear_taps(sx, sy, old_w, old_h, history.pitch, slots)
+            sx = (px + 0.5) * numbers[PREVIOUS_W] / float_w - 0.5 - numbers[JITTER_X]
+            sy = (py + 0.5) * numbers[PREVIOUS_H] / float_h - 0.5 - numbers[JITTER_Y]
+            tap_weights = linear_taps(sx, sy, previous_w, previous_h, history.pitch, slots)
             a, b = gather4(history_surface, slots, 0, 4, 0), gather4(history_surface, slots, 0, 4, 4)
             c, d = gather4(history_surface, slots, 16, 4, 0), gather4(history_surface, slots, 16, 4, 4)
             depths_before = a[0], b[0], c[0], d[0]
@@ -320,7 +327,7 @@ def step_rows(
             deviation_before = mean_of((a[2], b[2], c[2], d[2]), tap_weights)
             dim = 1.0 / (mean_before * (exposure_change - np.float32(1.0)) + 1.0)
             _, mean, deviation, glare = gather4(
-                surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * wide + PAD)
+                surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * padded_width + PAD)
             )
             mean_before, deviation_before = (
                 mean_before * exposure_change * dim,
@@ -332,8 +339,10 @@ def step_rows(
                 risen = deviation * deviation > deviation_before * deviation_before * FLASH + LEAST_FLASH
                 flash = select(risen, 1.0, depth * 0.0)
             tx, ty = px - floor(px), py - floor(py)
-            sums = filter_all_across(line, wide, starts, across, width, x)
-            sample = filter_across(line, FILTER_LINES * wide, wide, starts, across, 12, width, x)
+            sums = filter_all_across(line, padded_width, starts, across, width, x)
+            sample = filter_across(
+                line, FILTER_LINES * padded_width, padded_width, starts, across, 12, width, x
+            )
             current = current_frame(sums, sample, numbers[C.frame_sharpness])
             color, next_color, next_samples, next_power, weight = blend(
                 numbers, current, warped_color, warped_light, q[6], q[7], same, 1.0 - changed,
@@ -346,7 +355,7 @@ def step_rows(
             pairs = rows8((*next_color, next_samples, next_power, r, g, b))
             for i in range(8):
                 store(out, 16 * i, pairs[i])
-            pixel = y * big_w + x
+            pixel = y * display_w + x
             for i in range(min(16, x1 - x)):
                 store(next_history, TAAU_PIXEL * (pixel + i), load4(out, 8 * i))
                 next_history[TAAU_PIXEL * (pixel + i) + 4] = out[8 * i + 4]

@@ -282,7 +282,7 @@ def dot4(_: Any, total: Any, bytes_: Any, signed: Any) -> Any:
 
 
 @intrinsic
-def picked(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
+def gather_nearby(_: Any, pointer: Any, at: Any, step: Any, index: Any) -> Any:
     """Read sixteen float32: the first eight where their `index`, i32 lanes of 0 to 7, says, from `at` on.
 
     The others from `at + step` on; `step` is at most 8.
