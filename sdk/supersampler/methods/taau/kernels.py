@@ -1,6 +1,6 @@
-"""Kernels of `taau`: twins of `supersampler_model.methods.taau`, in one pass over the display.
+"""Kernels of `taau`: twins of `supersampler_model.methods.taau`, in one pass over the image.
 
-Device functions compute sixteen pixels at once, a vector per channel.
+Device functions compute sixteen pixels at once, with a vector per channel.
 """
 
 import numpy as np
@@ -12,8 +12,11 @@ from supersampler.backends.cpu.kernels.colors import (
     clamped,
     from_ycocg,
     largest,
+    lerp3,
     linear_of,
     sanitize,
+    scaled3,
+    select3,
     toned,
     without_glare,
     ycocg,
@@ -68,14 +71,12 @@ from supersampler.methods.taau.structs import TaauHistoryInput, TaauScratch
 MIN_CHANGE, MIN_SAMPLES, MIN_WEIGHT, MIN_BOX_WEIGHT = 0.004, 1e-3, 1e-3, 0.5
 """As in the torch method and in `supersampler_model.ops.sampling`."""
 C = constant_indices(TAAU)
-(
-    EXPOSURE, W, H, BIG_W, BIG_H, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED,
-) = range(len(C), len(C) + 12)  # fmt: skip
+EXPOSURE, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRMED = range(len(C), len(C) + 8)
 """Indices into `numbers`, after the constants of `taau`.
 
-Sizes: W, H of this frame, BIG of the display, OLD of the previous frame. JITTER: of the previous frame.
-CHANGE: exposure over the previous exposure. GLARES: 1 where any light may be unconfirmed, else 0.
-UNCONFIRMED: 1 where light of this frame that raises the contrast is unconfirmed, 2 where all of it is.
+PREVIOUS_W, PREVIOUS_H, JITTER: render size and jitter of the previous frame. CHANGE: exposure over the
+previous exposure. GLARES: 1 where any light may be unconfirmed, else 0. UNCONFIRMED: 1 where light of this frame that
+raises the contrast is unconfirmed, 2 where all of it is.
 """
 
 
@@ -86,7 +87,9 @@ def sum3(line, index):
 
 
 def shade(samples: FrameSamples, line: Floats, surface: Floats, sums: Floats, y0: int, y1: int):
-    """Write the surface of rows y0 to y1, which the next frame compares with; twin of `shade_of`.
+    """Write rows y0 to y1 of the surface, for disocclusion and lighting tests of the next frame.
+
+    Twin of `shade_of`.
 
     Args:
         samples: the frame.
@@ -146,20 +149,16 @@ def current_frame(sums, near, sharpness):
     """
     scale, sharp_scale = 1.0 / maximum(sums[3], 1e-6), 1.0 / maximum(sums[7], 1e-6)
     sharp = select(sums[7] > 0.9, sharpness, sums[3] * 0.0)
-    r, g, b = sums[0] * scale, sums[1] * scale, sums[2] * scale
-    frame = ycocg(
-        r + sharp * (sums[4] * sharp_scale - r),
-        g + sharp * (sums[5] * sharp_scale - g),
-        b + sharp * (sums[6] * sharp_scale - b),
-    )
-    scale = 1.0 / maximum(near[3], 1e-6)
-    sample = ycocg(near[0] * scale, near[1] * scale, near[2] * scale)
+    smooth = scaled3((sums[0], sums[1], sums[2]), scale)
+    frame = ycocg(*lerp3(smooth, scaled3((sums[4], sums[5], sums[6]), sharp_scale), sharp))
+    sample = ycocg(*scaled3((near[0], near[1], near[2]), 1.0 / maximum(near[3], 1e-6)))
     scale, known = 1.0 / maximum(sums[14], 1e-6), sums[14] > MIN_BOX_WEIGHT
-    mean = sums[8] * scale, sums[9] * scale, sums[10] * scale
+    mean = scaled3((sums[8], sums[9], sums[10]), scale)
+    squares = scaled3((sums[11], sums[12], sums[13]), scale)
     deviations = (
-        deviation_of(select(known, sums[11] * scale, 1.0), mean[0]),
-        deviation_of(select(known, sums[12] * scale, 1.0), mean[1]),
-        deviation_of(select(known, sums[13] * scale, 1.0), mean[2]),
+        deviation_of(select(known, squares[0], 1.0), mean[0]),
+        deviation_of(select(known, squares[1], 1.0), mean[1]),
+        deviation_of(select(known, squares[2], 1.0), mean[2]),
     )
     return frame, sample, minimum(near[3], 1.0), mean, deviations
 
@@ -182,14 +181,12 @@ def change_of_light(numbers, mean, deviation, mean_before, deviation_before):
 @device_function
 def clip_to_center(color, mean, deviations, gamma, box_floor):
     """Clip a colour towards the centre of its variance box; also return its distance, in half extents."""
-    y, co, cg = color[0] - mean[0], color[1] - mean[1], color[2] - mean[2]
     overshoot = largest(
-        absolute(y) / maximum(deviations[0] * gamma + box_floor, 1e-5),
-        absolute(co) / maximum(deviations[1] * gamma + box_floor, 1e-5),
-        absolute(cg) / maximum(deviations[2] * gamma + box_floor, 1e-5),
+        absolute(color[0] - mean[0]) / maximum(deviations[0] * gamma + box_floor, 1e-5),
+        absolute(color[1] - mean[1]) / maximum(deviations[1] * gamma + box_floor, 1e-5),
+        absolute(color[2] - mean[2]) / maximum(deviations[2] * gamma + box_floor, 1e-5),
     )
-    scale = 1.0 / maximum(overshoot, 1.0)
-    return (mean[0] + y * scale, mean[1] + co * scale, mean[2] + cg * scale), overshoot
+    return lerp3(mean, color, 1.0 / maximum(overshoot, 1.0)), overshoot
 
 
 @device_function
@@ -233,11 +230,9 @@ def blend(
     samples = minimum(warped_samples * holds * inside, limit)
     weight = confidence / maximum(samples + confidence, 1e-6)
     known, settled = samples > MIN_SAMPLES, minimum(samples / n[C.settled], 1.0)
-    y = select(known, lerp(rectified[0], lerp(frame[0], sample[0], settled), weight), frame[0])
-    co = select(known, lerp(rectified[1], lerp(frame[1], sample[1], settled), weight), frame[1])
-    cg = select(known, lerp(rectified[2], lerp(frame[2], sample[2], settled), weight), frame[2])
-    r, e, b = from_ycocg(y, co, cg)
-    color = linear_of(maximum(r, 0.0), maximum(e, 0.0), maximum(b, 0.0), n[EXPOSURE])
+    blended = lerp3(rectified, lerp3(frame, sample, settled), weight)
+    r, g, b = from_ycocg(*select3(known, blended, frame))
+    color = linear_of(maximum(r, 0.0), maximum(g, 0.0), maximum(b, 0.0), n[EXPOSURE])
 
     error = minimum(absolute(sample[0] - warped_color[0]), warped_spread + n[C.spread_step])
     rate = confidence / maximum(minimum(samples, n[C.spread_samples]) + confidence, 1e-6)
@@ -249,11 +244,7 @@ def blend(
         trusted = select(glares > 0.0, surface, holds)
         kept = minimum(warped_samples * trusted, limit)
         adds_sample = select(maximum(glares, flash) > 0.0, kept, 0.0) <= MIN_SAMPLES
-        next_color = (
-            select(adds_sample, color[0], warped_light[0]),
-            select(adds_sample, color[1], warped_light[1]),
-            select(adds_sample, color[2], warped_light[2]),
-        )
+        next_color = select3(adds_sample, color, warped_light)
         next_power = select(
             adds_sample,
             next_power + glare * (GLARE * CONFIRMED),
@@ -261,12 +252,6 @@ def blend(
         )
         next_samples = select(adds_sample, next_samples, kept)
     return color, next_color, next_samples, next_power, select(known, 1.0 - weight, 0.0)
-
-
-@device_function
-def lerp(a, b, share):
-    """Return `a` where share is 0, `b` where it is 1."""
-    return a + share * (b - a)
 
 
 def step_rows(
@@ -284,9 +269,10 @@ def step_rows(
     warped, out = scratch.warped, scratch.out
     next_history, image = output.next_history, output.image
     display_w, display_h, width = output.width, output.height, output.pitch
+    float_w, float_h = np.float32(display_w), np.float32(display_h)
     previous_w, previous_h = np.int64(numbers[PREVIOUS_W]), np.int64(numbers[PREVIOUS_H])
-    float_w, float_h, exposure_change = numbers[BIG_W], numbers[BIG_H], numbers[CHANGE]
-    scale_x, scale_y = float_w / numbers[W], float_h / numbers[H]
+    scale_x, scale_y = float_w / np.float32(samples.width), float_h / np.float32(samples.height)
+    exposure, exposure_change = numbers[EXPOSURE], numbers[CHANGE]
     padded_width = stride + 2 * PAD
     for y in range(y0, y1):
         filter_all_down(colors, rows, down, display_h, y, starts, x0, x1, padded_width, line)
@@ -307,12 +293,9 @@ def step_rows(
             )
             warp5(history.pixels, slots, weights, warped)
             q = load_columns8(warped, 0)
-            exposure = numbers[EXPOSURE]
             warped_light = sanitize(q[0]), sanitize(q[1]), sanitize(q[2])
-            warped_color = ycocg(
-                *toned(warped_light[0] * exposure, warped_light[1] * exposure, warped_light[2] * exposure)
-            )
-            # visibility and shade of the surface in the previous frame
+            warped_color = ycocg(*toned(*scaled3(warped_light, exposure)))
+            # visibility and light of the surface in the previous frame
             sx = (px + 0.5) * numbers[PREVIOUS_W] / float_w - 0.5 - numbers[JITTER_X]
             sy = (py + 0.5) * numbers[PREVIOUS_H] / float_h - 0.5 - numbers[JITTER_Y]
             tap_weights = linear_taps(sx, sy, previous_w, previous_h, history.pitch, slots)
@@ -329,10 +312,8 @@ def step_rows(
             _, mean, deviation, glare = gather4(
                 surface, tables.nearest_column, x, 4, 4 * (tables.nearest_row[y] * padded_width + PAD)
             )
-            mean_before, deviation_before = (
-                mean_before * exposure_change * dim,
-                deviation_before * exposure_change * dim * dim,
-            )
+            mean_before = mean_before * exposure_change * dim
+            deviation_before = deviation_before * exposure_change * dim * dim
             changed = change_of_light(numbers, mean, deviation, mean_before, deviation_before)
             flash = depth * 0.0 + numbers[UNCONFIRMED]
             if numbers[UNCONFIRMED] == 1.0:

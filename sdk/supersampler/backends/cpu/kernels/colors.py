@@ -97,11 +97,8 @@ def scaled3(color: Any, scale: Any) -> Any:
 @device_function
 def select3(mask: Any, first: Any, second: Any) -> Any:
     """Return three channels of `first` where the mask is set, else of `second`."""
-    return (
-        select(mask, first[0], second[0]),
-        select(mask, first[1], second[1]),
-        select(mask, first[2], second[2]),
-    )
+    a, b = first, second
+    return select(mask, a[0], b[0]), select(mask, a[1], b[1]), select(mask, a[2], b[2])
 
 
 @device_function
