@@ -202,15 +202,9 @@ class Model:
         history_out: History | None = None,
         skip: Skip = "exact",
     ) -> tuple[StepResult, History]:
-        """Upscale like `run`, and return further outputs with the image.
+        """Upscale like `run`, and return the fields of `StepResult` that `outputs` names, with the image.
 
-        Args:
-            frame: see `run`.
-            history: see `run`.
-            outputs: names of fields of `StepResult`. The others cost nothing.
-            out: see `run`.
-            history_out: see `run`.
-            skip: see `Upscaler`.
+        Other fields cost nothing. See `Upscaler` for `skip`.
 
         Raises:
             FrameError: as `run`; or `outputs` has "aovs", and the frame has no AOVs, or not as many channels
@@ -287,12 +281,9 @@ class Model:
     def plan(self, render_size: Size, display_size: Size) -> Plan:
         """Return the memory and arithmetic that frames of this size need; nothing is allocated.
 
-        Args:
-            render_size: (width, height) of the frames.
-            display_size: (width, height) of the images.
-
         Raises:
             FrameError: the method does not support this ratio.
+            ArgumentError: a size is not a valid image size.
         """
         render_size = checked_size("render_size", render_size)
         display_size = checked_size("display_size", display_size)
@@ -343,17 +334,9 @@ class Model:
         previous_aovs: Float32 | None = None,
         out: Float32 | None = None,
     ) -> None:
-        """Check the arguments of `run_outputs` before anything is computed.
+        """Check the arguments of `run_outputs`, and raise its errors, before anything is computed.
 
-        Args:
-            frame: the frame.
-            display_size: (width, height) of the image.
-            outputs: see `run_outputs`.
-            previous_aovs: `History.aovs` of the previous frame.
-            out: see `run`.
-
-        Raises:
-            FrameError, ArgumentError: see `run_outputs`.
+        `previous_aovs` are those of the history.
         """
         if checked_frame(frame).color is None:
             hint = "`extrapolate`, and `upscale --extrapolate`, take frames that were not shaded."

@@ -24,14 +24,7 @@ def plan(
     >>> plan = Upscaler.plan((960, 540), (1920, 1080))  # render size, display size
     >>> megabytes = plan.history_bytes / 1e6
 
-    Args:
-        render_size: (width, height) of the frames.
-        display_size: (width, height) of the images.
-        model: see `Upscaler`; a `Model` has a `plan` of its own.
-        providers: see `Model.load`.
-        threads: see `Model.load`.
-        executor: see `Model.load`.
-        precision: see `Model.load`.
+    Sizes are (width, height). See `Model.load` for the other arguments; a `Model` has its own `plan`.
 
     Raises:
         FrameError: the method does not support this ratio.

@@ -188,13 +188,8 @@ class Upscaler:
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
 
-        Args:
-            frame: a frame without colour, with the G-buffers of the extrapolation and of the method.
-            out: see `step`.
-            outputs: see `step`.
-
-        Returns:
-            As `step`.
+        The frame has no colour, and the G-buffers of the extrapolation and of the method. Arguments and result
+        are otherwise those of `step`.
 
         Raises:
             FrameError: as `step`; or the frame has colour, or is the first after a start or a reset.
@@ -226,9 +221,7 @@ class Upscaler:
             tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
                 (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
                 docs/contract.md.
-            jitter: see `Frame`.
-            exposure: see `Frame`.
-            reset: see `Frame`.
+            jitter, exposure, reset: see `Frame`.
             out: (1, 3, H, W) to write the image to; None allocates it.
 
         Returns:

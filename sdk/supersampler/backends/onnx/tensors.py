@@ -115,9 +115,7 @@ def frame_of_tensors(
 
     Args:
         tensors: tensors by name.
-        jitter: see `Frame`.
-        exposure: see `Frame`.
-        reset: see `Frame`.
+        jitter, exposure, reset: see `Frame`.
         inputs: names of the tensors that the method reads. Depth and motion that it does not read may be
             missing, and are then 0; other G-buffers are ignored.
 

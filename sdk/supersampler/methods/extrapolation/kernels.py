@@ -1,7 +1,7 @@
 """Kernels of `guided-warp`: twins of `supersampler_model.methods.extrapolation.guided`.
 
-Device functions compute sixteen pixels of a row at once. Where these lead to neighbouring samples of the shaded
-frame, which is the usual case, one load reads the samples of all sixteen.
+Device functions compute sixteen pixels of a row at once. Where these lead to neighbouring samples of the
+shaded frame, which is the usual case, one load reads the samples of all sixteen.
 """
 
 import numpy as np
@@ -46,8 +46,8 @@ C = constant_indices(GUIDED_WARP)
 ) = range(len(C), len(C) + 12)  # fmt: skip
 """Indices into `numbers`, after the constants of `guided-warp`.
 
-Sizes and jitters (x, then y) of the shaded and the previous frame. HAS_PREVIOUS_MOTION: 0 where the motion of the
-previous frame is all zeros. HAS_DEPTH: 0 where the shaded frame has no valid depth.
+Sizes and jitters (x, then y) of the shaded and the previous frame. HAS_PREVIOUS_MOTION: 0 where the motion of
+the previous frame is all zeros. HAS_DEPTH: 0 where the shaded frame has no valid depth.
 """
 MIN_DEPTH, NO_SURFACE = 1e-30, 1e4
 DISTANCE_STEPS, MAX_DISTANCE, MAX_TAPS = 16.0, 262143.0, 64.0
@@ -221,8 +221,8 @@ def sort_key(distance, tap):
 def nearest_four(guides, samples, size, w, h, stride, x, y, across, down, strides, rings, sigma, lanes):
     """Return the four samples around each of sixteen positions whose surfaces and positions are nearest.
 
-    A candidate is a key, a distance (-log of the weight) and a sample index. Rings that are too far away for any
-    surface are skipped. lanes: scratch, to read the first lane of a vector.
+    A candidate is a key, a distance (-log of the weight) and a sample index. Rings that are too far away for
+    any surface are skipped. lanes: scratch, to read the first lane of a vector.
     """
     left, top = floor(x + 0.5), floor(y + 0.5)
     center = to_int(top) * np.int32(stride) + to_int(left)
@@ -275,13 +275,9 @@ def mean_light(nearest, samples, size):
 @device_function
 def weighted_sum(samples, plane, index, weights):
     """Return the weighted sum of four samples of the plane that begins at `plane`."""
-    start = np.int32(plane)
-    total = gather(samples, index[0] + start) * weights[0] + gather(samples, index[1] + start) * weights[1]
-    return (
-        total
-        + gather(samples, index[2] + start) * weights[2]
-        + gather(samples, index[3] + start) * weights[3]
-    )
+    i, w, start = index, weights, np.int32(plane)
+    total = gather(samples, i[0] + start) * w[0] + gather(samples, i[1] + start) * w[1]
+    return total + gather(samples, i[2] + start) * w[2] + gather(samples, i[3] + start) * w[3]
 
 
 @device_function

@@ -29,8 +29,8 @@ class FlowNetworkConfig:
     """Widths of the network of `guided-flow`."""
 
     levels: tuple[int, ...] = (32, 48, 64, 96)
-    """Channels of the levels of the pyramid; the first level has half the size of the inputs, each other level
-    half the size of the one before."""
+    """Channels of the levels of the pyramid. The first level has half the size of the inputs, each other one
+    half the size of the level before."""
 
 
 @dataclass(frozen=True)

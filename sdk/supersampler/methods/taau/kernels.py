@@ -75,8 +75,8 @@ EXPOSURE, PREVIOUS_W, PREVIOUS_H, JITTER_X, JITTER_Y, CHANGE, GLARES, UNCONFIRME
 """Indices into `numbers`, after the constants of `taau`.
 
 PREVIOUS_W, PREVIOUS_H, JITTER: render size and jitter of the previous frame. CHANGE: exposure over the
-previous exposure. GLARES: 1 where any light may be unconfirmed, else 0. UNCONFIRMED: 1 where light of this frame that
-raises the contrast is unconfirmed, 2 where all of it is.
+previous exposure. GLARES: 1 where any light may be unconfirmed, else 0. UNCONFIRMED: 1 where light of this
+frame that raises the contrast is unconfirmed, 2 where all of it is.
 """
 
 

@@ -1,4 +1,1 @@
-"""Vectors of sixteen lanes as numba intrinsics: LLVM vector types and the instructions of each processor.
-
-Only kernels and device functions use them.
-"""
+"""SIMD vectors for kernels, as numba intrinsics on LLVM's vector types."""
