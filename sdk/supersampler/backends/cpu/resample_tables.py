@@ -125,8 +125,8 @@ class ResampleTableCache:
 def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
     """Limit the sample of each pixel so that eight neighbouring pixels read from eight neighbouring samples.
 
-    `vector.gather_nearby` requires that. Only rounding at a ratio of one can violate it, and then either of two
-    samples is right.
+    `vector.gather_nearby` requires that. Only rounding at a ratio of one can violate it, and then either of
+    two samples is right.
     """
     lanes = np.arange(len(index))
     for count in (LANES, LANES // 2):
