@@ -34,8 +34,8 @@ class _Space:
                 aligned((10, LANES), np.int32),
                 aligned((10, LANES)),
                 aligned((LANES, 4)),
-                aligned((LANES, LANES)),
-            )  # fmt: skip
+                aligned((LANES, 16)),
+            )
             for _ in range(threads)
         ]
 

@@ -35,13 +35,7 @@ class _Space(ResampledFrame):
         self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
         self.scratch = [
-            TaauScratch(
-                line,
-                aligned((10, LANES), np.int32),
-                aligned((10, LANES)),
-                aligned((LANES, 8)),
-                aligned((LANES, 8)),
-            )  # fmt: skip
+            TaauScratch(line, aligned((10, LANES), np.int32), aligned((10, LANES)), *aligned((2, LANES, 8)))
             for line in self.lines
         ]
 
