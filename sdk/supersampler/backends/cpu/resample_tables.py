@@ -1,4 +1,4 @@
-"""Tables of the samples that display pixels read and of their weights, for each axis.
+"""Resampling tables: the samples that each row and column of the display reads, and their filter weights.
 
 Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, with the same float32 arithmetic.
 """

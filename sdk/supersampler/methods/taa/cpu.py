@@ -1,4 +1,4 @@
-"""CPU backend of `taa` (Salvi 2016, his defaults)."""
+"""CPU backend of `taa` (Salvi 2016), for its default options."""
 
 import numpy as np
 
