@@ -1,4 +1,4 @@
-"""CPU backend of `taau`."""
+"""CPU backend of `taau`, temporal upsampling without a network."""
 
 from collections.abc import Sequence
 
