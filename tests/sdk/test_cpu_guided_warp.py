@@ -171,5 +171,5 @@ def test_a_cpu_takes_kernels_unless_it_is_told_not_to(graph: Extrapolator, host:
 @pytest.mark.parametrize("changed", [{"taps": 3}, {"strides": [3, 1]}, {"strides": []}])
 def test_kernels_draw_with_no_settings_that_they_are_not_made_for(changed: dict[str, Any]) -> None:
     config = read_model_info(find_model("guided-warp")).config
-    assert GuidedWarpCpu.draws(config)
-    assert not GuidedWarpCpu.draws({**config, **changed})
+    assert GuidedWarpCpu.supports(config)
+    assert not GuidedWarpCpu.supports({**config, **changed})
