@@ -1,6 +1,6 @@
 """Parts of the exporter that take no tracing."""
 
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import onnx
 import pytest
@@ -9,6 +9,7 @@ from onnx import TensorProto, helper
 from torch import Tensor, nn
 
 from supersampler.methods.spec import DISPLAY, HALF, PREVIOUS, RENDER, SHADED, MethodSpec, Shape
+from supersampler_export import graph
 from supersampler_export.count import multiply_adds_of
 from supersampler_export.graph import (
     ExportError,
@@ -87,6 +88,27 @@ def test_example_inputs_of_a_network_are_of_render_half_and_display_size(ratio: 
     inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
     made = example_inputs(Fused(nn.Identity(), inputs, {}, ratio), Size(21, 13))
     assert [tuple(t.shape) for t in made] == [(1, 5, 13, 21), (1, 2, 13 * ratio, 21 * ratio), (1, 7, 13, 21)]
+
+
+def test_a_network_of_any_size_from_one_pixel_on_can_be_traced(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its display size is a whole multiple of its render size; of half the display size nothing is assumed."""
+    inputs: dict[str, Shape] = {"a": (1, 5, *RENDER), "b": (1, 2, *DISPLAY), "c": (1, 7, *HALF)}
+    values = [helper.make_tensor_value_info(name, TensorProto.FLOAT, None) for name in inputs]
+    free: list[Any] = []
+
+    def traced(module: nn.Module, arguments: Any, inputs: Any, outputs: Any, dims: Any) -> onnx.ModelProto:
+        free.extend(dims)
+        return helper.make_model(helper.make_graph([], "g", values, []))
+
+    monkeypatch.setattr(graph, "_traced", traced)
+    graph.export_fused(Fused(nn.Identity(), inputs, {}, 4))
+    render, display, half = free
+    for axis in (2, 3):
+        assert (render[axis].min, half[axis].min) == (1, 1)
+        assert 8192 <= render[axis].max == half[axis].max <= 32768
+        assert display[axis].root is render[axis]
+        assert display[axis].fn(3) == 12
+    assert len({dim.__name__ for dims in (render, half) for dim in dims.values()}) == 4
 
 
 def test_multiply_adds_are_counted_for_each_pixel_of_the_display() -> None:

@@ -69,6 +69,12 @@ def test_distances_that_differ_by_a_tenth_hide(past: float, found: int) -> None:
     assert (occluded((*colors, image(0.5, 1)), (*colors, image(past, 1))) == found).all()
 
 
+@pytest.mark.parametrize(("now", "previous", "found"), [(0.0, 0.5, 1), (0.5, 0.0, 1), (0.0, 0.0, 0)])
+def test_sky_hides_a_surface_and_a_surface_hides_the_sky(now: float, previous: float, found: int) -> None:
+    colors = (image(GREY), image(GREY))
+    assert (occluded((*colors, image(now, 1)), (*colors, image(previous, 1))) == found).all()
+
+
 def test_a_frame_and_the_edges_of_its_surfaces_each_ask_the_other() -> None:
     """Figure 3: the frame plus what both attentions bring."""
     torch.manual_seed(0)
