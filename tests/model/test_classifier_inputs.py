@@ -5,11 +5,11 @@ import pytest
 import torch
 
 from noise import noise
-from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS
+from supersampler.methods.classifier.spec import CLASSES, DEFAULT_INPUTS, NEIGHBOURHOOD_INPUTS, CountCode
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.classifier.buffers import Gathered, History
 from supersampler_model.methods.classifier.model import Classifier
-from supersampler_model.methods.classifier.network_inputs import neighbourhood_inputs, pixel_inputs
+from supersampler_model.methods.classifier.network_inputs import COUNTS, neighbourhood_inputs, pixel_inputs
 from supersampler_model.ops.sampling import View
 
 DISPLAY = Size(47, 27)
@@ -87,3 +87,13 @@ def test_the_history_is_blurred_most_where_it_is_read_between_pixels(
     )
     seen = pixel_inputs(g.current, g.warped, at)["blur"]
     torch.testing.assert_close(seen, torch.full_like(seen, blur))
+
+
+@pytest.mark.parametrize(
+    ("code", "of_one", "of_64"), [("saturating", 0.2, 64 / 68), ("logarithm", 0.166, 1.0)]
+)
+def test_counts_are_encoded_from_0_without_samples_towards_1(
+    code: CountCode, of_one: float, of_64: float
+) -> None:
+    encoded = COUNTS[code](torch.tensor([0.0, 1.0, 64.0]))
+    assert encoded.tolist() == pytest.approx([0.0, of_one, of_64], abs=1e-3)

@@ -1,7 +1,7 @@
 """Mutate a random sample of places and print the changes that no test notices.
 
-MUTATIONS=300 places, of them those from the FIRST=1st on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path.
-Results are kept in out/mutation: the same mutant is not run again while its file and its tests stay the same.
+MUTATIONS=300 places, run from the FIRST=1 on, at most MINUTES=60 minutes, SEED=0, ONLY=part of a path.
+Results are kept in out/mutation: the same mutant is not run again while its file and tests are the same.
 """
 
 import hashlib

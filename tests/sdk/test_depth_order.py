@@ -5,7 +5,7 @@ import pytest
 
 from supersampler.conventions import Conventions
 from supersampler.frame import Float32, Frame
-from supersampler.validation.depth_order import bend
+from supersampler.validation.depth_order import bend, sky_share, uncovered
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.rankings import rank_depth
 
@@ -59,3 +59,19 @@ def test_sky_in_a_thousandth_of_the_pixels_speaks_for_its_order(pixels: int, err
     found = rank_depth([], [frame], Conventions()).ranked[0]
     assert found.overrides["depth"] == "reversed_infinite"
     assert found.error == pytest.approx(error, abs=0.01)
+
+
+def test_linear_depth_is_sky_from_a_million_on() -> None:
+    assert sky_share(np.array([[1e6, np.inf]]), "linear") == 1.0
+    assert sky_share(np.array([[0.999e6, 1.0]]), "linear") == 0.0
+
+
+@pytest.mark.parametrize("row", [-2, -1, 0, 1, 2])
+@pytest.mark.parametrize("column", [-2, -1, 0, 1, 2])
+def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, column: int) -> None:
+    """Depth was 0.2 everywhere; a pixel of 0.3 nearby says that what was there is no closer surface."""
+    now, before = np.full((9, 9), 0.1, np.float32), np.full((9, 9), 0.2, np.float32)
+    now[4 + row, 4 + column] = 0.3
+    middle = np.array([4])
+    found = uncovered(now, before, "reversed", (middle, middle), np.zeros((1, 2)))
+    assert found == ((0, 0) if max(abs(row), abs(column)) < 2 else (1, 0))
