@@ -16,7 +16,7 @@ DISPLAY = Size(47, 27)
 
 
 def gathered(value: float | None = None) -> Gathered:
-    """A frame of noise on a past of noise, `value` here and there in every image."""
+    """A frame of noise with a history of noise, `value` here and there in every image."""
     frame = noise(1)
     assert frame.color is not None
     method, random = Classifier(), np.random.default_rng(3)
@@ -24,13 +24,13 @@ def gathered(value: float | None = None) -> Gathered:
         torch.from_numpy(np.ascontiguousarray(a, np.float32))[None]
         for a in (frame.color.transpose(2, 0, 1), frame.depth[None], frame.motion.transpose(2, 0, 1))
     ]
-    past, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
-    past = torch.from_numpy(random.gamma(0.5, 2.0, past.shape).astype(np.float32))
+    history_color, state, classes, depth, _, _ = method.first_history(DISPLAY, Size(32, 18))
+    history_color = torch.from_numpy(random.gamma(0.5, 2.0, history_color.shape).astype(np.float32))
     state = torch.from_numpy(random.uniform(0.0, 1.0, state.shape).astype(np.float32))
     if value is not None:
-        for image in (*images, past):
+        for image in (*images, history_color):
             image[torch.from_numpy(random.random(image.shape) < 0.1)] = value
-    history = History(past, state, classes, depth + 0.02, torch.ones(1))
+    history = History(history_color, state, classes, depth + 0.02, torch.ones(1))
     view = View(DISPLAY, Size(32, 18), torch.tensor([frame.jitter]))
     with torch.no_grad():
         color, depth, motion = images
@@ -50,8 +50,8 @@ def test_all_that_the_network_sees_is_about_one_at_most(value: float | None) -> 
 
 def test_differences_of_a_frame_and_the_same_history_are_zero() -> None:
     g = gathered()
-    past = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
-    seen = pixel_inputs(g.current, past, g.reprojection)
+    history_color = g.warped._replace(color=g.current.sample, detail=torch.zeros_like(g.warped.detail))
+    seen = pixel_inputs(g.current, history_color, g.reprojection)
     for name in ("history_to_sample", "beyond_range"):
         assert not seen[name].any(), name
     assert seen["history_to_frame"].any()

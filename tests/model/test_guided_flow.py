@@ -152,7 +152,7 @@ def sure_of(image: Tensor) -> Tensor:
     return said
 
 
-# --- the past ---
+# --- the history ---
 
 
 def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
@@ -174,7 +174,7 @@ def test_what_a_shaded_frame_leaves_is_it_and_what_was_there_before() -> None:
 
 @pytest.mark.parametrize("sizes", [(SIZE,) * 5, ((48, 27), (96, 54), (64, 36), (80, 45), (72, 40))])
 def test_motion_adds_up_to_that_back_to_both_shaded_frames(sizes: tuple[Size, ...]) -> None:
-    """Of a picture that is zoomed about the middle, by another factor and with another jitter each frame."""
+    """An image is zoomed about the middle, by another factor and with another jitter each frame."""
     factors, frames = (1.0, 0.95, 1.04, 0.93, 1.03), []
     for index, (factor, size) in enumerate(zip(factors, sizes, strict=True)):
         jitter = halton_jitter(index, 2.0)

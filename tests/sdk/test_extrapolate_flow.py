@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from alternating import alternate, drawn_by_torch
+from alternating import alternate, extrapolated_by_torch
 from flow_method import Shadow
 from supersampler import Frame, FrameError, Model, Upscaler, halton_jitter
 from supersampler.backends.onnx.providers import CPU
@@ -65,7 +65,7 @@ def assert_alike(
             continue
         image, history = model.extrapolate(frame(index, size, color=None), history)
         images.append(image)
-    expected = drawn_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
+    expected = extrapolated_by_torch(method, lambda index: frame(index, sizes[index]), pattern)
     for image, other in zip(images, [each for each in expected if each is not None], strict=True):
         off = np.abs(image - other)
         assert np.quantile(off, 0.99) < 1e-3

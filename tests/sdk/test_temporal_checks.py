@@ -78,7 +78,7 @@ def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
 def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
     as_reversed: tuple[int, int], as_forward: tuple[int, int], kind: str
 ) -> None:
-    """(closer, farther) surfaces that uncovered places were hidden by, if depth were of that order."""
+    """Counts of uncovered places by what hid them, (closer, farther), for each order of depth."""
     assert _other_order({"reversed": as_reversed, "forward": as_forward}) == kind
 
 
