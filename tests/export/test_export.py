@@ -1,4 +1,4 @@
-"""A model folder is written only when ONNX Runtime draws what torch draws, and what ships is up to date."""
+"""A model folder is written only when ONNX Runtime computes what torch does; shipped ones are up to date."""
 
 import io
 import json
@@ -175,7 +175,7 @@ def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path
 
 
 class Fickle(Bilinear):
-    """Draws another picture when it is run than when it is exported."""
+    """Computes another image when it is run than when it is exported."""
 
     def kernel(self, distance: Tensor) -> Tensor:
         widened = 1.0 if torch.compiler.is_exporting() else 1.01

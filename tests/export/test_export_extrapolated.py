@@ -1,4 +1,4 @@
-"""`extrapolate` is two graphs, which share a history in an Upscaler and draw what torch draws."""
+"""`extrapolate` is two graphs, which share a history in an Upscaler and compute what torch computes."""
 
 from pathlib import Path
 
@@ -49,12 +49,16 @@ def shipped() -> Extrapolate:
 
 
 def frame(index: int, kind: str) -> Frame:
-    hidden = {"color": None} if kind == "u" else {}
-    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **hidden)
+    colorless = {"color": None} if kind == "u" else {}
+    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **colorless)
 
 
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
-    history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
+    history, shaded_history, images = (
+        method.first_history(Size(*DISPLAY), Size(*SIZE)),
+        list[torch.Tensor](),
+        [],
+    )
     for index, kind in enumerate(pattern):
         names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
@@ -63,10 +67,10 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
         with torch.no_grad():
             if kind == "u":
                 drawing, stepping = GuidedWarp(), method.on_extrapolated()
-                drawn = drawing.step(*(given[name] for name in drawing.inputs()), *past)
-                given["color"], past = drawn.image, drawn.history
+                guided = drawing.step(*(given[name] for name in drawing.inputs()), *shaded_history)
+                given["color"], shaded_history = guided.image, guided.history
             else:
-                past = GuidedWarp.after_shaded(given)
+                shaded_history = GuidedWarp.after_shaded(given)
             image, history, _ = stepping.step(*(given[name] for name in stepping.inputs()), *history)
         images.append(image[0].permute(1, 2, 0).numpy())
     return images

@@ -24,7 +24,7 @@ RENDER = Size(37, 22)
 EXPOSURES = (0.0, 1.7, 0.0, 900.0, 900.0, 2.0, 0.0)
 """Measured, given, measured; an outlier, which is held back once; an outlier back again; measured."""
 SHADED = (True, False, False, True, False, True, False)
-"""Of methods that draw frames that were not shaded."""
+"""Of methods that extrapolate unshaded frames."""
 BAD = (float("nan"), float("inf"), -float("inf"), -1.0, 1e6)
 
 

@@ -187,24 +187,24 @@ def test_masks_find_what_was_hidden_and_what_has_another_colour() -> None:
     assert occluded(now, (now[0], image(0.9), now[2])).all()
     assert occluded(now, (image(0.8), now[1], now[2])).all()
     one = image(0.2)
-    one[..., 3, 3] = 0.8  # in the past: unlike all of its neighbours now
+    one[..., 3, 3] = 0.8  # in the previous frame: unlike all of its neighbours now
     assert occluded(now, (one, now[1], now[2])).nonzero()[:, 2:].tolist() == [[3, 3]]
 
 
 @pytest.mark.parametrize(("stops", "changed"), [(5.9, 0.0), (6.1, 1.0)])
 def test_light_has_changed_where_it_is_six_stops_off_on_average(stops: float, changed: float) -> None:
-    past, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
-    now = past * 2.0**stops
-    assert (changed_light(now, past, known) == changed).all()
-    assert (changed_light(past, now, known * 0.0) == 0.0).all(), "nothing is known to have"
+    previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
+    now = previous * 2.0**stops
+    assert (changed_light(now, previous, known) == changed).all()
+    assert (changed_light(previous, now, known * 0.0) == 0.0).all(), "nothing is known to have"
 
 
 def test_a_spark_is_no_change_of_light_and_neither_is_the_dark() -> None:
-    past, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
-    spark = past.clone()
+    previous, known = torch.full((1, 3, 6, 8), 0.2), torch.ones(1, 1, 6, 8)
+    spark = previous.clone()
     spark[..., 3, 4] = 65504.0
-    assert not changed_light(spark, past, known).any()
-    assert not changed_light(past * 0.0, past, known).any(), "black is four stops below"
+    assert not changed_light(spark, previous, known).any()
+    assert not changed_light(previous * 0.0, previous, known).any(), "black is four stops below"
 
 
 def test_gradients_are_differences_to_the_right_and_below() -> None:

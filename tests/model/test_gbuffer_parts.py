@@ -54,19 +54,25 @@ def test_base_colours_are_compared_in_3x3_pixels_and_colours_in_5x5(
     size: int, by_base: int, by_color: int
 ) -> None:
     """Equation 2: of no use where more than half of the pixels around are unlike the warped one."""
-    past, depth = (image(GREY), image(GREY), image(0.5, 1)), image(0.5, 1)
+    previous, depth = (image(GREY), image(GREY), image(0.5, 1)), image(0.5, 1)
     middle = (0, 0, SIDE // 2, SIDE // 2)
-    assert int(occluded((image(GREY), with_block(size), depth), past)[middle]) == by_base
-    assert int(occluded((with_block(size), image(GREY), depth), past)[middle]) == by_color
+    assert int(occluded((image(GREY), with_block(size), depth), previous)[middle]) == by_base
+    assert int(occluded((with_block(size), image(GREY), depth), previous)[middle]) == by_color
 
 
 @pytest.mark.parametrize(
-    ("past", "found"), [(0.5 / 1.09, 0), (0.5 / 1.11, 1), (0.5 / 0.91, 0), (0.5 / 0.89, 1)]
+    ("previous", "found"), [(0.5 / 1.09, 0), (0.5 / 1.11, 1), (0.5 / 0.91, 0), (0.5 / 0.89, 1)]
 )
-def test_distances_that_differ_by_a_tenth_hide(past: float, found: int) -> None:
+def test_distances_that_differ_by_a_tenth_hide(previous: float, found: int) -> None:
     """Equation 1, by distance, which is one over the reversed depth."""
     colors = (image(GREY), image(GREY))
-    assert (occluded((*colors, image(0.5, 1)), (*colors, image(past, 1))) == found).all()
+    assert (occluded((*colors, image(0.5, 1)), (*colors, image(previous, 1))) == found).all()
+
+
+@pytest.mark.parametrize(("now", "previous", "found"), [(0.0, 0.5, 1), (0.5, 0.0, 1), (0.0, 0.0, 0)])
+def test_sky_hides_a_surface_and_a_surface_hides_the_sky(now: float, previous: float, found: int) -> None:
+    colors = (image(GREY), image(GREY))
+    assert (occluded((*colors, image(now, 1)), (*colors, image(previous, 1))) == found).all()
 
 
 def test_a_frame_and_the_edges_of_its_surfaces_each_ask_the_other() -> None:

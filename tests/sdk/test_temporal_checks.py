@@ -131,6 +131,17 @@ def test_errors_that_nobody_sees_and_frames_that_tell_nothing_accuse_nobody() ->
     assert _better_reading(FramesSeen()) == ""
 
 
+def test_a_reading_that_leads_off_the_screen_counts_as_the_greatest_error() -> None:
+    """Motion of one pixel is, read as UV, a whole screen."""
+    frames = [Plane(checker, (2.0, 1.0)).frame(index, (96, 54), (0.0, 0.0)) for index in (0, 1)]
+    seen = FramesSeen()
+    for frame in frames:
+        seen = seen.after(Evidence.of_frame(frame), (192, 108))
+    uv = repr(Conventions(motion_unit="uv"))
+    assert seen.errors[uv][1] == 1.0
+    assert max(other for _, other in seen.errors.values()) == 1.0
+
+
 def test_pairs_of_frames_with_texture_are_counted_from_the_second_on() -> None:
     scene, seen = Plane(checker, (2.0, 1.0)), FramesSeen()
     for index, pairs in enumerate((0, 1, 2)):

@@ -82,8 +82,8 @@ def rank_jitter(pairs: Sequence[FramePair], jitters: Sequence[Overrides], found:
     """
     if not jitters:
         return Verdict("jitter", (), "it never changes, or no unit brings it into the pixel")
-    if found.motion_jittered and len(pairs) < 2:
-        return Verdict("jitter", (), "motion has jitter in it, which takes three frames in a row")
+    if found.motion_jittered and not _neighbours(pairs):
+        return Verdict("jitter", (), "motion has jitter in it, which takes three frames of one size in a row")
     if not pairs:
         return Verdict("jitter", (), _NO_TEXTURE)
     error = _roughness if found.motion_jittered else _error
@@ -143,9 +143,17 @@ def _error(
 
 def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:
     """Return the median change of unjittered motion from frame to frame, in pixels."""
-    places = grid(pairs[0].now.size, 4000)
-    fields = [pair.now.vectors(reading, places) - pair.shift(reading) for pair in pairs]
-    return float(np.mean([np.median(np.abs(now - before)) for before, now in pairwise(fields)]))
+
+    def motion(pair: FramePair) -> NDArray[np.float64]:
+        return pair.now.vectors(reading, grid(pair.now.size, 4000)) - pair.shift(reading)
+
+    changes = [np.abs(motion(now) - motion(before)) for before, now in _neighbours(pairs)]
+    return float(np.mean([np.median(change) for change in changes]))
+
+
+def _neighbours(pairs: Sequence[FramePair]) -> list[tuple[FramePair, FramePair]]:
+    """Return consecutive pairs of one size, whose motion can be compared pixel by pixel."""
+    return [(before, now) for before, now in pairwise(pairs) if now.now.size == before.now.size]
 
 
 def _depth_overrides(order: DepthOrder, frames: Sequence[Evidence], found: Conventions) -> Overrides:

@@ -30,8 +30,8 @@ SMALL = ((32, 18), (48, 27))
 
 @pytest.fixture(scope="module")
 def record() -> dict[str, Any]:
-    drawn = measure_hashes(subjects(["taa"]), [SMALL])
-    return {**hashes_record(drawn), **setting()}
+    results = measure_hashes(subjects(["taa"]), [SMALL])
+    return {**hashes_record(results), **setting()}
 
 
 def test_a_method_is_hashed_in_every_way_that_it_runs() -> None:

@@ -1,4 +1,4 @@
-"""Torch, the ONNX and CPU backends draw the same, for as long as they run."""
+"""Torch, the ONNX and CPU backends compute the same images, for as long as they run."""
 
 from collections.abc import Iterator
 

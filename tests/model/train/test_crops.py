@@ -49,8 +49,8 @@ def whole(sequence: list[TrainingFrame]) -> torch.Tensor:
     for frame in sequence:
         with torch.no_grad():
             image, history, _ = method.step(*frame_inputs(frame, method.inputs()), *history)
-    picture: torch.Tensor = image
-    return picture
+    shown: torch.Tensor = image
+    return shown
 
 
 def cropped(sequence: list[TrainingFrame], cut: CropRegion) -> torch.Tensor:
@@ -83,7 +83,7 @@ def test_a_crop_renders_the_part_of_the_whole_image(
     part = part.flip(3) if flip[0] else part
     part = part.flip(2) if flip[1] else part
     part = part.transpose(2, 3) if turned else part
-    inside = np.s_[:, :, 12:-12, 12:-12]  # what has its past within the crop
+    inside = np.s_[:, :, 12:-12, 12:-12]  # pixels whose history lies within the crop
     assert torch.allclose(cropped(sequence, cut)[inside], part[inside], atol=1e-3)
 
 

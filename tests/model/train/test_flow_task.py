@@ -1,4 +1,4 @@
-"""`guided-flow` learns from frames that are hidden from it, found once and kept."""
+"""`guided-flow` learns from unshaded frames, whose guided light is computed once and kept."""
 
 import csv
 from collections.abc import Iterator, Sequence
@@ -210,9 +210,9 @@ def test_validation_hides_every_second_frame(dataset: Dataset) -> None:
     task = FlowTask(random_flow())
     entries = validation_entries([dataset], task.ratios)
     frames, runner = list(dataset.frames(entries[0][1])), task.runner(task.baseline.eval(), Size(64, 36))
-    drawn = [runner.step(frame) for frame in frames]
-    assert [i for i, image in enumerate(drawn) if image is not None] == [1, 3, 5, 7, 9]
-    for frame, image in zip(frames, drawn, strict=True):
+    results = [runner.step(frame) for frame in frames]
+    assert [i for i, image in enumerate(results) if image is not None] == [1, 3, 5, 7, 9]
+    for frame, image in zip(frames, results, strict=True):
         assert image is None or image.shape[2:] == runner.truth(frame).shape[:2] == (18, 32)
     found = validate(task.baseline.eval(), entries, task.runner)
     assert list(found.scores) == ["psnr"]

@@ -110,11 +110,11 @@ def test_each_weight_changes_its_own_term(task: GBufferTask) -> None:
 
 def gathered(now: Tensor, before: Tensor) -> Gathered:
     """What is looked at of a frame: normals, (3,) each, of surfaces that reflect little."""
-    normal, past = (n.reshape(1, 3, 1, 1) for n in (now, before))
+    normal, previous = (n.reshape(1, 3, 1, 1) for n in (now, before))
     display = surfaces(4, normal=normal.expand(1, 3, 4, 4))
     render = SimpleNamespace(shape=(1, 11, 2, 2))
     made = SimpleNamespace(
-        current=SimpleNamespace(display=display), previous_normal=past.expand(1, 3, 2, 2), frame=render
+        current=SimpleNamespace(display=display), previous_normal=previous.expand(1, 3, 2, 2), frame=render
     )
     return cast(Gathered, cast(Any, made))
 

@@ -1,4 +1,4 @@
-"""What the loss asks of a picture."""
+"""What the loss of an image depends on."""
 
 import pytest
 import torch
