@@ -12,9 +12,13 @@ from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.guided_warp import GuidedWarp
 from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.gbuffer.depth import DepthGBuffer
-from supersampler_model.methods.gbuffer.model import GBuffer, GBuffer4
-from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer.model import (
+    DepthGBuffer,
+    GBuffer,
+    GBuffer4,
+    SmallGBuffer,
+    SmallGBuffer4,
+)
 from supersampler_model.methods.learned import LearnedMethod
 from supersampler_model.methods.spatial.model import Bicubic, Bilinear
 from supersampler_model.methods.taa.model import Taa

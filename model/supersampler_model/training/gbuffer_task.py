@@ -9,7 +9,7 @@ from torch.nn import functional as F
 
 from supersampler_model.data.dataset import Dataset
 from supersampler_model.methods.base import render_size_of
-from supersampler_model.methods.gbuffer.buffers import Gathered, History
+from supersampler_model.methods.gbuffer.buffers import FrameInputs, Gathered, History
 from supersampler_model.methods.gbuffer.model import GBuffer
 from supersampler_model.training.crops import Sample, Stream
 from supersampler_model.training.gbuffer_crops import gbuffer_set, gbuffer_stream
@@ -70,7 +70,7 @@ class GBufferTask(Task[Sample]):
         for i, (g, state) in enumerate(zip(gathered, states, strict=True)):
             done = method.finish(g, blend[i : i + 1], History(*state))
             images.append(done.image)
-            after.append(list(done.history._replace(counted=done.history.counted.detach())))
+            after.append(list(done.history._replace(sample_count=done.history.sample_count.detach())))
         stepped_images, reflective = torch.cat(images), torch.cat([reflective_of(g) for g in gathered])
         weights = self.losses
         exposure = torch.cat([s.exposure for s in samples])
@@ -87,9 +87,8 @@ class GBufferTask(Task[Sample]):
     def gather(self, sample: Sample, state: State) -> Gathered:
         """Run the gather stage on one crop."""
         render, display = self.method.surfaces_of(sample.gbuffer, sample.depth)
-        return self.method.gather(
-            sample.color, sample.motion, sample.exposure, render, display, History(*state), sample.view
-        )
+        frame = FrameInputs(sample.color, sample.motion, sample.exposure, render, display, sample.view)
+        return self.method.gather(frame, History(*state))
 
 
 def reflective_of(gathered: Gathered) -> Tensor:

@@ -8,9 +8,13 @@ from supersampler_model.methods.classifier.small import SmallClassifier
 from supersampler_model.methods.classifier_paper.model import PaperClassifier
 from supersampler_model.methods.extrapolation.guided_flow import GuidedFlow
 from supersampler_model.methods.extrapolation.joint import Extrapolate
-from supersampler_model.methods.gbuffer.depth import DepthGBuffer
-from supersampler_model.methods.gbuffer.model import GBuffer, GBuffer4
-from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
+from supersampler_model.methods.gbuffer.model import (
+    DepthGBuffer,
+    GBuffer,
+    GBuffer4,
+    SmallGBuffer,
+    SmallGBuffer4,
+)
 from supersampler_model.methods.weights_file import Trained
 from supersampler_model.training.classifier_task import ClassifierTask
 from supersampler_model.training.extrapolate_task import ExtrapolateTask

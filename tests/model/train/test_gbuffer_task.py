@@ -8,7 +8,7 @@ import torch
 
 from gbuffer_sets import gbuffer_data
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
+from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, reflective_of
 from supersampler_model.training.tasks import TASKS

@@ -11,7 +11,7 @@ from torch import Tensor
 from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferConfig
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Gathered, Surfaces
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
+from supersampler_model.methods.gbuffer.model import SmallGBuffer
 from supersampler_model.ops.sampling import View
 from supersampler_model.training.crops import Sample
 from supersampler_model.training.gbuffer_task import GBufferTask, GBufferWeights, reflective_of
