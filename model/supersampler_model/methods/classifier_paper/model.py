@@ -24,9 +24,7 @@ from supersampler_model.ops.color import TONES, bounded, sanitize
 from supersampler_model.ops.motion import Reprojection, read, read_cubic, relative_depth_change
 from supersampler_model.ops.sampling import View, linear, positions, resample, taps
 
-PLANES = (
-    20  # classifier inputs of section 3: colour 3, depth 1, motion 2, count 1, range 6, change 1, classes 6
-)
+PLANES = 20  # section 3: colour 3, depth 1, motion 2, count 1, range 6, depth change 1, classes 6
 COMPOSITOR_INPUTS = 14  # colour 3, history 3, classes 6, count 1, depth change 1
 
 
@@ -39,12 +37,8 @@ class PaperNetwork(nn.Module):
         widths = [self.encoder.out_channels, *[config.decoder] * config.decoder_layers]
         self.decoder = nn.Sequential(*(Pointwise(a, b) for a, b in itertools.pairwise(widths)))
         self.classes = Pointwise(config.decoder, CLASSES, rectified=False)
-        self.compositor = nn.Sequential(
-            nn.Conv2d(COMPOSITOR_INPUTS, config.hidden, 1),
-            nn.ReLU(),
-            nn.Conv2d(config.hidden, 1, 1),
-            nn.Sigmoid(),
-        )
+        hidden = nn.Conv2d(COMPOSITOR_INPUTS, config.hidden, 1)
+        self.compositor = nn.Sequential(hidden, nn.ReLU(), nn.Conv2d(config.hidden, 1, 1), nn.Sigmoid())
 
     def forward(self, packed: Tensor, half_inputs: Tensor) -> tuple[Tensor, Tensor]:
         """Return the logits (n, 6, h, w) twice: the compositor runs at display size, in `finish`."""

@@ -44,7 +44,7 @@ class Shaded(NamedTuple):
 
 
 class Guide(NamedTuple):
-    """The surface features by which samples are selected, and the positions around which they are searched."""
+    """The surface features by which samples are selected, and the positions that they are near."""
 
     pixels: Tensor  # (h w, 7) features of the pixels
     samples: Tensor  # (h' w', 7) features of the shaded frame's samples
@@ -56,7 +56,7 @@ class Guide(NamedTuple):
 class Candidate(NamedTuple):
     """A sample of the shaded frame for each pixel."""
 
-    index: Tensor  # (h w) int64, row by row
+    sample: Tensor  # (h w) int64 index, row by row
     cost: Tensor  # (h w) -log of its weight
 
 
@@ -137,7 +137,7 @@ def _mean(candidates: Sequence[Candidate], light: Tensor, size: Size) -> Tensor:
     """Return the weighted mean (1, 3, h, w) of samples of `light`, (h' w', 3) (equation 3)."""
     least = reduce(torch.minimum, [candidate.cost for candidate in candidates])
     weights = [(least - candidate.cost).exp()[:, None] for candidate in candidates]
-    terms = [light.index_select(0, c.index) * weight for c, weight in zip(candidates, weights, strict=True)]
+    terms = [light.index_select(0, c.sample) * weight for c, weight in zip(candidates, weights, strict=True)]
     mean = sum_of(terms) / sum_of(weights)
     return mean.reshape(1, size.height, size.width, 3).permute(0, 3, 1, 2)
 

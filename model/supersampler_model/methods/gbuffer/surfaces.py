@@ -127,7 +127,7 @@ def closest_around(depth: Tensor) -> Tensor:
 
 
 def gradients(surfaces: Surfaces) -> Tensor:
-    """Return L1 differences (1, 2, h, w) of base colour and of normal to the right and lower pixel (III.B)."""
+    """Return L1 differences (1, 2, h, w) of base colour and normal to the right and lower pixel (III.B)."""
     both = torch.cat([surfaces.base_color, surfaces.normal], dim=1)
     across = (both[..., 1:] - both[..., :-1]).abs()
     down = (both[:, :, 1:] - both[:, :, :-1]).abs()
