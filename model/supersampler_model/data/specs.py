@@ -7,6 +7,8 @@ import numpy as np
 
 from supersampler_model.data.checks import check_number
 from supersampler_model.data.errors import SceneError
+from supersampler_model.data.scenes.camera import Camera
+from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Scene
 
 GLTF = "gltf"
@@ -44,11 +46,18 @@ class SequenceSpec:
 
 
 class Sequence(ABC):
-    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index."""
+    """Frames 0 to spec.frames - 1, each a pure function of the spec and its index.
+
+    Attributes:
+        spec: generates the sequence.
+        stage: the content of its scenes.
+        starts: first frames of the shots.
+    """
 
     spec: SequenceSpec
+    stage: Stage
+    starts: tuple[int, ...] = (0,)
 
-    @abstractmethod
     def scene(self, index: int) -> Scene:
         """Return the scene of a frame; its previous state is the state of the previous frame.
 
@@ -57,14 +66,26 @@ class Sequence(ABC):
         Raises:
             SceneError: there is no such frame.
         """
+        self.check_index(index)
+        camera = self.camera(index)
+        before = camera if self.cut(index) else self.camera(index - 1)
+        return self.stage.scene(self.time(index), self.time(index - 1), camera, before)
 
-    @abstractmethod
     def cut(self, index: int) -> bool:
         """Return whether frame `index` starts a new shot; frame 0 does."""
+        return index in self.starts
 
-    @abstractmethod
     def exposure(self, index: int) -> float | None:
         """Return the engine's exposure of frame `index`, its camera's; None: to be measured."""
+        return self.camera(index).exposure
+
+    def time(self, index: int) -> float:
+        """Return the time of frame `index`, seconds; the frame before the first has one too."""
+        return index / self.spec.frame_rate
+
+    @abstractmethod
+    def camera(self, index: int) -> Camera:
+        """Return the camera of frame `index`."""
 
     def check_index(self, index: int) -> None:
         """Raise a SceneError where there is no frame `index`."""

@@ -23,7 +23,7 @@ class RenderPlan:
 
     Attributes:
         gltf: folder of files to compose sequences of; None is procedural families alone.
-        gltf_share: of the sequences, how many are composed of them, in (0, 1]; the others are of `families`.
+        gltf_fraction: of the sequences, how many are composed of them, in (0, 1]; the others are of `families`.
     """
 
     families: Sequence[str] = TRAIN_FAMILIES
@@ -36,7 +36,7 @@ class RenderPlan:
     gbuffers: bool = False
     seed: int = 0
     gltf: Path | None = None
-    gltf_share: float = 0.3
+    gltf_fraction: float = 0.3
 
 
 def plan_sequences(plan: RenderPlan) -> Description:
@@ -83,8 +83,8 @@ def _check(plan: RenderPlan) -> None:
             raise ArgumentError(name, got=getattr(plan, name), want=f"at least {least}")
     if not plan.families or not plan.ratios or min(plan.ratios) < 1.0:
         raise ArgumentError("ratios", got=list(plan.ratios), want="some of at least 1.0")
-    if not 0.0 < plan.gltf_share <= 1.0:
-        raise ArgumentError("gltf_share", got=plan.gltf_share, want="a share > 0 and <= 1")
+    if not 0.0 < plan.gltf_fraction <= 1.0:
+        raise ArgumentError("gltf_fraction", got=plan.gltf_fraction, want="a fraction > 0 and <= 1")
 
 
 class _RatioTurns:
@@ -107,7 +107,7 @@ class _RatioTurns:
 
 def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
     """Return whether sequence `index` is composed of files, and how many before it are: spread evenly."""
-    fraction = 0.0 if plan.gltf is None else plan.gltf_share
+    fraction = 0.0 if plan.gltf is None else plan.gltf_fraction
     before, after = int(fraction * index + 0.5), int(fraction * (index + 1) + 0.5)
     return after > before, before
 

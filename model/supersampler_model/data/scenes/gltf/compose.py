@@ -26,8 +26,8 @@ from supersampler_model.data.scenes.gltf.folder import (
     standing,
 )
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
-from supersampler_model.data.scenes.gltf.lighting import Lighting, panorama
-from supersampler_model.data.scenes.gltf.motions import Course, Flicker, Prop, Walk
+from supersampler_model.data.scenes.gltf.lighting import lit_stage, panorama
+from supersampler_model.data.scenes.gltf.motions import Course, Prop, Walk, wave
 from supersampler_model.data.scenes.gltf.scene import GltfScene
 from supersampler_model.data.scenes.procedural import materials, shapes
 from supersampler_model.data.scenes.procedural.fixtures import hills, skyline
@@ -44,7 +44,7 @@ _TRIES = 16
 _BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
 
 
-class Rerendered(NamedTuple):
+class LoadedFiles(NamedTuple):
     """The loaded files of a sequence."""
 
     stage: GltfScene | None
@@ -53,10 +53,7 @@ class Rerendered(NamedTuple):
 
 
 class Composition(Sequence):
-    """A sequence of a folder's files.
-
-    Everything else, as a bare floor, is built as in the procedural families.
-    """
+    """A sequence of a folder's files; lights and added objects are procedural."""
 
     def __init__(self, spec: SequenceSpec) -> None:
         """Read the files of a spec whose family is GLTF.
@@ -70,51 +67,31 @@ class Composition(Sequence):
         ground = None if files.stage is None else ground_of(files.stage)
         self._ground = ground or Ground(triangles_of((_floor(),)))
         self._focus = self._ground.spot(rng)
-        self._lighting = Lighting(rng, self._focus, files.surroundings)
-        self._made = Stage(environment=self._lighting.environment)
-        self._stage = () if files.stage is None else standing(files.stage)
+        self.stage = lit_stage(rng, self._focus, files.surroundings)
+        self._room = () if files.stage is None else standing(files.stage)
         if files.stage is None:
-            _add_floor(rng, self._made)
+            _add_floor(rng, self.stage)
         count = int(rng.integers(2, PROPS + 1)) if files.props else 0
         self._props = [self._prop(files.props[index % len(files.props)], rng) for index in range(count)]
-        taken = add_clutter(rng, self._made, self._ground, self._focus)
-        taken += [prop.course.at_share(share) for prop in self._props for share in (0.0, 0.5, 1.0)]
+        taken = add_clutter(rng, self.stage, self._ground, self._focus)
+        taken += [prop.course.between(fraction) for prop in self._props for fraction in (0.0, 0.5, 1.0)]
         self._walks = [self._walk(rng, np.array([self._focus, *taken])) for _ in range(2)]
         cuts = spec.frames > 5 and rng.random() < 0.5
-        self._cut = int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0
-        self._exposure = Flicker(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
+        self.starts = (0, int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0)
+        self._exposure = wave(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
 
     def scene(self, index: int) -> Scene:
         """See `Sequence.scene`."""
-        self.check_index(index)
-        now, before = index / self.spec.frame_rate, (index - 1) / self.spec.frame_rate
-        camera, lights = self._camera(index, index), self._lighting.at(now)
-        camera_before = camera if self.cut(index) else self._camera(index, index - 1)
-        made = self._made.scene(now, before, camera, camera_before)
+        scene, now, before = super().scene(index), self.time(index), self.time(index - 1)
         of_files = (instance for prop in self._props for instance in prop.instances(now, before))
-        return replace(
-            made,
-            instances=(*self._stage, *of_files, *made.instances),
-            sun=lights.sun,
-            spot=lights.spot,
-            points=(*lights.points, *made.points),
-        )
+        return replace(scene, instances=(*self._room, *of_files, *scene.instances))
 
-    def cut(self, index: int) -> bool:
-        """See `Sequence.cut`."""
-        return index in (0, self._cut)
-
-    def exposure(self, index: int) -> float:
-        """See `Sequence.exposure`; it is always given."""
-        return self._lighting.exposure * self._exposure.at(index / self.spec.frame_rate)
-
-    def _camera(self, shot: int, index: int) -> Camera:
-        """Return the camera of frame `index` in the shot that frame `shot` belongs to."""
-        walk = self._walks[int(0 < self._cut <= shot)]
-        eye, target = walk.at(index / self.spec.frame_rate)
-        return Camera(
-            position=vector(eye), target=vector(target), fov_y=walk.fov_y, exposure=self.exposure(index)
-        )
+    def camera(self, index: int) -> Camera:
+        """See `Sequence.camera`."""
+        walk = self._walks[int(0 < self.starts[1] <= index)]
+        eye, target = walk.at(self.time(index))
+        exposure = self.stage.exposure * self._exposure(self.time(index))
+        return Camera(position=vector(eye), target=vector(target), fov_y=walk.fov_y, exposure=exposure)
 
     def _prop(self, model: GltfScene, rng: np.random.Generator) -> Prop:
         low, high = model.bounds
@@ -129,16 +106,14 @@ class Composition(Sequence):
         end = self._ground.near(rng, start, 1.0, 5.0)
         kind = rng.integers(4)  # still, spinning, sliding, hopping along
         slides = kind >= 2 and self._ground.clear(start, end)
-        return Prop(
-            model=model,
-            size=size,
-            course=Course(start, end if slides else start, rng.uniform(0.5, 6.0), rng.uniform(0.0, 2.0)),
-            yaw=rng.uniform(0.0, 2.0 * np.pi),
-            spin=rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 5.0) if kind in (1, 3) else 0.0,
-            hop=rng.uniform(0.2, 0.8) if kind == 3 else 0.0,
-            clip=int(rng.integers(max(1, len(model.clips)))),
-            glow=Flicker(rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random(), bool(rng.integers(2))),
-        )
+        course = Course(start, end if slides else start, rng.uniform(0.5, 6.0), rng.uniform(0.0, 2.0))
+        yaw = rng.uniform(0.0, 2.0 * np.pi)
+        spin = rng.choice([-1.0, 1.0]) * rng.uniform(0.3, 5.0) if kind in (1, 3) else 0.0
+        hop = rng.uniform(0.2, 0.8) if kind == 3 else 0.0
+        clip = int(rng.integers(max(1, len(model.clips))))
+        depth, hertz, phase = rng.uniform(0.0, 0.9), rng.uniform(1.0, 12.0), rng.random()
+        glow = wave(depth, hertz, phase, square=bool(rng.integers(2)))
+        return Prop(model, size, course, yaw, spin, hop, clip, glow)
 
     def _path(self, rng: np.random.Generator, taken: Values) -> tuple[Values, Values]:
         """Return start and end of a camera walk: in sight of the props, and not through them.
@@ -186,7 +161,7 @@ def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float =
     return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
 
 
-def _read(spec: SequenceSpec) -> Rerendered:
+def _read(spec: SequenceSpec) -> LoadedFiles:
     stage, props, surroundings = None, [], None
     for name, digest in spec.files:
         path = Path(spec.folder or "", name)
@@ -200,7 +175,7 @@ def _read(spec: SequenceSpec) -> Rerendered:
             stage = model
         else:
             props.append(model)
-    return Rerendered(stage, props, surroundings)
+    return LoadedFiles(stage, props, surroundings)
 
 
 def _expect(path: Path, wanted: str, found: str) -> None:

@@ -6,6 +6,7 @@ import numpy as np
 
 from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.scene import GltfScene
+from supersampler_model.data.scenes.procedural.lighting import Pulse
 from supersampler_model.data.scenes.scene import Instance
 from supersampler_model.data.values import Matrix
 
@@ -20,7 +21,7 @@ def to_and_fro(time: float, duration: float) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Course:
-    """There and back between two places (3,), slowing down at both, `speed` metres a second on average."""
+    """A path to and fro between two positions (3,), slow at both, of `speed` metres a second on average."""
 
     start: Values
     end: Values
@@ -28,28 +29,23 @@ class Course:
     phase: float = 0.0
 
     def at(self, time: float) -> Values:
-        """Return the place (3,)."""
+        """Return the position (3,)."""
         length = max(float(np.linalg.norm(self.end - self.start)), 1e-3)
-        return self.at_share(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
+        return self.between(0.5 - 0.5 * np.cos(np.pi * (self.speed * time / length + self.phase)))
 
-    def at_share(self, share: float) -> Values:
-        """Return the place (3,) at a share of the way."""
-        return np.asarray(self.start + share * (self.end - self.start))
+    def between(self, fraction: float) -> Values:
+        """Return the position (3,) at a fraction of the path, 0 at `start` and 1 at `end`."""
+        return np.asarray(self.start + fraction * (self.end - self.start))
 
 
-@dataclass(frozen=True, slots=True)
-class Flicker:
-    """A factor about 1: `depth` 0 is steady, 1 goes out; smooth, or on and off if `hard`."""
+def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False) -> Pulse:
+    """Return a sine or square wave in [1 - depth, 1 + depth]; `phase` is in periods."""
 
-    depth: float
-    rate: float  # a second
-    phase: float = 0.0
-    hard: bool = False
+    def factor(time: float) -> float:
+        sine = float(np.sin(2.0 * np.pi * (hertz * time + phase)))
+        return 1.0 + depth * (float(np.sign(sine)) if square else sine)
 
-    def at(self, time: float) -> float:
-        """Return the factor, > 0 unless `depth` is 1."""
-        wave = float(np.sin(2.0 * np.pi * (self.rate * time + self.phase)))
-        return 1.0 + self.depth * (float(np.sign(wave)) if self.hard else wave)
+    return factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +96,7 @@ class Prop:
     spin: float
     hop: float
     clip: int
-    glow: Flicker
+    glow: Pulse
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
         """Return the instances at a time, with their placement at another."""
@@ -108,7 +104,7 @@ class Prop:
         duration = clips[self.clip].duration if clips else 0.0
         return self.model.instances(
             to_and_fro(now, duration), to_and_fro(before, duration), self.placed(now), self.placed(before),
-            clip=self.clip, emission=self.glow.at(now),
+            clip=self.clip, emission=self.glow(now),
         )  # fmt: skip
 
     def placed(self, time: float) -> Matrix:

@@ -117,8 +117,8 @@ def sunlight(
 
 
 def spotlight(
-    place: Place | Point3, target: Place | Point3, color: Color, *, outer: float = 32.0,
-    reach: float = 20.0, pulsing: Pulse = steady,
+    place: Place | Point3, target: Place | Point3, color: Color, *, inner: float | None = None,
+    outer: float = 32.0, reach: float = 20.0, pulsing: Pulse = steady,
 ) -> Callable[[float], Spot]:  # fmt: skip
     """Return a spot light that looks from one place, fixed or moving, to another."""
     eye, aim = place_of(place), place_of(target)
@@ -126,7 +126,7 @@ def spotlight(
         position=vector(eye(t)),
         target=vector(aim(t)),
         color=vector(np.multiply(color, pulsing(t))),
-        inner=0.55 * outer,
+        inner=0.55 * outer if inner is None else inner,
         outer=outer,
         reach=reach,
     )
