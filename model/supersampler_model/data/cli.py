@@ -1,4 +1,4 @@
-"""`supersampler render OUT`. What it needs is imported when it runs, so that --help works without."""
+"""`supersampler render OUT`; renderer and training sets are imported when it runs, --help works without."""
 
 from pathlib import Path
 from typing import Annotated

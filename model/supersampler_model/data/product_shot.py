@@ -41,10 +41,7 @@ class Plaza(Sequence):
         t = self.time(index)
         eye = np.array([-1.5 + 2.1 * t, 1.62, 3.0 - 0.6 * t]) + self._shake(t)
         return Camera(
-            position=vector(eye),
-            target=(0.1 + 0.4 * t, 1.45, -3.6),
-            fov_y=55.0,
-            exposure=self.stage.exposure,
+            position=vector(eye), target=(0.1 + 0.4 * t, 1.45, -3.6), fov_y=55.0, exposure=self.stage.exposure
         )
 
 

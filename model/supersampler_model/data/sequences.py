@@ -75,6 +75,8 @@ class HeldSequence(StagedSequence):
         time_stands: whether the scene stands still too.
     """
 
+    _time: float | None = None  # of all frames; None: it passes
+
     def __init__(self, spec: SequenceSpec, at: int, *, time_stands: bool) -> None:
         super().__init__(spec)
         self.check_index(at)

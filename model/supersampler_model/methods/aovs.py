@@ -10,11 +10,7 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.aovs.spec import AOVS
-from supersampler_model.methods.base import (
-    Method,
-    display_size_of,
-    render_size_of,
-)
+from supersampler_model.methods.base import Method, display_size_of, render_size_of
 from supersampler_model.ops.color import finite
 from supersampler_model.ops.motion import dilate_motion_2x2, read, reproject, usable_depth, usable_motion
 from supersampler_model.ops.sampling import gaussian, grid_of, normalised, pick_first, upsample

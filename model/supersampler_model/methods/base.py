@@ -14,16 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from supersampler.methods.model_info import extents
-from supersampler.methods.spec import (
-    BETWEEN,
-    CHANNELS,
-    EARLIER,
-    RENDER,
-    SHADED,
-    MethodSpec,
-    Shape,
-    sized,
-)
+from supersampler.methods.spec import BETWEEN, CHANNELS, EARLIER, RENDER, SHADED, MethodSpec, Shape, sized
 
 
 class Size(NamedTuple):

@@ -29,11 +29,7 @@ def uniform(radiance: float) -> Environment:
 
 def seen_from(camera: Camera, *instances: Instance, radiance: float = 0.0, **lights: Any) -> Scene:
     return Scene(
-        camera=camera,
-        camera_before=camera,
-        environment=uniform(radiance),
-        instances=instances,
-        **lights,
+        camera=camera, camera_before=camera, environment=uniform(radiance), instances=instances, **lights
     )
 
 

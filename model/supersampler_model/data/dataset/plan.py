@@ -1,4 +1,4 @@
-"""The plan of a data set: families in turn; files, ratios and seeds sampled from one seed."""
+"""The plan of a training set: its families take turns; glTF files, ratios and seeds follow from one seed."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ class RenderPlan:
 
     Attributes:
         gltf: folder of files to compose sequences of; None is procedural families alone.
-        gltf_fraction: of the sequences, how many are composed of them, in (0, 1]; the others are of `families`.
+        gltf_fraction: of the sequences that are composed of them, (0, 1]; the others are of `families`.
     """
 
     families: Sequence[str] = TRAIN_FAMILIES
@@ -88,7 +88,7 @@ def _check(plan: RenderPlan) -> None:
 
 
 class _RatioTurns:
-    """Gives each family its ratios with fixed frequencies, evenly even for few sequences."""
+    """Deals ratios to the sequences of each family: fixed frequencies, also over few sequences."""
 
     def __init__(self, ratios: Sequence[float], random: np.random.Generator) -> None:
         fractions = dict(zip(RATIOS, _RATIO_SHARES, strict=True))
@@ -100,9 +100,8 @@ class _RatioTurns:
     def next(self, family: str) -> float:
         turn = self._turns.get(family, self._random.random())
         self._turns[family] = (turn + _GOLDEN) % 1.0
-        return float(
-            self._ratios[min(int(np.searchsorted(self._ends, turn, side="right")), len(self._ends) - 1)]
-        )
+        index = int(np.searchsorted(self._ends, turn, side="right"))
+        return float(self._ratios[min(index, len(self._ends) - 1)])
 
 
 def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:

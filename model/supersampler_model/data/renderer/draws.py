@@ -1,4 +1,4 @@
-"""The instances of one scene on the GPU, and the passes that draw them."""
+"""The draw calls of one scene: its instances on the GPU, and the surface and shadow passes."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -52,7 +52,7 @@ class Draws:
 
 
 def _order(instance: Instance, scene: Scene) -> tuple[bool, float]:
-    """Holes last, as they delay the depth test; else front to back, to skip shading of occluded surfaces."""
+    """Sort key: alpha-tested surfaces last, as they delay the depth test; the others front to back."""
     center = instance.model @ np.append(instance.mesh.center(), 1.0)
     distance = float(np.linalg.norm(center[:3] - scene.camera.position))
     return instance.material.alpha_cutoff is not None, distance

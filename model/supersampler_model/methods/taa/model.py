@@ -26,12 +26,7 @@ from supersampler_model.ops.color import (
     valid,
     ycocg,
 )
-from supersampler_model.ops.motion import (
-    longest,
-    read_cubic,
-    reproject,
-    usable_motion,
-)
+from supersampler_model.ops.motion import longest, read_cubic, reproject, usable_motion
 from supersampler_model.ops.rectification import (
     Rect,
     clamp_to,

@@ -1,8 +1,8 @@
 """Sequences composed at random from the glTF files in a folder, with procedural objects added.
 
-A file of a room's size is the static stage. Smaller files are props on it, each with its own motion; some
-sequences have a bare floor as stage. Wires, fences, leaves, mirrors, movers and particles are added. Camera,
-lights, exposure and a cut are random too. Files and seed determine the sequence.
+A file of a room's size is the static stage; some sequences have a bare floor instead. Smaller files are
+props on it, each with its own motion. Wires, fences, leaves, mirrors, moving objects and particles are added.
+Camera, lights, exposure and a cut are random too. Files and seed determine the sequence.
 """
 
 from dataclasses import replace
@@ -14,7 +14,6 @@ import numpy as np
 
 from supersampler_model.data.scenes.camera import Camera
 from supersampler_model.data.scenes.environment import Environment
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.clutter import add_clutter
 from supersampler_model.data.scenes.gltf.errors import GltfError
 from supersampler_model.data.scenes.gltf.folder import (
@@ -23,7 +22,7 @@ from supersampler_model.data.scenes.gltf.folder import (
     ground_of,
     is_stage,
     read_folder,
-    standing,
+    stage_instances,
 )
 from supersampler_model.data.scenes.gltf.ground import Ground, triangles_of
 from supersampler_model.data.scenes.gltf.lighting import lit_stage, panorama
@@ -35,13 +34,14 @@ from supersampler_model.data.scenes.procedural.paths import vector
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.scene import Instance, Scene
 from supersampler_model.data.specs import Sequence, SequenceSpec
+from supersampler_model.data.values import Values
 
-PROPS = 6  # from files, in one sequence, at most
-_KEPT = 0.3, 1.9  # metres: heights of props that are not resized
-_ROOM = 0.3, 0.9  # metres that are left to a prop, at least and at most
-_APART = 1.0  # metres that a camera keeps from things, if possible
-_TRIES = 16
-_BARE = 12.0  # metres along a side of the part of a bare floor on which things stand
+MAX_PROPS = 6  # props in one sequence; a file may be used several times
+_PROP_HEIGHTS = 0.3, 1.9  # metres; props of other heights are resized
+_PROP_RADII = 0.3, 0.9  # metres: least and greatest radius of the floor that a prop occupies
+_CAMERA_CLEARANCE = 1.0  # metres between cameras and props, where there is room
+_TRIES = 16  # of camera paths
+_FLOOR_SIZE = 12.0  # metres a side: the part of a bare floor on which objects are placed
 
 
 class LoadedFiles(NamedTuple):
@@ -68,14 +68,14 @@ class Composition(Sequence):
         self._ground = ground or Ground(triangles_of((_floor(),)))
         self._focus = self._ground.spot(rng)
         self.stage = lit_stage(rng, self._focus, files.surroundings)
-        self._room = () if files.stage is None else standing(files.stage)
+        self._room = () if files.stage is None else stage_instances(files.stage)
         if files.stage is None:
             _add_floor(rng, self.stage)
-        count = int(rng.integers(2, PROPS + 1)) if files.props else 0
+        count = int(rng.integers(2, MAX_PROPS + 1)) if files.props else 0
         self._props = [self._prop(files.props[index % len(files.props)], rng) for index in range(count)]
-        taken = add_clutter(rng, self.stage, self._ground, self._focus)
-        taken += [prop.course.between(fraction) for prop in self._props for fraction in (0.0, 0.5, 1.0)]
-        self._walks = [self._walk(rng, np.array([self._focus, *taken])) for _ in range(2)]
+        occupied = add_clutter(rng, self.stage, self._ground, self._focus)
+        occupied += [prop.course.between(fraction) for prop in self._props for fraction in (0.0, 0.5, 1.0)]
+        self._walks = [self._walk(rng, np.array([self._focus, *occupied])) for _ in range(2)]
         cuts = spec.frames > 5 and rng.random() < 0.5
         self.starts = (0, int(rng.integers(spec.frames // 3, spec.frames)) if cuts else 0)
         self._exposure = wave(rng.uniform(0.0, 0.4), rng.uniform(0.05, 0.5), rng.random())
@@ -83,8 +83,8 @@ class Composition(Sequence):
     def scene(self, index: int) -> Scene:
         """See `Sequence.scene`."""
         scene, now, before = super().scene(index), self.time(index), self.time(index - 1)
-        of_files = (instance for prop in self._props for instance in prop.instances(now, before))
-        return replace(scene, instances=(*self._room, *of_files, *scene.instances))
+        prop_instances = (instance for prop in self._props for instance in prop.instances(now, before))
+        return replace(scene, instances=(*self._room, *prop_instances, *scene.instances))
 
     def camera(self, index: int) -> Camera:
         """See `Sequence.camera`."""
@@ -97,11 +97,11 @@ class Composition(Sequence):
         low, high = model.bounds
         height = float(high[1] - low[1])
         size = 1.0
-        if not _KEPT[0] <= height <= _KEPT[1]:
+        if not _PROP_HEIGHTS[0] <= height <= _PROP_HEIGHTS[1]:
             size = rng.uniform(0.5, 1.2) / max(float((high - low).max()), 1e-6)
         start = self._ground.near(rng, self._focus, 0.0, 2.0)
         self._ground.take(
-            start, float(np.clip(0.6 * size * np.ptp(model.bounds, axis=0)[[0, 2]].max(), *_ROOM))
+            start, float(np.clip(0.6 * size * np.ptp(model.bounds, axis=0)[[0, 2]].max(), *_PROP_RADII))
         )
         end = self._ground.near(rng, start, 1.0, 5.0)
         kind = rng.integers(4)  # still, spinning, sliding, hopping along
@@ -115,12 +115,12 @@ class Composition(Sequence):
         glow = wave(depth, hertz, phase, square=bool(rng.integers(2)))
         return Prop(model, size, course, yaw, spin, hop, clip, glow)
 
-    def _path(self, rng: np.random.Generator, taken: Values) -> tuple[Values, Values]:
-        """Return start and end of a camera walk: in sight of the props, and not through them.
+    def _path(self, rng: np.random.Generator, occupied: Values) -> tuple[Values, Values]:
+        """Return start and end of a camera path that has the props in view and does not cross them.
 
         Args:
             rng: generator.
-            taken: (n, 3) places to keep away from, as far as there is room.
+            occupied: (n, 3) positions to keep away from, where there is room.
         """
         best, found = -np.inf, (self._focus, self._focus)
         for _ in range(_TRIES):
@@ -129,15 +129,15 @@ class Composition(Sequence):
             if not self._ground.clear(start, end):
                 end = start
             line = start + np.linspace(0.0, 1.0, 9)[:, None] * (end - start)
-            apart = float(np.hypot(*(line[:, None] - taken)[..., [0, 2]].T).min())
-            if apart > best and (self._ground.clear(start, self._focus) or not np.isfinite(best)):
-                best, found = apart, (start, end)
-            if best > _APART:
+            clearance = float(np.hypot(*(line[:, None] - occupied)[..., [0, 2]].T).min())
+            if clearance > best and (self._ground.clear(start, self._focus) or not np.isfinite(best)):
+                best, found = clearance, (start, end)
+            if best > _CAMERA_CLEARANCE:
                 break
         return found
 
-    def _walk(self, rng: np.random.Generator, taken: Values) -> Walk:
-        start, end = self._path(rng, taken)
+    def _walk(self, rng: np.random.Generator, occupied: Values) -> Walk:
+        start, end = self._path(rng, occupied)
         eyes = np.array([0.0, rng.uniform(0.5, 1.8), 0.0])
         target = self._focus + np.array([0.0, rng.uniform(0.3, 1.0), 0.0])
         pan = (rng.uniform(0.2, 0.8), rng.uniform(0.1, 0.6)) if rng.random() < 0.5 else (0.0, 0.0)
@@ -185,8 +185,10 @@ def _expect(path: Path, wanted: str, found: str) -> None:
 
 
 def _floor() -> Instance:
-    """Return the part of a bare floor on which things stand."""
-    return Instance(mesh=shapes.plane(_BARE, _BARE), material=materials.glow((0, 0, 0), 0), model=np.eye(4))
+    """Return the part of a bare floor on which objects are placed."""
+    return Instance(
+        mesh=shapes.plane(_FLOOR_SIZE, _FLOOR_SIZE), material=materials.glow((0, 0, 0), 0), model=np.eye(4)
+    )
 
 
 def _add_floor(rng: np.random.Generator, stage: Stage) -> None:

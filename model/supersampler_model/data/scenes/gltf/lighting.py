@@ -8,19 +8,18 @@ from OpenImageIO import ImageInput, geterror
 
 from supersampler.io.limits import image_size_problem
 from supersampler_model.data.scenes.environment import Environment, directions
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.errors import MalformedError, reading
 from supersampler_model.data.scenes.gltf.motions import Course, wave
 from supersampler_model.data.scenes.lights import Sun
 from supersampler_model.data.scenes.procedural import lighting
 from supersampler_model.data.scenes.procedural.lighting import Pulse
-from supersampler_model.data.scenes.procedural.paths import Place, Rng, vector
+from supersampler_model.data.scenes.procedural.paths import Place, vector
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
 _SKY = 64  # rows of a procedural sky
-_DIMMEST = 0.12  # of what a sky or a panorama is multiplied by
-_BRIGHTEST = 50.0  # of a panorama; a sun of its own would sparkle in every reflection
+_DIMMEST = 0.12  # least factor of a sky or a panorama
+_BRIGHTEST = 50.0  # panoramas are clamped to this: their suns would sparkle in every reflection
 
 
 Lamp = tuple[Place, Color, Pulse]
@@ -36,7 +35,7 @@ def lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
         panorama: the surroundings; None: a random sky.
     """
     surroundings = sky(rng) if panorama is None else panorama
-    dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # the darker it is, the more the lamps matter
+    dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # in the dark the lamps matter more
     environment = Environment(pixels=(surroundings.pixels * dim).astype(np.float32))
     stage = Stage(environment=environment, exposure=float(dim**-0.6))
     stage.sun = _sun(rng, focus)
@@ -105,7 +104,7 @@ def panorama(path: Path) -> Environment:
 
 
 def _tint(rng: Rng) -> Values:
-    """Return a colour about white, from candle light to a clear sky, of brightness 1."""
+    """Return a colour of mean 1 between candle light and a clear sky."""
     warmth = rng.uniform(-1.0, 1.0)
     color = np.array([1.0 + 0.5 * warmth, 1.0, 1.0 - 0.5 * warmth])
     return np.asarray(color / color.mean())

@@ -4,11 +4,12 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Integers, Values, floats, integers
+from supersampler_model.data.scenes.gltf.accessors import Integers, floats, integers
 from supersampler_model.data.scenes.gltf.document import Document, Json
 from supersampler_model.data.scenes.gltf.errors import MalformedError
 from supersampler_model.data.scenes.gltf.materials import Coordinates
 from supersampler_model.data.scenes.mesh import Mesh, Skin, tangents_of
+from supersampler_model.data.values import Values
 
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
 _MODES = {0: "points", 1: "lines", 2: "a line loop", 3: "a line strip"}

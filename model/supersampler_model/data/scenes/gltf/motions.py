@@ -4,15 +4,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from supersampler_model.data.scenes.gltf.accessors import Values
 from supersampler_model.data.scenes.gltf.scene import GltfScene
 from supersampler_model.data.scenes.procedural.lighting import Pulse
+from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Instance
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Values
 
 
 def to_and_fro(time: float, duration: float) -> float:
-    """Return a time in [0, duration] that runs forwards and backwards in turn, without a jump."""
+    """Return a time in [0, duration] that runs forwards and backwards in turn."""
     if duration <= 0.0:
         return 0.0
     phase = time / duration % 2.0
@@ -55,8 +55,8 @@ class Walk:
     Attributes:
         course: of the eye.
         target: (3,) metres, looked at.
-        pan: by how far, in radians, it turns away to both sides, and how often a second.
-        sway: metres, of the hand.
+        pan: angle of its turns to both sides, radians, and their frequency, hertz.
+        sway: of the hand, metres.
         fov_y: degrees.
     """
 
@@ -78,14 +78,15 @@ class Walk:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Prop:
-    """A file's content that stands on the ground and moves over it.
+    """A prop: the content of a glTF file, with its motion over the ground.
 
     Attributes:
         size: scale factor.
         course: of the middle of its lower side.
-        spin: radians a second about the vertical, from `yaw` on.
-        hop: metres; how high it jumps, once a second.
-        clip: of the file, run to and fro.
+        yaw: about the vertical at time 0, radians.
+        spin: of the yaw, radians a second.
+        hop: height of its jumps, one a second, metres.
+        clip: index of the animation, which runs to and fro.
         glow: factor of its emission.
     """
 
@@ -99,7 +100,7 @@ class Prop:
     glow: Pulse
 
     def instances(self, now: float, before: float) -> tuple[Instance, ...]:
-        """Return the instances at a time, with their placement at another."""
+        """Return the instances `now`, with their previous state, both in seconds."""
         clips = self.model.clips
         duration = clips[self.clip].duration if clips else 0.0
         return self.model.instances(
@@ -108,13 +109,10 @@ class Prop:
         )  # fmt: skip
 
     def placed(self, time: float) -> Matrix:
-        """Return the file's space to the world."""
+        """Return the matrix from the file's space to the world."""
         low, high = self.model.bounds
         angle = self.yaw + self.spin * time
-        matrix = np.eye(4)
-        matrix[[0, 2], [0, 2]] = np.cos(angle)
-        matrix[0, 2], matrix[2, 0] = np.sin(angle), -np.sin(angle)
-        matrix[:3, :3] *= self.size
+        matrix = placed(yaw=angle, size=self.size)
         foot = np.array([(low[0] + high[0]) / 2.0, low[1], (low[2] + high[2]) / 2.0])
         hop = self.hop * abs(np.sin(np.pi * time))
         matrix[:3, 3] = self.course.at(time) + np.array([0.0, hop, 0.0]) - matrix[:3, :3] @ foot

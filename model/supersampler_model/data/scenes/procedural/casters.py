@@ -10,9 +10,8 @@ from supersampler_model.data.scenes.procedural import materials, shapes
 from supersampler_model.data.scenes.procedural.paths import Place, Pose, swing
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
-from supersampler_model.data.values import Matrix
+from supersampler_model.data.values import Matrix, Rng
 
-Rng = np.random.Generator
 CASTERS = ("mill", "train", "clouds", "boughs")
 
 

@@ -7,8 +7,7 @@ from supersampler_model.data.scenes.procedural.fixtures import bulb, skyline
 from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def court(rng: Rng) -> Stage:

@@ -9,8 +9,8 @@ from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
+from supersampler_model.data.values import Rng
 
-Rng = np.random.Generator
 FENCE_HEIGHT = 2.2
 
 

@@ -4,12 +4,19 @@ import numpy as np
 
 from supersampler_model.data.scenes.procedural import lighting, materials, shapes
 from supersampler_model.data.scenes.procedural.lighting import Pulse, steady
-from supersampler_model.data.scenes.procedural.paths import Place, Point3, place_of, spinning, upright, vector
+from supersampler_model.data.scenes.procedural.paths import (
+    Place,
+    Point3,
+    place_of,
+    spinning,
+    upright,
+    vector,
+    wind,
+)
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-from supersampler_model.data.values import Color, Vector
+from supersampler_model.data.values import Color, Rng, Vector
 
-Rng = np.random.Generator
 WHEEL = np.eye(4)[[1, 0, 2, 3]] * np.array([1.0, 1.0, -1.0, 1.0])
 """Turns y to x: a level ring becomes a wheel that rolls along z."""
 
@@ -47,6 +54,31 @@ def skyline(rng: Rng, stage: Stage) -> None:
         block = shapes.box(width, float(rng.gamma(5.0, 1.3)), width, 0.07)
         blocks.append((block, placed(away * np.sin(angle), 0, away * np.cos(angle), yaw=angle)))
     stage.put(blocks, materials.facade(rng), shadow=False)
+
+
+def bunting(
+    rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
+    margin: float, gap: float,
+) -> None:  # fmt: skip
+    """Add flags in the wind on a cord.
+
+    Args:
+        rng: of colours, flags and wind.
+        stage: that they are added to.
+        left: end of the cord, metres.
+        right: its other end.
+        sag: of its middle, metres.
+        cord: radius, metres, and grey in [0, 1].
+        flags: how many.
+        margin: fraction of the cord without flags at each end.
+        gap: metres between the cord and the middle of a flag.
+    """
+    stage.put(shapes.wire(left, right, sag, cord[0]), materials.paint(rng, (cord[1],) * 3))
+    t = np.linspace(margin, 1.0 - margin, flags)[:, None]
+    middles = (1.0 - t) * np.array(left) + t * np.array(right)
+    middles[:, 1] -= (4.0 * sag * t * (1.0 - t))[:, 0] + gap
+    mesh = shapes.cards(rng, middles, np.arange(flags), 0.24, np.array([0.0, 30.0, float(left[2])]))
+    stage.put(mesh, materials.striped(rng, 3), palette=wind(rng, middles, 0.09))
 
 
 def hills(rng: Rng, stage: Stage, hue: Color) -> None:

@@ -6,10 +6,9 @@ from supersampler_model.data.scenes.procedural import lighting, materials, paths
 from supersampler_model.data.scenes.procedural.fixtures import bulb, fan, glowing_ball
 from supersampler_model.data.scenes.procedural.particles import dust, sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
+from supersampler_model.data.values import Rng, Values
 
-Rng = np.random.Generator
 HEIGHT = 3.0
 
 

@@ -9,8 +9,7 @@ from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def floors(rng: Rng) -> Stage:

@@ -7,12 +7,10 @@ from supersampler_model.data.scenes.procedural.casters import CASTERS, caster
 from supersampler_model.data.scenes.procedural.fixtures import bulb, hills
 from supersampler_model.data.scenes.procedural.particles import dust, fireflies
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
-Rng = np.random.Generator
 GREENS: tuple[Color, ...] = ((0.3, 0.45, 0.13), (0.42, 0.45, 0.14), (0.2, 0.38, 0.16), (0.55, 0.45, 0.16))
 
 

@@ -8,11 +8,9 @@ from supersampler_model.data.scenes.procedural import lighting, materials, paths
 from supersampler_model.data.scenes.procedural.fixtures import bulb
 from supersampler_model.data.scenes.procedural.particles import dust
 from supersampler_model.data.scenes.procedural.stage import Stage
-from supersampler_model.data.scenes.procedural.textures import Values
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def gallery(rng: Rng) -> Stage:
@@ -69,7 +67,8 @@ def _sculpture(rng: Rng, stage: Stage, x: float, z: float) -> None:
     turn = rng.normal(0.0, 1.5)
     if kind == 0:
         form = paths.spinning(place @ placed(0, 0.42, 0), (0, 1, 0), turn)
-        stage.put(shapes.tube(_knot(), 0.06, 12), cover, paths.attached(form, placed(size=0.85)))
+        knot = shapes.tube(shapes.knot(97, 0.28, 0.11, 0.16), 0.06, 12)
+        stage.put(knot, cover, paths.attached(form, placed(size=0.85)))
     elif kind == 1:
         turns = [turned_by(0, 0.5 * k) @ turned_by(2, 0.4 * k) for k in range(4)]
         rings = [(shapes.torus(0.16 + 0.07 * k, 0.018, 40), at) for k, at in enumerate(turns)]
@@ -95,12 +94,6 @@ def _stuff(rng: Rng) -> Material:
     if kind < 0.8:
         return materials.plaster(rng, (0.88, 0.86, 0.82))  # marble
     return materials.paint(rng, gloss=1.0)
-
-
-def _knot() -> Values:
-    a = np.linspace(0.0, 2.0 * np.pi, 97)
-    swell = 0.28 + 0.11 * np.cos(3.0 * a)
-    return np.stack([swell * np.cos(2.0 * a), 0.16 * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
 
 
 def _mobile(rng: Rng, stage: Stage) -> None:

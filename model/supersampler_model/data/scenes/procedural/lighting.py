@@ -4,15 +4,12 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.environment import Environment, directions
 from supersampler_model.data.scenes.lights import Point, Spot, Sun
 from supersampler_model.data.scenes.procedural.paths import Place, Point3, pendulum, place_of, vector
-from supersampler_model.data.values import Color, Vector
+from supersampler_model.data.values import Color, Rng, Vector
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 Pulse = Callable[[float], float]
 """Seconds to a factor >= 0, about 1 on average."""
 PULSES = ("throb", "flicker", "strobe", "fade")

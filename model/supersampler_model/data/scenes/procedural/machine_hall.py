@@ -7,8 +7,7 @@ from supersampler_model.data.scenes.procedural.fixtures import bulb
 from supersampler_model.data.scenes.procedural.particles import smoke, sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def machine_hall(rng: Rng) -> Stage:

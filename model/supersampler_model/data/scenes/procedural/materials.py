@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from supersampler_model.data.scenes.procedural import textures
-from supersampler_model.data.scenes.procedural.textures import Rng, Values, shade
+from supersampler_model.data.scenes.procedural.textures import shade
 from supersampler_model.data.scenes.scene import Material, Texture
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
 
 def brick(rng: Rng, rows: int = 12) -> Material:

@@ -9,8 +9,8 @@ from supersampler_model.data.scenes.procedural.particles import sparks
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed, turned_by
 from supersampler_model.data.scenes.scene import Material
+from supersampler_model.data.values import Rng
 
-Rng = np.random.Generator
 TABLE = 0.85  # metres high
 
 

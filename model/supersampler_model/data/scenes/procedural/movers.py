@@ -10,8 +10,7 @@ from supersampler_model.data.scenes.procedural.particles import dust, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
 from supersampler_model.data.scenes.scene import Material
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def movers(rng: Rng) -> Stage:

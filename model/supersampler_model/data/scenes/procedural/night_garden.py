@@ -8,8 +8,7 @@ from supersampler_model.data.scenes.procedural.foliage import bush, meadow, tree
 from supersampler_model.data.scenes.procedural.particles import fireflies, smoke
 from supersampler_model.data.scenes.procedural.stage import Stage
 from supersampler_model.data.scenes.procedural.transforms import placed
-
-Rng = np.random.Generator
+from supersampler_model.data.values import Rng
 
 
 def night_garden(rng: Rng) -> Stage:

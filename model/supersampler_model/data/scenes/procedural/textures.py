@@ -3,13 +3,10 @@
 import colorsys
 
 import numpy as np
-from numpy.typing import NDArray
 
 from supersampler_model.data.scenes.scene import Texture
-from supersampler_model.data.values import Color
+from supersampler_model.data.values import Color, Rng, Values
 
-Values = NDArray[np.float64]
-Rng = np.random.Generator
 SIZE = 256
 
 
