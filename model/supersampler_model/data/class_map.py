@@ -1,7 +1,7 @@
-"""Class maps in false colours for colour-blind readers, as overlays on an image with a legend.
+"""Class maps of the labels: false colours over an image, with a legend.
 
-The colours are Okabe and Ito's. A pixel of two classes shows the ghosting; where that is visibility ghosting
-of an aliased pixel it has a colour of its own. No other two meet: shading ghosting is cleared by aliasing.
+The colours are those of Okabe and Ito, which colour-blind readers can distinguish. Aliased pixels with
+visibility ghosting have a colour of their own; no other two classes can be combined.
 """
 
 from typing import Any

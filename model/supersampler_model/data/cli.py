@@ -1,4 +1,4 @@
-"""`supersampler render OUT`; renderer and training sets are imported when it runs, --help works without."""
+"""`supersampler render OUT`; heavy modules are imported when the command runs, not for --help."""
 
 from pathlib import Path
 from typing import Annotated

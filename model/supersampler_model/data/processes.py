@@ -1,4 +1,4 @@
-"""Rendering in several processes, each with its own OpenGL context; one failure stops all."""
+"""Render in several processes, each with its own OpenGL context; one failure stops all."""
 
 import multiprocessing
 import os

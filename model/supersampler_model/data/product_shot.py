@@ -1,4 +1,4 @@
-"""The shot that ships with the package: a walk across the plaza, without cuts."""
+"""The rendered shot that ships with the package: a camera walks across the plaza, without cuts."""
 
 from collections.abc import Callable
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Sequences of every family, reproduced exactly from a few numbers."""
+"""Sequences of all scene families, generated from a `SequenceSpec`."""
 
 from collections.abc import Callable
 from itertools import pairwise

@@ -1,4 +1,4 @@
-"""Sequences: a scene for each frame index, made from a few numbers and names."""
+"""Base class of rendered sequences, and the spec that generates one."""
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass

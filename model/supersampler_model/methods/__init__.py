@@ -1,6 +1,6 @@
-"""One folder for each method: `model.py` has its three stages, `network.py` what is learned.
+"""The methods as torch modules: in each folder `model.py` has the stages, `network.py` the network.
 
-`METHODS` and `LEARNED` find them by name. Losses and data live in `training` and `data`.
+`METHODS` and `LEARNED` find the methods by name.
 """
 
 from collections.abc import Mapping

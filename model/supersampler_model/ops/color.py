@@ -1,4 +1,4 @@
-"""Tone curve, YCoCg, exposure, and the sanitizing that keeps invalid pixels out of the history."""
+"""Colour operations: tone curves, YCoCg, exposure, and sanitizing of invalid pixels."""
 
 import math
 from collections.abc import Callable, Mapping

@@ -1,8 +1,7 @@
 """Crops of training frames with G-buffers.
 
-Methods of one whole ratio (`gbuffer`) read G-buffers of render and of display size. Their crops consist of
-whole render pixels and are small frames: a crop has the frame's jitter, each render pixel covers the same
-square of display pixels, and nothing is read around it (`aligned`).
+Methods of a fixed integer ratio (`gbuffer`) read G-buffers of render and of display size. Their crops are
+`aligned`: they consist of whole render pixels, have the frame's jitter and read no pixels around the crop.
 Methods of any ratio (`extrapolate`) read G-buffers of render size, to extrapolate unshaded frames.
 """
 

@@ -1,4 +1,4 @@
-"""Training of `gbuffer`: image error, larger on reflective surfaces (Wang et al. 2025, section III.E)."""
+"""Training of `gbuffer`: an image loss weighted towards reflective surfaces (Wang et al. 2025, III.E)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

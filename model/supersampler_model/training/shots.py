@@ -1,4 +1,4 @@
-"""A user's own shots as a training set: references, but usually no classes."""
+"""Converts a user's shots into a training set; they have references, but usually no class labels."""
 
 from collections.abc import Callable, Sequence
 from pathlib import Path

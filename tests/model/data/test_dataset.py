@@ -1,4 +1,4 @@
-"""A training set is rendered once, survives any stop, and gives back what was drawn."""
+"""Training sets: rendering resumes after any interruption, and files return what was rendered."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What the renderer draws, against what is known of light, surfaces and samples."""
+"""The renderer, compared with analytic results for light, surfaces and sampling."""
 
 from dataclasses import replace
 from typing import Any

@@ -1,4 +1,4 @@
-"""Sequences made of a folder's files: reproducible, exact in what was before, and where there is room."""
+"""Sequences composed of a folder's files: reproducible, with exact previous states, objects on free floor."""
 
 import json
 from dataclasses import asdict

@@ -1,4 +1,4 @@
-"""Labels equal the closed form on scenes whose truth is exact."""
+"""Labels of analytic scenes equal their closed form."""
 
 from dataclasses import replace
 from typing import Any

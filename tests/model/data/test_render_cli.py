@@ -1,4 +1,4 @@
-"""`supersampler render` as a person meets it: files, stops, full disks and mistakes."""
+"""`supersampler render`: its files, interruptions, full disks and invalid options."""
 
 import json
 import os

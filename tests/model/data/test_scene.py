@@ -1,4 +1,4 @@
-"""A scene that cannot be drawn says which part of it is at fault."""
+"""Errors of invalid scenes name the field that is wrong."""
 
 from collections.abc import Callable
 from dataclasses import replace

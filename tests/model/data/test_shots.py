@@ -1,4 +1,4 @@
-"""A sequence becomes shots at several ratios over one set of references, and survives any stop."""
+"""Rendered shots: several ratios share references, and rendering resumes after any interruption."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""A crop is a part of the whole frame, exactly: at any ratio, flipped, turned, relit."""
+"""Crops give the same samples as the whole frame, at any ratio and with any augmentation."""
 
 import dataclasses
 

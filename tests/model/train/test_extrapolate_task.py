@@ -1,4 +1,4 @@
-"""`extrapolate` learns from shaded and from hidden frames of crops, as an engine will alternate them."""
+"""Training of `extrapolate` on alternating shaded and unshaded frames."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace

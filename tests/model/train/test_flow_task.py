@@ -1,4 +1,4 @@
-"""`guided-flow` learns from frames that are hidden from it, found once and kept."""
+"""Training of `guided-flow` on unshaded frames, whose light is computed once and cached."""
 
 import csv
 from collections.abc import Iterator, Sequence

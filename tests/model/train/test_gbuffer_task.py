@@ -1,4 +1,4 @@
-"""`gbuffer` learns from crops with G-buffers, more where surfaces shine."""
+"""Training of `gbuffer` on crops with G-buffers, with larger weights on reflective surfaces."""
 
 from dataclasses import replace
 from pathlib import Path

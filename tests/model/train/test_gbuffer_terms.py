@@ -1,4 +1,4 @@
-"""What training `gbuffer` asks for beside small errors: structure, and more of it where surfaces shine."""
+"""Loss terms of `gbuffer`: structural dissimilarity, and larger weights on reflective surfaces."""
 
 from dataclasses import replace
 from types import SimpleNamespace

@@ -1,4 +1,4 @@
-"""Light from all around: a panorama, its diffuse part as spherical harmonics, its glossy parts as mips."""
+"""Environment lighting: a panorama, its irradiance as spherical harmonics, its glossy reflections as mips."""
 
 from dataclasses import dataclass
 

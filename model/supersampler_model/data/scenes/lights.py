@@ -1,4 +1,4 @@
-"""Lights. Their colour is linear RGB in the environment's unit of radiance, times steradian."""
+"""Sun, spot and point lights; colours are linear RGB in the environment's radiance unit times steradian."""
 
 from dataclasses import dataclass
 

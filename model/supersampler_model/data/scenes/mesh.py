@@ -1,4 +1,4 @@
-"""Triangles, with what shading, normal maps and skinning need at each vertex."""
+"""Triangle meshes with normals, tangents, texture coordinates and skins."""
 
 from dataclasses import dataclass
 

@@ -1,4 +1,4 @@
-"""ExtraSSNet (Wu et al. 2023, section 4.4) on the network of Guo et al. 2022: two encoders, shared decoder.
+"""The network of `extrapolate`: that of Guo et al. 2022 with two encoders (Wu et al. 2023, section 4.4).
 
 One encoder reads shaded frames (E0 of the paper), the other extrapolated frames (E1) with their base colour.
 """

@@ -1,4 +1,4 @@
-"""Arrays of a glTF file: strided, normalised, sparse."""
+"""Reads arrays (accessors) of a glTF file: strided, normalised or sparse."""
 
 from typing import Any, TypeAlias
 

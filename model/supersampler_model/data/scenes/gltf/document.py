@@ -1,4 +1,4 @@
-"""A glTF file: its JSON, and the bytes that it refers to."""
+"""A glTF file: its JSON, and the buffers and images that it refers to."""
 
 import base64
 import binascii

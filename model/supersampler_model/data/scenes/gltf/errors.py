@@ -1,4 +1,4 @@
-"""Errors of glTF files: the reason, and the place in the file.
+"""Errors of glTF files, with the reason and the place in the file.
 
 GltfError       a DataError: names the file, the place in it and the reason
   MalformedError  used inside this package: the reason; each enclosing `at` adds a place

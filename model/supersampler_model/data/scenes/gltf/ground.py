@@ -1,4 +1,4 @@
-"""Free floor space on a stage, found from its triangles, so that any file can be a stage."""
+"""Free floor space on a stage, computed from its triangles, so that any file can be a stage."""
 
 import numpy as np
 from numpy.typing import NDArray

@@ -1,4 +1,4 @@
-"""A glTF file as a part of scenes."""
+"""Loads a glTF file as instances for scenes."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass

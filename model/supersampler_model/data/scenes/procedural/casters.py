@@ -1,4 +1,4 @@
-"""Shadow casters between the sun and a scene: outside the view, their shadows move over the image."""
+"""Moving shadow casters between the sun and a scene; only their shadows are in view."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Test shots: a sports court with nets, fast balls, players' dummies and floodlights."""
+"""Family of the test shots: a sports court with nets, fast balls, players' dummies and floodlights."""
 
 import numpy as np
 

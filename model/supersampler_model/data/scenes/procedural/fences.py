@@ -1,4 +1,4 @@
-"""Thin wires, poles and chain-link before brick, with a cart and headlights behind the fence."""
+"""Training family: thin wires, poles and chain-link before brick, with a moving cart behind the fence."""
 
 import numpy as np
 

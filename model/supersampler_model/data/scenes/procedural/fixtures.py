@@ -1,4 +1,4 @@
-"""Parts shared by families: bulbs that light their surroundings, skylines and hills."""
+"""Objects that several families share: light bulbs, fans, bunting, skylines, hills."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A cellar corridor under a swinging lamp, a fan and failing tubes: light changes, and shadows run."""
+"""Training family: a cellar corridor with a swinging lamp, a fan and flickering tubes; shadows move."""
 
 import numpy as np
 

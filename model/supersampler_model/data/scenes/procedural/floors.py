@@ -1,4 +1,4 @@
-"""A hall whose finely patterned, polished floor runs to the horizon, seen from low above it."""
+"""Training family: a hall with a finely patterned, polished floor, seen at grazing angles."""
 
 import numpy as np
 

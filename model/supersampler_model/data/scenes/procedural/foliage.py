@@ -1,4 +1,4 @@
-"""A meadow with trees and bushes in the wind: thousands of thin blades and cut-out leaves, all moving."""
+"""Training family: a meadow with trees and bushes in the wind: thin blades and cut-out leaves that move."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Test shots: a gallery with a polished floor, sculptures, paintings and mobiles that turn."""
+"""Family of the test shots: a gallery with a polished floor, sculptures, paintings and mobiles that turn."""
 
 from itertools import pairwise
 

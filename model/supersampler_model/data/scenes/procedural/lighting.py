@@ -1,4 +1,4 @@
-"""Lights that move and pulse, and panoramas; all of time in seconds and a generator."""
+"""Random lights as functions of time in seconds, and random panoramas."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Test shots: a machine hall of pipes, grilles, pistons and beacons, in steam."""
+"""Family of the test shots: a machine hall of pipes, grilles, pistons and beacons, in steam."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Test shots: a market street with awnings, fruit, bunting, lanterns and people who walk past."""
+"""Family of the test shots: a market street with awnings, fruit, bunting, lanterns and walking people."""
 
 import numpy as np
 

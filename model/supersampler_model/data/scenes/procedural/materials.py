@@ -1,4 +1,4 @@
-"""Materials: combinations of textures, with random colours, wear and grain."""
+"""Random materials: bricks, tiles, wood, metals, cloth, leaves and others, with their textures."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""A workshop table of mirrors, gold and brushed steel under coloured lights that circle and pulse."""
+"""Training family: mirrors, gold and brushed steel under coloured lights that circle and pulse."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A street where vans, drones and signs rush past close to the camera and disocclude the background."""
+"""Training family: a street where vans and drones rush past the camera and disocclude the background."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""Test shots: a garden at night: hedges, a pond, lanterns in the wind and fireflies."""
+"""Family of the test shots: a garden at night with hedges, a pond, lanterns in the wind and fireflies."""
 
 import numpy as np
 

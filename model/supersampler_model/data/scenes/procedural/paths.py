@@ -1,4 +1,4 @@
-"""Motions as smooth functions of time in seconds, with random rates and phases."""
+"""Random motions of objects and cameras, as smooth functions of time in seconds."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

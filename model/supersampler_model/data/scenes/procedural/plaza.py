@@ -1,4 +1,4 @@
-"""The product scene: a small square in the late afternoon, with an example of every hard case."""
+"""The scene of the shipped shot: a small square in the late afternoon, with an example of every hard case."""
 
 import numpy as np
 

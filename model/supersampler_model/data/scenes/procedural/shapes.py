@@ -1,4 +1,4 @@
-"""Meshes in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
+"""Procedural meshes, in metres. Texture coordinates are metres times `repeat`, unless a docstring differs."""
 
 from collections.abc import Iterable, Sequence
 from typing import Any

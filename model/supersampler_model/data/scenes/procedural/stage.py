@@ -1,4 +1,4 @@
-"""The stage that a family builds: all content of a scene as functions of time in seconds."""
+"""The stage of a family: all objects and lights of a scene as functions of time in seconds."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field

@@ -1,4 +1,4 @@
-"""Repeating textures, computed in numpy. Fields are (size, size) in [0, 1]; colours are sRGB in [0, 1]."""
+"""Procedural textures, which repeat. Fields are (size, size) in [0, 1]; colours are sRGB in [0, 1]."""
 
 import colorsys
 
