@@ -82,9 +82,9 @@ def with_legend(image: Image, labels: Labels) -> Image:
     return np.concatenate(parts)
 
 
-def _line(name: str, share: float, scale: int) -> Image:
+def _line(name: str, fraction: float, scale: int) -> Image:
     """One entry of the legend, of fixed width: a swatch, the name, the fraction in percent."""
-    written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * share:5.1f}%")
+    written = _written(f"{name:<{max(map(len, CLASS_COLORS))}} {100 * fraction:5.1f}%")
     line = np.zeros((LINE, LINE + written.shape[1] + ADVANCE, 3), np.uint8)
     line[1 : LINE - 1, 1 : LINE - 1] = CLASS_COLORS[name]
     line[1 : 1 + written.shape[0], LINE : LINE + written.shape[1]][written] = 255

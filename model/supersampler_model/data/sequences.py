@@ -101,8 +101,8 @@ def _shot_starts(random: np.random.Generator, frames: int) -> tuple[int, ...]:
     starts, cuts = [0], int(random.choice(3, p=(0.6, 0.28, 0.12)))
     for place in sorted(random.uniform(0.2, 0.85, cuts)):
         starts.append(int(place * frames))
-    apart = [after for before, after in pairwise(starts) if after - before >= _SHORTEST_SHOT]
-    return (0, *apart)
+    long_enough = [after for before, after in pairwise(starts) if after - before >= _SHORTEST_SHOT]
+    return (0, *long_enough)
 
 
 def _exposure_path(random: np.random.Generator, level: float, seconds: float) -> Callable[[float], float]:

@@ -1,4 +1,4 @@
-"""Names of the types that scenes are made of."""
+"""Type aliases of the arrays, colours and vectors in scenes."""
 
 from typing import TypeAlias
 

@@ -184,9 +184,9 @@ def draw_light(random: np.random.Generator, frames: LightFrames, size: int) -> L
 
 
 def changing_light(frame: TrainingFrame) -> Tensor:
-    """(1, 1, h, w) 1 at samples of pixels whose lighting changed since the previous frame."""
+    """Return (1, 1, h, w): 1 where the label is a change of lighting since the previous frame, else 0."""
     axes = zip(frame.depth.shape[::-1], frame.ghost.shape[::-1], frame.jitter, strict=True)
-    places = [((np.arange(few) + 0.5 + moved) * many / few, many) for few, many, moved in axes]
-    columns, rows = (at.astype(np.int64).clip(0, many - 1) for at, many in places)
+    positions = [((np.arange(small) + 0.5 + jitter) * large / small, large) for small, large, jitter in axes]
+    columns, rows = (at.astype(np.int64).clip(0, large - 1) for at, large in positions)
     relit = frame.ghost[np.ix_(rows, columns)] == Ghost.SHADING
     return torch.from_numpy(relit.astype(np.float32))[None, None]

@@ -87,7 +87,7 @@ class GBufferTask(Task[Sample]):
 
 def reflective_of(gathered: Gathered) -> Tensor:
     """Return M_L (1, 1, H, W): 1 on metal, on mirrors and where the normal turned by 45 degrees, else 0."""
-    surfaces = gathered.current.display
+    surfaces = gathered.current.inputs.display
     ratio = surfaces.normal.shape[2] // gathered.frame.shape[2]
     before = F.interpolate(gathered.previous_normal, scale_factor=float(ratio), mode="nearest")
     known = (before.square().sum(dim=1, keepdim=True) > 0.5).float()

@@ -46,17 +46,13 @@ class CurrentFrame(NamedTuple):
 
     toned: Tensor  # (1, 3, h, w) exposed colour after the tone curve; 0 where it is not usable
     usable: Tensor  # (1, 1, h, w) 1 where the colour is valid, else 0
-    motion: Tensor  # (1, 2, h, w)
-    render: Surfaces
-    display: Surfaces
+    inputs: FrameInputs  # sanitized, with the exposure to use
     reflectance: Tensor  # (1, 3, H, W) of the display pixels' surfaces
     samples: Samples
     guided: Tensor  # (1, 3, H, W) weighted mean of `samples` times the pixel's reflectance, toned
     smooth: Tensor  # (1, 3, H, W) mean colour under a wide Gaussian, toned
     near: Tensor  # (1, 3, H, W) mean colour under a narrow Gaussian, toned; its average over frames is sharp
     confidence: Tensor  # (1, 1, H, W) sum of the weights of `near`, [0, 1]
-    view: View
-    exposure: Tensor  # (1,) > 0
     followed: Tensor  # (1,) signed exposure for the history, see `exposure_for`
 
 

@@ -138,7 +138,7 @@ class GBuffer(LearnedMethod):
         )
         current = self.gather_current(frame, usable, followed)
         before = read_nearest(history.frame, frame.motion, frame.view.jitter - history.jitter)
-        warped = self.gather_history(current, history, self.gather_change(current, color, before))
+        warped = self.gather_history(current, history, self.gather_change(current, before))
         render = frame.render
         stored = torch.cat([color, render.depth, render.base_color, render.normal, usable], dim=1)
         inputs = network_inputs(current, warped, before, history, masked=self.config.masked)
@@ -163,48 +163,46 @@ class GBuffer(LearnedMethod):
         return CurrentFrame(
             toned=toned,
             usable=usable,
-            motion=frame.motion,
-            render=frame.render,
-            display=frame.display,
+            inputs=frame,
             reflectance=reflected,
             samples=samples,
             guided=_lit(weighted_mean(samples), reflected),
             smooth=smooth,
             near=(near[:, :3] + 1e-3 * smooth) / (near[:, 3:] + 1e-3),
             confidence=near[:, 3:].clamp(max=1.0),
-            view=frame.view,
-            exposure=frame.exposure,
             followed=followed,
         )
 
-    def gather_change(self, current: CurrentFrame, color: Tensor, before: NearestSamples) -> Tensor:
+    def gather_change(self, current: CurrentFrame, before: NearestSamples) -> Tensor:
         """Return (1, 1, H, W) 1 where the light changed so much that the history is invalid, else 0."""
+        inputs = current.inputs
         known = current.usable * before.values[:, FRAME - 1 :] * before.on_screen
         color_before = sanitize(before.values[:, :3], 0.0)
-        changed = changed_light(color * current.exposure, color_before * current.exposure, known)
-        return pick(changed, current.view.grid(render_size_of(color)))
+        changed = changed_light(inputs.color * inputs.exposure, color_before * inputs.exposure, known)
+        return pick(changed, inputs.view.grid(render_size_of(inputs.color)))
 
     def gather_history(self, current: CurrentFrame, history: History, changed: Tensor) -> WarpedHistory:
         """Warp the previous image; its sample count is 0 where the light has `changed`."""
-        c, view, depth, motion = self.config, current.view, current.render.depth, current.motion
+        c, inputs, view = self.config, current.inputs, current.inputs.view
+        depth, motion, exposure = inputs.render.depth, inputs.motion, inputs.exposure
         render = render_size_of(depth)
         grid = view.grid(render)
-        own_motion = motion_of_surface(depth, motion, current.display.depth, grid)
+        own_motion = motion_of_surface(depth, motion, inputs.display.depth, grid)
         own = reproject(own_motion, view.display, render)
         dilated = pick_first(torch.cat(dilate_motion_2x2(depth, motion), dim=1), grid)
         front = reproject(dilated[:, 1:], view.display, render)
         x, y = View(view.display, render, history.jitter).to_render(own.x, own.y)
         occluded = disocclusion(
-            current.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
+            inputs.display.depth, history.frame[:, 3:4], x, y, c.depth_margin, c.depth_ramp
         )
         reflectance_before = read(history.reflectance, own.x, own.y).clamp(min=0.5 * MIN_REFLECTANCE)
         bilinear = sanitize(read(history.color, own.x, own.y), 0.0)
         relit = self._cubic(history.color, own) / reflectance_before * current.reflectance
         count = read(history.sample_count, front.x, front.y)
         warped = WarpedHistory(
-            color=_toned(self._cubic(history.color, front) * current.exposure, front),
-            own=_toned(bilinear * current.exposure, own),
-            relit=_toned(relit * current.exposure, own),
+            color=_toned(self._cubic(history.color, front) * exposure, front),
+            own=_toned(bilinear * exposure, own),
+            relit=_toned(relit * exposure, own),
             sample_count=count * front.on_screen * (1.0 - changed),
             surface=own.on_screen * (1.0 - 2.0 * occluded).clamp(min=0.0),
         )
@@ -233,15 +231,15 @@ class GBuffer(LearnedMethod):
             (current.near, 0.2 * confidence + 1e-3),
         ]
         color, weight, odds = composite(history_colors, current_colors, factors)
-        image = bounded(inverse_tone(color) / current.exposure)
+        image = bounded(inverse_tone(color) / current.inputs.exposure)
         next_history = History(
             color=image,
             reflectance=current.reflectance,
             sample_count=torch.minimum(odds, warped.sample_count).clamp(max=c.samples) + confidence,
             frame=gathered.frame,
             frame_before=history.frame * 1.0,
-            motion=current.motion,
-            jitter=current.view.jitter * 1.0,
+            motion=current.inputs.motion,
+            jitter=current.inputs.view.jitter * 1.0,
             jitter_before=history.jitter * 1.0,
             exposure=current.followed,
         )

@@ -31,8 +31,8 @@ def network_inputs(
         history: the history tensors.
         masked: see `GBufferConfig`.
     """
-    motion, view, display = current.motion, current.view, current.display
-    depth = relative_depth(current.render.depth, closest_around(current.render.depth))
+    _, motion, _, render, display, view = current.inputs
+    depth = relative_depth(render.depth, closest_around(render.depth))
     jitter = view.jitter[:, :, None, None].expand_as(motion)
     display_depth = relative_depth(display.depth, closest_around(display.depth))
     two_frames = motion + read_bilinear(history.motion, motion, view.jitter - history.jitter)
@@ -72,9 +72,9 @@ def _warped(
         motion: (1, 2, h, w) that points to them.
         masked: whether occluded samples are masked.
     """
-    render, jitter = current.render, current.view.jitter
+    render, jitter = current.inputs.render, current.inputs.view.jitter
     color, previous_depth, base, normal, usable = nearest.values.split_with_sizes([3, 1, 3, 3, 1], dim=1)
-    toned = tone(sanitize(color, 0.0) * current.exposure)
+    toned = tone(sanitize(color, 0.0) * current.inputs.exposure)
     kept = nearest.on_screen * usable
     if masked:
         now = (current.toned, render.base_color, render.depth)

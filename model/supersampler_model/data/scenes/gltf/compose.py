@@ -146,13 +146,9 @@ class Composition(Sequence):
 
 
 def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float = 30.0) -> Composition:
-    """Draw a sequence from the files (.glb, .gltf) in a folder and below, with its panoramas (.hdr) if any.
+    """Draw a sequence from the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
 
-    Args:
-        folder: with files in metres, y up.
-        seed: the same files and seed are the same sequence.
-        frames: how many, 1 or more.
-        frame_rate: frames a second.
+    Files are in metres, y up; the same files and seed give the same sequence.
 
     Raises:
         SceneError: there is no file in the folder.

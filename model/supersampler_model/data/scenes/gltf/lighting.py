@@ -27,12 +27,9 @@ Lamp = tuple[Place, Color, Pulse]
 
 
 def lit_stage(rng: Rng, focus: Values, panorama: Environment | None) -> Stage:
-    """Return an empty stage with random lights and the exposure that suits them.
+    """Return an empty stage with random lights around `focus` (3,), and the exposure that suits them.
 
-    Args:
-        rng: of all lights.
-        focus: (3,) what they light, metres.
-        panorama: the surroundings; None: a random sky.
+    Without a panorama of the surroundings it has a random sky.
     """
     surroundings = sky(rng) if panorama is None else panorama
     dim = float(np.exp(rng.uniform(np.log(_DIMMEST), 0.0)))  # in the dark the lamps matter more

@@ -57,9 +57,9 @@ def _mill(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
 
 def _train(rng: Rng, radius: float, frame: Matrix) -> tuple[Mesh, Pose]:
     """Wagons of an elevated railway with gaps between them, without an end."""
-    period, share = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
+    period, fraction = rng.uniform(2.5, 6.0), rng.uniform(0.4, 0.75)
     tall, y = radius * rng.uniform(0.2, 0.6), radius * rng.uniform(-0.5, 0.1)
-    wagon = shapes.wall(share * period, tall)
+    wagon = shapes.wall(fraction * period, tall)
     count = int(np.ceil(radius / period)) + 1
     mesh = shapes.merged((wagon, placed(k * period, y)) for k in range(-count, count + 1))
     speed = float(rng.uniform(5.0, 15.0) * rng.choice([-1.0, 1.0]))

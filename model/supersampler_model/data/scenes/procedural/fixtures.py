@@ -60,18 +60,10 @@ def bunting(
     rng: Rng, stage: Stage, left: Point3, right: Point3, *, sag: float, cord: tuple[float, float], flags: int,
     margin: float, gap: float,
 ) -> None:  # fmt: skip
-    """Add flags in the wind on a cord.
+    """Add flags in the wind on a cord that hangs through by `sag` metres.
 
-    Args:
-        rng: of colours, flags and wind.
-        stage: that they are added to.
-        left: end of the cord, metres.
-        right: its other end.
-        sag: of its middle, metres.
-        cord: radius, metres, and grey in [0, 1].
-        flags: how many.
-        margin: fraction of the cord without flags at each end.
-        gap: metres between the cord and the middle of a flag.
+    `cord` is its radius in metres and its grey, `margin` the fraction without flags at each end, and `gap` is
+    the distance from the cord to the middle of a flag, metres.
     """
     stage.put(shapes.wire(left, right, sag, cord[0]), materials.paint(rng, (cord[1],) * 3))
     t = np.linspace(margin, 1.0 - margin, flags)[:, None]

@@ -65,10 +65,7 @@ def lightning(rng: Rng) -> Pulse:
 def tint(rng: Rng, strength: float, warmth: float | None = None) -> Color:
     """Return a light's colour, `strength` at its brightest channel.
 
-    Args:
-        rng: of the colour.
-        strength: of the brightest channel.
-        warmth: from -1 (blue sky) over 0 (white) to 1 (candle); None is any hue.
+    `warmth` is -1 for blue sky, 0 for white, 1 for a candle; None is any hue.
     """
     if warmth is None:
         hue = rng.uniform(0.0, 2.0 * np.pi)
@@ -84,17 +81,10 @@ def sunlight(
     pulsing: Pulse = steady, warmth: float | None = 0.3, center: Vector = (0.0, 0.0, 0.0),
     azimuth: tuple[float, float] = (0.0, 6.3),
 ) -> Callable[[float], Sun]:  # fmt: skip
-    """Return a sun whose shadows creep.
+    """Return a sun of irradiance `strength` whose shadows move slowly.
 
-    Args:
-        rng: of colour, direction and creeping.
-        strength: irradiance.
-        radius: what the shadow map covers about `center`, metres.
-        elevation: range, degrees.
-        pulsing: what clouds do to it.
-        warmth: see `tint`.
-        center: of the shadow map.
-        azimuth: range of where its light goes, radians: 0 is +x, pi / 2 is +z.
+    Its shadow map covers `radius` metres around `center`. `elevation` is a range in degrees; `azimuth` is a
+    range of the direction of its light in radians: 0 is +x, pi / 2 is +z. See `tint` for `warmth`.
     """
     color, turn = tint(rng, strength, warmth), rng.uniform(*azimuth)
     height, creep = np.radians(rng.uniform(*elevation)), rng.normal(0.0, 0.08)
@@ -174,8 +164,8 @@ def indoors(rng: Rng, ambient: Color, panels: int, strength: float) -> Environme
     for _ in range(panels):
         middle, height = rng.uniform(-np.pi, np.pi), rng.uniform(0.15, 0.85)
         wide, tall = rng.uniform(0.08, 0.5), rng.uniform(0.04, 0.18)
-        apart = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
-        inside = (apart < wide) & (np.abs(up - height) < tall)
+        distance = np.abs((azimuth - middle + np.pi) % (2.0 * np.pi) - np.pi)
+        inside = (distance < wide) & (np.abs(up - height) < tall)
         image = image + inside[..., None] * np.array(tint(rng, strength, rng.uniform(-0.5, 0.5)))
     return Environment(pixels=image.astype(np.float32))
 
@@ -213,10 +203,7 @@ _SUNS = {  # strength, warmth, range of elevation, exposure
 def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weather:
     """Return one of the HOURS: dull or bright days, hard sun, dusk or night.
 
-    Args:
-        rng: of hour, clouds and colours.
-        radius: of what the sun's shadow map covers, metres.
-        center: of that.
+    The shadow map of the sun covers `radius` metres around `center`.
     """
     hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
     strength, warmth, elevation, exposure = _SUNS[hour]

@@ -25,11 +25,7 @@ def brick(rng: Rng, rows: int = 12) -> Material:
 def tiles(rng: Rng, count: int, glossy: float, contrast: float = 0.7) -> Material:
     """Return `count` x `count` floor tiles, an even number, checkered or of mixed tones.
 
-    Args:
-        rng: of colours and pattern.
-        count: an even number.
-        glossy: 0 is stoneware, 1 polished.
-        contrast: of the tiles' tones, in [0, 1].
+    `glossy` is 0 for stoneware and 1 for polished tiles; `contrast`, in [0, 1], is that of the tones.
     """
     height, tone = textures.courses(rng, count, count, joint=0.03, shift=0.0)
     if rng.random() < 0.6:

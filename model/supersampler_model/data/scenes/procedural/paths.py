@@ -139,12 +139,9 @@ def spinning(place: Place | Matrix, axis: Values | Sequence[float], rate: float,
 
 
 def wind(rng: Rng, anchors: Values, strength: float) -> Callable[[float], Matrices]:
-    """Return the palette of plants in gusts: joint 0 stands still, joint 1 + i is that of anchor i.
+    """Return the palette of plants in gusts that move tips by about `strength` metres.
 
-    Args:
-        rng: of direction, speed and flutter.
-        anchors: (n, 3), at most 127.
-        strength: how far tips move, metres.
+    Joint 0 stands still; joint 1 + i is that of anchor i, of at most 127 anchors (n, 3).
     """
     angle = rng.uniform(0.0, 6.3)
     ahead = np.array([np.cos(angle), 0.0, np.sin(angle)])

@@ -85,10 +85,8 @@ def box(width: float, height: float, depth: float, repeat: float = 1.0) -> Mesh:
 def lathe(profile: Sequence[tuple[float, float]], sides: int = 24, *, smooth: bool = False) -> Mesh:
     """Return a surface of revolution about y.
 
-    Args:
-        profile: (radius, height) from below, outer side to the right as one walks up.
-        sides: around.
-        smooth: shade the profile as one curve instead of straight pieces with edges.
+    `profile` has (radius, height) from below, with the outer side on the right as one walks up. If `smooth`,
+    it is shaded as one curve, otherwise as straight pieces with edges.
     """
     points = np.asarray(profile, np.float64)
     steps = np.diff(points, axis=0)
@@ -175,14 +173,9 @@ def rock(rng: Rng, radius: float, rings: int = 10) -> Mesh:
 
 
 def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, width: float) -> Mesh:
-    """Return grass, skinned so that a blade follows joint 1 + its group's, by the square of the height.
+    """Return grass at roots (n, 3), about `height` metres tall and `width` wide at the root.
 
-    Args:
-        rng: of sizes, leans and directions.
-        roots: (n, 3).
-        groups: (n,) of each blade, from 0.
-        height: of a blade, on average, metres.
-        width: at its root, metres.
+    A blade follows joint 1 + its group (n,), by the square of the height.
     """
     count, levels = len(roots), np.array([0.0, 0.35, 0.7, 1.0])
     yaw = rng.uniform(0.0, 2.0 * np.pi, count)
@@ -197,21 +190,17 @@ def blades(rng: Rng, roots: Values, groups: NDArray[np.int64], height: float, wi
     normals = np.broadcast_to(np.array([0.0, 0.9, 0.0]) + 0.44 * front[:, None, None], positions.shape)
     uv = np.stack(np.broadcast_arrays([0.0, 1.0], (1.0 - levels)[:, None]), axis=-1)
     faces = (_grid_faces(4, 2) + 8 * np.arange(count)[:, None, None]).reshape(-1, 3)
-    share = np.broadcast_to((levels**2)[:, None], positions.shape[:3]).reshape(-1)
-    skin = _swayed(np.repeat(groups, 8), share)
+    following = np.broadcast_to((levels**2)[:, None], positions.shape[:3]).reshape(-1)
+    skin = _swayed(np.repeat(groups, 8), following)
     normals = normals.reshape(-1, 3) / np.linalg.norm(normals.reshape(-1, 3), axis=1, keepdims=True)
     return mesh_of(positions.reshape(-1, 3), normals, np.tile(uv.reshape(-1, 2), (count, 1)), faces, skin)
 
 
 def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, middle: Values) -> Mesh:
-    """Return square leaf cards turned at random, each with its group's joint (1 + group).
+    """Return square leaf cards of about `size` metres at centers (n, 3), turned at random.
 
-    Args:
-        rng: of directions and sizes.
-        centers: (n, 3).
-        groups: (n,) of each card, from 0.
-        size: of a card, metres.
-        middle: (3,) of the crown; normals point away from it, so that it is lit as a whole.
+    Each follows joint 1 + its group (n,). Normals point away from the `middle` (3,) of the crown, so that it
+    is lit as a whole.
     """
     count = len(centers)
     u = rng.normal(0.0, 1.0, (count, 3))
@@ -229,10 +218,10 @@ def cards(rng: Rng, centers: Values, groups: NDArray[np.int64], size: float, mid
     return mesh_of(positions.reshape(-1, 3), normals, np.tile((square + 1.0) / 2.0, (count, 1)), faces, skin)
 
 
-def _swayed(groups: NDArray[np.int64], share: Values) -> Skin:
-    """Bind to joint 1 + group by `share`, to the unmoved joint 0 by the rest."""
+def _swayed(groups: NDArray[np.int64], following: Values) -> Skin:
+    """Bind to joint 1 + group by `following`, to the unmoved joint 0 by the rest."""
     joints, weights = np.zeros((len(groups), 4), np.uint16), np.zeros((len(groups), 4), np.float32)
-    joints[:, 1], weights[:, 1], weights[:, 0] = groups + 1, share, 1.0 - share
+    joints[:, 1], weights[:, 1], weights[:, 0] = groups + 1, following, 1.0 - following
     return Skin(joints=joints, weights=weights)
 
 

@@ -23,15 +23,9 @@ def fractal(rng: Rng, slope: float = 1.2, size: int = SIZE) -> Values:
 def courses(
     rng: Rng, rows: int, columns: int, *, joint: float = 0.06, shift: float = 0.5, size: int = SIZE
 ) -> tuple[Values, Values]:
-    """Return bricks, tiles or planks: their height, 0 in the joints, and a tone of each.
+    """Return bricks, tiles or planks: their height in [0, 1], 0 in the joints, and a random tone of each.
 
-    Args:
-        rng: of the tones.
-        rows: how many; an even number where they are shifted.
-        columns: how many.
-        joint: width of the joints, in rows.
-        shift: of every other row, in columns.
-        size: of the image.
+    Joints are `joint` rows wide; every other row is shifted by `shift` columns, for an even number of rows.
     """
     y, x = (np.mgrid[:size, :size] + 0.5) / size
     row = np.floor(y * rows).astype(int)
