@@ -21,8 +21,8 @@ class Surfaces:
 
     Attributes:
         depth: (h, w) near / view distance; 0 at the sky.
-        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: what is at p now was
-            at p + motion[p] a frame ago. Points that were behind the camera point off screen.
+        motion: (h, w, 2) pixels of this grid, without jitter, previous minus current: the surface at p was
+            at p + motion[p] one frame ago. Motion of points that were behind the camera points off screen.
         previous_depth: (h, w) the depth that the surface had a frame ago, occluded or not.
         base_color: (h, w, 3) in [0, 1].
         normal: (h, w, 3) world, unit length, normal map applied; 0 at the sky.

@@ -77,7 +77,7 @@ def render_shot(
         folder: of the shot.
         sequence: the scenes.
         renderer: with display size and samples.
-        form: what is stored.
+        form: content and encoding of the shot.
         on_frame: called after each frame, written at all ratios.
 
     Raises:

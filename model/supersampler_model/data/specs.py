@@ -17,7 +17,7 @@ GLTF = "gltf"
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SequenceSpec:
-    """Everything that a sequence is generated from; plain data for a JSON file.
+    """The parameters that generate a sequence; plain data for a JSON file.
 
     Attributes:
         family: one of TRAIN_FAMILIES or TEST_FAMILIES, or GLTF.
@@ -25,7 +25,7 @@ class SequenceSpec:
         frames: how many, >= 1.
         frame_rate: frames a second, > 0.
         folder: of the files of a GLTF sequence; None of the others.
-        files: that a GLTF sequence is composed of: name below `folder`, and SHA-256 of what is read of it.
+        files: of a GLTF sequence: name below `folder`, and SHA-256 of the content.
     """
 
     family: str

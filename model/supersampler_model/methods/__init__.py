@@ -25,7 +25,7 @@ from supersampler_model.methods.taa.model import Taa
 from supersampler_model.methods.taau.model import Taau
 
 METHODS: Mapping[str, type[Method]] = {m.name: m for m in (Bilinear, Bicubic, Taa, Taau, GuidedWarp)}
-"""Methods without anything learned."""
+"""Methods without a network."""
 LEARNED: Mapping[str, type[LearnedMethod]] = {
     m.name: m
     for m in (
@@ -34,4 +34,4 @@ LEARNED: Mapping[str, type[LearnedMethod]] = {
         GuidedFlow,
     )
 }  # fmt: skip
-"""Methods that are trained: `LEARNED[name].of(load_trained(path))`."""
+"""Methods with a network: `LEARNED[name].of(load_trained(path))`."""

@@ -49,7 +49,7 @@ class Method(nn.Module):
         spec: the facts of the method.
         name, history, ratios: those of the spec.
         config: its constants, an instance of `spec.config`.
-        learned: what weights were learned from, plain data; empty where nothing was.
+        learned: provenance of the weights, plain data; empty for methods without a network.
     """
 
     spec: ClassVar[MethodSpec]

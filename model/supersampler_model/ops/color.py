@@ -43,7 +43,7 @@ def without_glare(values: Tensor) -> tuple[Tensor, Tensor]:
 
 
 def sanitize(color: Tensor, fallback: Tensor | float) -> Tensor:
-    """Replace what is not a number in [0, 65504]."""
+    """Replace values that are not in [0, 65504], NaN included, by `fallback`."""
     fallback = torch.as_tensor(fallback, dtype=color.dtype)
     return torch.where((color >= 0.0) & (color <= MAX_HALF), color, fallback)
 

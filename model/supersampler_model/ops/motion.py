@@ -49,7 +49,7 @@ def morphological_opening(depth: Tensor) -> Tensor:
 def disocclusion(
     depth: Tensor, history_depth: Tensor, x: Tensor, y: Tensor, margin: float, ramp: float
 ) -> Tensor:
-    """Return (1, 1, H, W) in [0, 1]: how far the surface at `depth` was occluded in the previous frame.
+    """Return (1, 1, H, W) in [0, 1]: the degree of occlusion of the surface at `depth` in the previous frame.
 
     The bilinear mean over the four samples around (x, y). A sample counts as an occluder if it was closer by
     the relative `margin`, and counts fully from `margin` + `ramp` on.

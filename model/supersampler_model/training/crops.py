@@ -84,7 +84,7 @@ class CropRegion:
         return self._part(frame, *self._visible(frame), reset=reset)
 
     def worth(self, frame: TrainingFrame) -> int:
-        """Number of aliased pixels in the crop."""
+        """Return the number of aliased pixels in the crop."""
         crop = frame.alias[self.display]
         return int(((crop == Alias.GEOMETRY) | (crop == Alias.TEXTURE)).sum())
 

@@ -113,7 +113,7 @@ def gbuffer_set(dataset: Dataset, ratio: int) -> Dataset:
     if size[0] % ratio or size[1] % ratio:
         want = f"a set whose display size is a multiple of {ratio}, the ratio of the method"
         raise ArgumentError("data", got=f"{dataset.folder}, of {size[0]}x{size[1]}", want=want)
-    missing = "" if any(map(at.complete, at.entries())) else f"anything at ratio {ratio}"
+    missing = "" if any(map(at.complete, at.entries())) else f"frames at ratio {ratio}"
     missing = missing if dataset.description.gbuffers else "G-buffers of display size"
     if missing:
         want = f"a set made by `supersampler render --gbuffers --also {ratio}`"

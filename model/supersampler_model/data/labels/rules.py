@@ -163,7 +163,7 @@ def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS
     With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
     """
     low, high = pixels.color_min, pixels.color_max
-    varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), nothing divided
+    varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), without a division
     return _any_channel(varies & (high > thresholds.darkest))
 
 
@@ -209,7 +209,7 @@ def box_overlap(low: Float32, high: Float32, low2: Float32, high2: Float32, padd
 
 
 def opened(mask: Mask, times: int) -> Mask:
-    """Erode `times` times by 3x3, then dilate as often: removes what is narrower than 2 `times` + 1 pixels.
+    """Erode `times` times by 3x3, then dilate as often: removes regions narrower than 2 `times` + 1 pixels.
 
     Pixels beyond the border neither erode nor dilate.
     """

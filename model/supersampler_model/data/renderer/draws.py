@@ -25,7 +25,7 @@ class Draws:
     def surfaces(self, rigid: Any, skinned: Any) -> None:
         """Draw all, with the program for rigid and for skinned meshes."""
         for instance in self._bound():
-            # The projection turns y around: what is counter-clockwise in the world is clockwise here.
+            # The projection flips y: counter-clockwise triangles of the world are clockwise on the screen.
             self._gl.front_face = "ccw" if _mirrors(instance) else "cw"
             if instance.material.double_sided:
                 self._gl.disable(self._gl.CULL_FACE)

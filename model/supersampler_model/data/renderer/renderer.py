@@ -177,7 +177,7 @@ class Renderer:
         target.framebuffer.use()
         target.framebuffer.clear(depth=0.0)
         gl.enable_only(gl.DEPTH_TEST)
-        gl.depth_func = ">="  # reversed; the sky, at 0, passes where nothing is
+        gl.depth_func = ">="  # reversed depth; the sky has depth 0, as the cleared target
         self._draws.surfaces(programs.rigid, programs.skinned)
         gl.enable_only(gl.DEPTH_TEST)
         self._screen(programs.sky)

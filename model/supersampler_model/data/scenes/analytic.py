@@ -28,7 +28,7 @@ Pattern = Callable[[Values, Values], Values]
 """(x, y), (...) units each, to (..., 3): linear RGB in [0, 1], or unit normals."""
 
 EXTENT = (64.0, 36.0)
-FAR, NEAR = 0.01, 0.1  # reversed depth of the background and of what is before it
+FAR, NEAR = 0.01, 0.1  # reversed depth of background and foreground
 
 
 class Surface(NamedTuple):
@@ -117,7 +117,7 @@ def grids(size: Size, samples: int) -> Iterator[tuple[Values, Values]]:
             yield places(size, (dx, dy))
 
 
-# --- patterns: colours, hard to sample but for the plain one, and normals ---
+# --- patterns: colours that are hard to sample (except `plain`), and normals ---
 
 
 def plain(x: Values, y: Values) -> Values:

@@ -143,9 +143,9 @@ class Instance:
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Particles:
-    """Soft round sprites that face the camera. As in an engine they are in the colour and nowhere else.
+    """Soft round sprites that face the camera.
 
-    They are rendered after all opaque surfaces, depth-tested, and write neither depth nor motion.
+    As in engines, they are rendered after all opaque surfaces, depth-tested, and write only colour.
 
     Attributes:
         centers: (n, 3) world.

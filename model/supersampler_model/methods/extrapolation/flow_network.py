@@ -91,7 +91,7 @@ class FlowNetwork(nn.Module):
 def moved(image: Tensor, flow: Tensor) -> Tensor:
     """Read an image (n, c, h, w) bilinearly at an offset `flow`, (n, 2, h, w) pixels, clamped at the border.
 
-    Positions are float32 whatever the image is: half floats cannot represent pixel positions beyond 2048.
+    Positions are float32 also for images of half floats: those cannot represent pixel positions beyond 2048.
     """
     x = torch.arange(image.shape[3], device=image.device) + flow[:, :1]
     y = torch.arange(image.shape[2], device=image.device)[:, None] + flow[:, 1:]

@@ -76,7 +76,7 @@ def read_folder(path: Path) -> Folder:
     """Read all files (.glb, .gltf, .hdr) in a folder and below, so that errors occur before rendering.
 
     Raises:
-        SceneError: there is no such folder, or nothing in it to compose a sequence of.
+        SceneError: there is no such folder, or no file in it to compose a sequence of.
         GltfError: one of the files is broken or not supported; names it, the primitive and the reason.
     """
     if not path.is_dir():

@@ -103,7 +103,7 @@ def _uv(document: Document, attributes: Json, coordinates: Coordinates | None, c
 
 
 def _skin(document: Document, attributes: Json, joints: int) -> tuple[Integers, Integers, Values]:
-    """Return the skin's joints in use, which of those move each vertex (n, 4), and by how much (n, 4)."""
+    """Return the skin's joints in use, and for each vertex four indices into these with their weights."""
     moved_by = integers(document, attributes["JOINTS_0"], "VEC4")
     weights = floats(document, attributes["WEIGHTS_0"], "VEC4")
     if len(weights) != len(moved_by):

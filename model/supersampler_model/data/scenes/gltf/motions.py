@@ -50,11 +50,11 @@ def wave(depth: float, hertz: float, phase: float = 0.0, *, square: bool = False
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Walk:
-    """A hand-held camera that walks and looks at something.
+    """A hand-held camera that walks and looks at a target.
 
     Attributes:
         course: of the eye.
-        target: (3,) metres, looked at.
+        target: (3,) metres.
         pan: angle of its turns to both sides, radians, and their frequency, hertz.
         sway: of the hand, metres.
         fov_y: degrees.

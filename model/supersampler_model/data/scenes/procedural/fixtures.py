@@ -33,13 +33,13 @@ def bulb(
 def glowing_ball(
     stage: Stage, path: Place | Point3, size: float, color: Color, glow: float, pulsing: Pulse = steady
 ) -> None:
-    """Add a ball that shines but lights nothing, at a point or moving along a path."""
+    """Add a glowing ball without a light source, at a point or moving along a path."""
     shine, pose = materials.glow(color, glow), upright(place_of(path))
     stage.put(shapes.ball(size, 8), shine, pose, emission=pulsing, shadow=False)
 
 
 def fan(rng: Rng, stage: Stage, at: Vector, length: float, depth: float, speeds: tuple[float, float]) -> None:
-    """Add four level blades that turn, so that their shadows do."""
+    """Add a fan of four horizontal blades, whose shadows turn."""
     blade, turns = shapes.box(length, 0.02, depth), [k * np.pi / 2.0 for k in range(4)]
     blades = [(blade, placed(yaw=turn) @ placed(0.5 * length + 0.05)) for turn in turns]
     turning = spinning(placed(*at), (0, 1, 0), rng.uniform(*speeds))

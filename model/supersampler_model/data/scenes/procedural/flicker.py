@@ -13,7 +13,7 @@ HEIGHT = 3.0
 
 
 def flicker(rng: Rng) -> Stage:
-    """Build the corridor with its lights: dimly lit, or with nothing but them."""
+    """Build the corridor: with dim ambient light, or lit by its lamps alone."""
     ambient = 0.035 if rng.random() < 0.65 else 0.004
     stage = Stage(
         environment=lighting.indoors(rng, (ambient, 1.15 * ambient, 1.4 * ambient), 3, 11.0 * ambient),

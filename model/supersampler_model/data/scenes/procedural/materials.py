@@ -71,7 +71,7 @@ def plaster(rng: Rng, hue: Color) -> Material:
 
 
 def facade(rng: Rng) -> Material:
-    """Return a house front with 8 x 8 windows on one texture, some of them dark, some that mirror the sky."""
+    """Return a house front with 8 x 8 windows per texture; some are dark, some reflect the sky."""
     wall, tone = textures.courses(rng, 8, 8, joint=0.3, shift=0.0)
     window = wall > 0.45
     stone = np.array(textures.color(rng, 0.25, 0.5))
@@ -97,7 +97,7 @@ def metal(rng: Rng, hue: Color, roughness: float, worn: float = 0.15) -> Materia
 
 
 def any_metal(rng: Rng, roughness: float) -> Material:
-    """Return gold, copper, steel, brass or something blue."""
+    """Return gold, copper, steel, brass or a blue metal."""
     kinds = ((1.0, 0.72, 0.3), (0.9, 0.55, 0.42), (0.62, 0.6, 0.58), (0.85, 0.75, 0.45), (0.4, 0.5, 0.7))
     return metal(rng, _any(rng, kinds), roughness)
 
@@ -190,7 +190,7 @@ def grass(rng: Rng, hue: Color) -> Material:
 
 
 def glow(color: Color, strength: float) -> Material:
-    """Return a thing that shines: a tube, a bulb, a sign."""
+    """Return an emissive material for tubes, bulbs and signs."""
     red, green, blue = (strength * channel for channel in color)
     return Material(base_color=(0.05, 0.05, 0.05), emissive=(red, green, blue))
 

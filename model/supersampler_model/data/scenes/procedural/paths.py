@@ -35,14 +35,14 @@ def place_of(place: Place | Point3) -> Place:
 
 
 def drift(rng: Rng, amount: float, rate: float) -> Place:
-    """Return an aimless wandering about the origin: about `amount` metres at about `rate` hertz."""
+    """Return a random wandering around the origin: about `amount` metres at about `rate` hertz."""
     waves = rng.normal(0.0, amount / 2.0, (4, 3))
     rates, phases = 2.0 * np.pi * rate * rng.uniform(0.4, 1.6, (4, 3)), rng.uniform(0.0, 6.3, (4, 3))
     return lambda t: np.asarray((waves * np.sin(rates * t + phases)).sum(axis=0))
 
 
 def swing(rng: Rng, start: Sequence[float], end: Sequence[float], speed: float) -> Place:
-    """Return a way to and fro between two points, at most `speed` metres a second."""
+    """Return a motion to and fro between two points, at most `speed` metres a second."""
     a, b = np.asarray(start, np.float64), np.asarray(end, np.float64)
     rate = 2.0 * speed / max(float(np.linalg.norm(b - a)), 1e-6)
     phase = float(rng.uniform(-1.2, 1.2) + rng.choice([0.0, np.pi]))  # often in the fast middle at first
@@ -111,7 +111,7 @@ def attached(parent: Pose, local: Matrix | Pose) -> Pose:
 
 
 def point_of(pose: Pose, local: Sequence[float]) -> Place:
-    """Return where a local point of something that moves is."""
+    """Return the world position of a local point of a moving object."""
     at = np.array([*local, 1.0])
     return lambda t: np.asarray((pose(t) @ at)[:3])
 
@@ -174,7 +174,7 @@ class Vantage:
 
 
 def camera_path(rng: Rng, vantage: Vantage, exposure: Callable[[float], float]) -> Callable[[float], Camera]:
-    """Return one of the MOTIONS about a vantage point, half of them with a shaking hand."""
+    """Return one of the MOTIONS around a vantage, half of the time with a shaking hand."""
     kind = str(rng.choice(MOTIONS, p=_BRISK_SHARES if vantage.brisk else _SHARES))
     eye, target = np.asarray(vantage.position), np.asarray(vantage.target)
     back = (eye - target) / np.linalg.norm(eye - target)
