@@ -45,14 +45,11 @@ class Plaza(Sequence):
         )
 
 
-def render_product_shot(
-    folder: Path, *, samples: int = 64, on_frame: Callable[[], None] = lambda: None
-) -> None:
+def render_product_shot(folder: Path, *, on_frame: Callable[[], None] = lambda: None) -> None:
     """Render the shipped shot into `folder`, or resume.
 
     Raises:
         ShotError: writing failed, or the folder holds another shot.
         GraphicsError: there is no OpenGL.
     """
-    renderer = Renderer(DISPLAY_SIZE, samples=samples)
-    render_shot(folder, Plaza(), renderer, _FORM, on_frame=on_frame)
+    render_shot(folder, Plaza(), Renderer(DISPLAY_SIZE, samples=64), _FORM, on_frame=on_frame)

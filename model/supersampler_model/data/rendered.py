@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import Evidence, PixelStatistics, toned
+from supersampler_model.data.labels import Evidence, Labels, PixelStatistics, label, toned
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
@@ -121,6 +121,12 @@ class Rendered:
             depth_before=self.display.previous_depth,
             cut=self.reset,
         )
+
+
+def labels_of(now: Rendered, before: Rendered | None) -> Labels:
+    """Label a frame; both frames are compared at its exposure, as a change of exposure changes no light."""
+    previous = None if before is None else before.evidence(now.exposure)
+    return label(now.evidence(now.exposure), previous)
 
 
 def frame_of(

@@ -12,8 +12,7 @@ from supersampler import Frame, halton_jitter
 from supersampler.errors import ArgumentError
 from supersampler.frame import Size
 from supersampler.io.shot import ClassMaps, ShotWriter
-from supersampler_model.data.labels import label
-from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered
+from supersampler_model.data.rendered import UNIT_BUFFERS, Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence
 
@@ -93,7 +92,8 @@ def render_shot(
         now = before
         for ratio_index, rendered in enumerate(_rendered(sequence, renderer, form.ratios, index)):
             if ratio_index == 0:
-                now, classes = rendered, _classes(rendered, before)
+                labels = labels_of(rendered, before)
+                now, classes = rendered, ClassMaps(labels.ghost, labels.alias)
             writer = writers[ratio_index]
             if len(writer) > index:  # by a run that was stopped between two ratios
                 continue
@@ -140,13 +140,6 @@ def _rendered(
             reset=sequence.cut(index),
             exposure=scene.camera.exposure,
         )
-
-
-def _classes(now: Rendered, before: Rendered | None) -> ClassMaps:
-    """Label a frame; both frames are compared at its exposure."""
-    previous = None if before is None else before.evidence(now.exposure)
-    labels = label(now.evidence(now.exposure), previous)
-    return ClassMaps(labels.ghost, labels.alias)
 
 
 def _frame(rendered: Rendered, exposure: float | None, form: ShotForm) -> Frame:

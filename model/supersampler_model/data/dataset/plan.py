@@ -29,7 +29,6 @@ class RenderPlan:
     families: Sequence[str] = TRAIN_FAMILIES
     sequences: int = 60
     frames: int = 25
-    frame_rate: float = 30.0
     display_size: tuple[int, int] = (640, 360)
     ratios: Sequence[float] = RATIOS
     samples: int = 64
@@ -114,7 +113,7 @@ def _composed(plan: RenderPlan, index: int) -> tuple[bool, int]:
 def _staged(plan: RenderPlan, index: int, seed: int) -> tuple[SequenceSpec, Split]:
     """Return procedural sequence `index`, and its split."""
     family = plan.families[index % len(plan.families)]
-    spec = SequenceSpec(family=family, seed=seed, frames=plan.frames, frame_rate=plan.frame_rate)
+    spec = SequenceSpec(family=family, seed=seed, frames=plan.frames)
     if family in TEST_FAMILIES:
         return spec, "test"
     return spec, _split(index // len(plan.families))
@@ -126,8 +125,8 @@ def _composition(
     """Return glTF sequence `index`, and its split."""
     training, validation = folders
     if _split(index) == "validation" and validation is not None:
-        return validation.spec(seed, plan.frames, plan.frame_rate), "validation"
-    return training.spec(seed, plan.frames, plan.frame_rate), "train"
+        return validation.spec(seed, plan.frames), "validation"
+    return training.spec(seed, plan.frames), "train"
 
 
 def _split(turn: int) -> Split:

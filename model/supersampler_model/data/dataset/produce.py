@@ -13,8 +13,7 @@ from supersampler_model.data.dataset.frame_file import (
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
-from supersampler_model.data.labels import LabelThresholds, label
-from supersampler_model.data.rendered import Rendered
+from supersampler_model.data.rendered import Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
 
@@ -27,7 +26,6 @@ def render_sequence(
     entry: SequenceEntry,
     renderer: Renderer,
     *,
-    thresholds: LabelThresholds | None = None,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
     """Render the missing frames of `entry`.
@@ -38,7 +36,6 @@ def render_sequence(
         dataset: the data set.
         entry: the sequence.
         renderer: of the set's display size and samples.
-        thresholds: of the labels.
         on_frame: called after each written frame.
 
     Raises:
@@ -55,9 +52,7 @@ def render_sequence(
     before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))
     for index in range(first, entry.spec.frames):
         rendered = before if index == 0 else _rendered(dataset, entry, sequence, renderer, index)
-        exposure = rendered.exposure  # of both frames: a change of exposure is no change of lighting
-        evidence = rendered.evidence(exposure), before.evidence(exposure)
-        labels = label(*evidence, thresholds or LabelThresholds())
+        labels = labels_of(rendered, before)
         frame = TrainingFrame(
             color=rendered.color,
             depth=rendered.render.depth,

@@ -145,7 +145,7 @@ class Composition(Sequence):
         return Walk(course, target, pan, rng.uniform(0.0, 0.03), rng.uniform(40.0, 75.0))
 
 
-def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float = 30.0) -> Composition:
+def compose(folder: Path | str, seed: int, frames: int = 32) -> Composition:
     """Draw a sequence from the files (.glb, .gltf) and panoramas (.hdr) in a folder and below.
 
     Files are in metres, y up; the same files and seed give the same sequence.
@@ -154,7 +154,7 @@ def compose(folder: Path | str, seed: int, frames: int = 32, frame_rate: float =
         SceneError: there is no file in the folder.
         GltfError: one of the files is broken or not supported.
     """
-    return Composition(read_folder(Path(folder)).spec(seed, frames, frame_rate))
+    return Composition(read_folder(Path(folder)).spec(seed, frames))
 
 
 def _read(spec: SequenceSpec) -> LoadedFiles:

@@ -43,7 +43,7 @@ class Folder:
     props: tuple[File, ...]
     panoramas: tuple[File, ...]
 
-    def spec(self, seed: int, frames: int, frame_rate: float) -> SequenceSpec:
+    def spec(self, seed: int, frames: int) -> SequenceSpec:
         """Choose the files of a sequence: a stage or a bare floor, props, a panorama or a procedural sky."""
         random = np.random.default_rng([seed, crc32(b"files")])
         bare = len(self.props) > 0 and random.random() < _BARE_FLOOR_CHANCE
@@ -52,9 +52,7 @@ class Folder:
         props = [self.props[int(index)] for index in random.permutation(len(self.props))[:count]]
         sky = int(random.integers(len(self.panoramas) + 1))
         files = (*stages, *props, *self.panoramas[sky : sky + 1])
-        return SequenceSpec(
-            family=GLTF, seed=seed, frames=frames, frame_rate=frame_rate, folder=self.path, files=files
-        )
+        return SequenceSpec(family=GLTF, seed=seed, frames=frames, folder=self.path, files=files)
 
     def split(self, seed: int) -> tuple["Folder", "Folder | None"]:
         """Return the files for training and those kept for validation, which have none in common.

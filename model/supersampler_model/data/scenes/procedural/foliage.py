@@ -155,7 +155,7 @@ def _lights(rng: Rng, stage: Stage, dark: bool) -> None:
         home = (rng.uniform(-4, 4), rng.uniform(0.9, 1.9), rng.uniform(-6.5, 0))
         lantern = paths.together(home, paths.drift(rng, 1.2, 0.9))
         color = lighting.tint(rng, 6.0 if dark else 20.0, 0.7)
-        pulsing = lighting.nervous(rng) if rng.random() < 0.85 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.85, lighting.nervous)
         bulb(stage, lantern, color, size=0.08, reach=8.0, pulsing=pulsing)
     if dark:
         car = paths.swing(rng, (-6.0, 1.2, 6.5), (6.0, 1.2, 7.0), rng.uniform(3.0, 9.0))

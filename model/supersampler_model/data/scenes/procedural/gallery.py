@@ -124,7 +124,7 @@ def _lights(rng: Rng, stage: Stage) -> None:
     head, pulsing = (rng.uniform(-2, 2), 4.0, 0.5), lighting.pulse(rng, "throb", "fade")
     stage.spot = lighting.spotlight(head, sweep, lighting.tint(rng, 85.0, 0.25), outer=28.0, pulsing=pulsing)
     for x, z in ((-3.4, -1.0), (3.4, -2.0), (0.0, -4.5), (-3.4, -6.0), (3.4, -6.5)):
-        pulsing = lighting.pulse(rng) if rng.random() < 0.5 else lighting.steady
+        pulsing = lighting.maybe(rng, 0.5, lighting.pulse)
         bulb(stage, (x, 3.95, z), lighting.tint(rng, 9.0, 0.3), reach=7.0, pulsing=pulsing)
     orb = paths.circuit(rng, (0, 1.3, -3.0), (1.6, 2.0), rng.uniform(1.5, 5.0))
     bulb(stage, orb, lighting.tint(rng, 4.0), size=0.09, pulsing=lighting.pulse(rng))

@@ -41,6 +41,11 @@ def nervous(rng: Rng) -> Pulse:
     return pulse(rng, str(rng.choice(("throb", "flicker", "strobe"), p=(0.5, 0.35, 0.15))))
 
 
+def maybe(rng: Rng, chance: float, make: Callable[..., Pulse], *kinds: str) -> Pulse:
+    """Return a pulse `make(rng, *kinds)` with this probability, otherwise a steady light."""
+    return make(rng, *kinds) if rng.random() < chance else steady
+
+
 def clouds(rng: Rng) -> Pulse:
     """Return the factor of a sun behind broken clouds: one or two edges a second, soft or abrupt."""
     rates, phases = 2.0 * np.pi * rng.uniform((0.4, 0.9), (0.7, 1.4)), rng.uniform(0.0, 6.3, 2)
@@ -120,12 +125,11 @@ def spotlight(
 
 
 def hanging(
-    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, outer: float = 57.0,
-    pulsing: Pulse = steady,
-) -> tuple[Place, Callable[[float], Spot]]:  # fmt: skip
-    """Return where a lamp is that swings on a cable, see `pendulum`, and its cone of light."""
+    rng: Rng, pivot: Sequence[float], length: float, extent: float, color: Color, *, pulsing: Pulse = steady
+) -> tuple[Place, Callable[[float], Spot]]:
+    """Return the path of a lamp that swings on a cable, see `pendulum`, and its cone of light."""
     place, top = pendulum(rng, pivot, length, extent), np.asarray(pivot, np.float64)
-    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=outer, pulsing=pulsing)
+    return place, spotlight(place, lambda t: 3.0 * place(t) - 2.0 * top, color, outer=57.0, pulsing=pulsing)
 
 
 def lamp(
@@ -207,10 +211,7 @@ def weather(rng: Rng, radius: float, center: Vector = (0.0, 0.0, 0.0)) -> Weathe
     """
     hour = str(rng.choice(HOURS, p=(0.42, 0.28, 0.12, 0.18)))
     strength, warmth, elevation, exposure = _SUNS[hour]
-    if hour == "night":
-        pulsing = lightning(rng) if rng.random() < 0.3 else steady
-    else:
-        pulsing = clouds(rng) if rng.random() < 0.85 else steady
+    pulsing = maybe(rng, 0.3, lightning) if hour == "night" else maybe(rng, 0.85, clouds)
     zenith, horizon, ground = _SKIES[hour]
     return Weather(
         environment=outdoors(rng, zenith, horizon, ground, clouds=rng.uniform(0.5, 1.1)),

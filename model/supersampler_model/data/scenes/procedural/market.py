@@ -16,7 +16,7 @@ def market(rng: Rng) -> Stage:
     """Build the street on a dusty afternoon."""
     sky = lighting.outdoors(rng, (0.18, 0.3, 0.55), (0.75, 0.62, 0.45), (0.2, 0.16, 0.11), clouds=0.7)
     stage = Stage(environment=sky, exposure=0.7)
-    clouds = lighting.pulse(rng, "fade") if rng.random() < 0.5 else lighting.steady
+    clouds = lighting.maybe(rng, 0.5, lighting.pulse, "fade")
     stage.sun = lighting.sunlight(
         rng, 5.5, 11.0, elevation=(35, 60), pulsing=clouds, warmth=0.45, center=(0, 0, -3)
     )

@@ -134,10 +134,10 @@ def plates(rng: Rng, hue: Color) -> Material:
     )  # fmt: skip
 
 
-def striped(rng: Rng, count: int, one: Color | None = None, other: Color = (0.92, 0.9, 0.85)) -> Material:
-    """Return striped cloth, seen from both sides."""
+def striped(rng: Rng, count: int, hue: Color | None = None) -> Material:
+    """Return striped cloth, visible from both sides; `hue` is sRGB."""
     weave = 0.12 * (textures.fractal(rng, 0.5) - 0.5)
-    texture = shade(textures.stripes(count) + weave, one or textures.color(rng, 0.8, 0.7), other)
+    texture = shade(textures.stripes(count) + weave, hue or textures.color(rng, 0.8, 0.7), (0.92, 0.9, 0.85))
     return Material(base_color_texture=texture, roughness=0.9, specular=0.2, double_sided=True)
 
 

@@ -10,7 +10,7 @@ from supersampler_model.data.values import Color, Rng, Values
 Cloud = Callable[[float], Particles]
 
 
-def sparks(rng: Rng, origin: Sequence[float], count: int = 60, strength: float = 6.0) -> Cloud:
+def sparks(rng: Rng, origin: Sequence[float], count: int = 60) -> Cloud:
     """Return sparks that fly from a point, fall and die, again and again."""
     speed = rng.normal((0.0, 2.2, 0.0), 1.3, (count, 3))
     start, life = rng.random(count), rng.uniform(0.5, 1.1, count)
@@ -18,7 +18,7 @@ def sparks(rng: Rng, origin: Sequence[float], count: int = 60, strength: float =
     def at(t: float) -> Particles:
         age = (t / life + start) % 1.0 * life
         centers = np.asarray(origin) + speed * age[:, None] - (0.0, 4.9, 0.0) * age[:, None] ** 2
-        fading = strength * (1.0 - age / life)
+        fading = 6.0 * (1.0 - age / life)
         return _sprites(centers, np.full(count, 0.018), fading[:, None] * (1.0, 0.55, 0.15), 0.0 * age)
 
     return at

@@ -154,9 +154,9 @@ def knot(points: int, radius: float, swelling: float, height: float) -> Values:
     return np.stack([swell * np.cos(2.0 * a), height * np.sin(3.0 * a), swell * np.sin(2.0 * a)], axis=1)
 
 
-def wire(start: Point, end: Point, sag: float, radius: float, *, pieces: int = 12) -> Mesh:
+def wire(start: Point, end: Point, sag: float, radius: float) -> Mesh:
     """Return a thin `tube` that hangs through by `sag` between two points."""
-    t = np.linspace(0.0, 1.0, pieces + 1)[:, None]
+    t = np.linspace(0.0, 1.0, 13)[:, None]
     path = (1.0 - t) * np.asarray(start, np.float64) + t * np.asarray(end, np.float64)
     path[:, 1:2] -= 4.0 * sag * t * (1.0 - t)
     return tube(path, radius, 5)
