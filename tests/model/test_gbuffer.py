@@ -12,15 +12,13 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfi
 from supersampler_bench.quality import metrics
 from supersampler_model.methods.base import Method, Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.depth import DepthGBuffer
-from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.model import DepthGBuffer, GBuffer, SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.network import GBufferNetwork
-from supersampler_model.methods.gbuffer.small import SmallGBuffer, SmallGBuffer4
 from supersampler_model.methods.gbuffer.surfaces import (
-    LEAST,
+    MIN_REFLECTANCE,
     changed_light,
     gradients,
-    matte,
+    neutral_surfaces,
     occluded,
     read_nearest,
     reflectance,
@@ -98,7 +96,9 @@ def test_of_depth_alone_no_surface_is_told_from_another() -> None:
     render, display = textured(2)
     inputs = frame(render, display, reflectance(render), (0.1, -0.2))
     image, history = step(method, inputs)
-    grey = frame(matte(render.depth), matte(display.depth), reflectance(render), (0.1, -0.2))
+    grey = frame(
+        neutral_surfaces(render.depth), neutral_surfaces(display.depth), reflectance(render), (0.1, -0.2)
+    )
     ours, _ = step(SmallGBuffer().eval(), grey)
     torch.testing.assert_close(image, ours)
     again, _ = step(method, inputs, history)
@@ -162,9 +162,9 @@ def test_any_size_is_rendered(kind: type[GBuffer], size: tuple[int, int]) -> Non
 def test_a_surface_reflects_its_base_colour_and_the_sky_is_white() -> None:
     base = torch.tensor([0.2, 0.4, 0.6]).reshape(1, 3, 1, 1)
     here = surfaces(base)
-    torch.testing.assert_close(reflectance(here), base + 0.04 + LEAST)
+    torch.testing.assert_close(reflectance(here), base + 0.04 + MIN_REFLECTANCE)
     metal = here._replace(metallic=torch.ones(1, 1, 1, 1))
-    torch.testing.assert_close(reflectance(metal), base + LEAST)
+    torch.testing.assert_close(reflectance(metal), base + MIN_REFLECTANCE)
     sky = here._replace(normal=torch.zeros(1, 3, 1, 1))
     torch.testing.assert_close(reflectance(sky), torch.ones(1, 3, 1, 1))
 

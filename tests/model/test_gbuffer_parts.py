@@ -11,7 +11,7 @@ from supersampler.methods.gbuffer.spec import SMALL_NETWORK, GBufferNetworkConfi
 from supersampler_model.methods import LEARNED
 from supersampler_model.methods.base import Size
 from supersampler_model.methods.gbuffer.buffers import Surfaces
-from supersampler_model.methods.gbuffer.model import GBuffer
+from supersampler_model.methods.gbuffer.model import GBuffer, SmallGBuffer
 from supersampler_model.methods.gbuffer.network import (
     GRADIENTS,
     SURFACES,
@@ -20,18 +20,17 @@ from supersampler_model.methods.gbuffer.network import (
     GBufferNetwork,
     NetworkInputs,
 )
-from supersampler_model.methods.gbuffer.small import SmallGBuffer
 from supersampler_model.methods.gbuffer.surfaces import (
     closest_around,
-    matte,
     motion_of_surface,
+    neutral_surfaces,
     occluded,
     read_bilinear,
     read_nearest,
     relative_depth,
     samples_of,
     usable_surfaces,
-    weighed_mean,
+    weighted_mean,
 )
 from supersampler_model.ops.sampling import grid_of
 
@@ -196,11 +195,11 @@ def test_samples_are_taken_from_surfaces_like_the_pixels(mark: Callable[[Tensor]
     grid = grid_of(Size(12, 12), Size(6, 6), torch.zeros(1, 2))
     samples = samples_of(light, torch.ones(1, 1, 6, 6), render, display, grid)
     torch.testing.assert_close(
-        weighed_mean(samples), 0.2 + 0.5 * right.expand(-1, 3, -1, -1), rtol=0.0, atol=0.03
+        weighted_mean(samples), 0.2 + 0.5 * right.expand(-1, 3, -1, -1), rtol=0.0, atol=0.03
     )
-    assert samples.likeness[..., 5:7].min() > 0.5
+    assert samples.similarity[..., 5:7].min() > 0.5
     lost = samples_of(light, torch.ones(1, 1, 6, 6), render, surfaces(12, **mark(1.0 - right)), grid)
-    assert lost.likeness[..., :4].max() < 0.05
+    assert lost.similarity[..., :4].max() < 0.05
 
 
 def test_motion_is_of_the_sample_whose_depth_is_most_like_the_pixels() -> None:
@@ -271,7 +270,7 @@ def test_a_method_of_one_ratio_has_a_network_of_that_ratio(name: str) -> None:
 
 def test_surfaces_of_known_depth_alone_are_grey_rough_and_face_one_way() -> None:
     depth = torch.rand(1, 1, 2, 3)
-    made = matte(depth)
+    made = neutral_surfaces(depth)
     assert [float(value.mean()) for value in made[:1]] == [0.5]
     assert made.base_color.shape == made.normal.shape == (1, 3, 2, 3)
     assert made.normal[0, :, 0, 0].tolist() == [0.0, 0.0, 1.0]

@@ -1,4 +1,4 @@
-"""`extrapolate` learns from shaded and unshaded frames of crops, alternated as an engine does."""
+"""Training of `extrapolate` on alternating shaded and unshaded frames."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, replace

@@ -1,4 +1,4 @@
-"""What the loss of an image depends on."""
+"""Properties of the image loss."""
 
 import pytest
 import torch

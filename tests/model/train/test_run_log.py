@@ -1,4 +1,4 @@
-"""The log of a run goes on after a stop, and forgets what a killed run had written ahead."""
+"""Run logs continue after a stop and drop rows beyond the checkpoint."""
 
 import csv
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Training serves any recurrent method: one that reads G-buffers, without classes, with its own loss."""
+"""The trainer works with any recurrent method: here one with G-buffers, its own loss and no classes."""
 
 from collections.abc import Sequence
 from pathlib import Path
