@@ -7,9 +7,9 @@ from functools import partial
 from pathlib import Path
 
 from supersampler.errors import ArgumentError
-from supersampler_bench.agreement import parity
+from supersampler_bench import parity
 from supersampler_bench.markdown_blocks import find_block, update_block
-from supersampler_bench.quality import extrapolation, precision, still
+from supersampler_bench.quality import extrapolation, still
 from supersampler_bench.quality.score_table import block_names, blocks
 from supersampler_bench.record import SHIPPED_PARETO, Record, read_record
 from supersampler_bench.stress import report as stress
@@ -30,7 +30,6 @@ _TABLES: Mapping[str, Callable[[Record], str]] = {
     "device": device.markdown_table,
     "extrapolation": extrapolation.markdown_table,
     "parity": parity.markdown_table,
-    "precision": precision.markdown_table,
     "skip": skip.markdown_table,
     "speed": speed.markdown_table,
     "startup": startup.markdown_table,

@@ -47,7 +47,6 @@ SECTIONS = (
     Section("skip", "Static tiles", "Static-tile reuse: time saved, and error."),
     Section("stress", "Stress", "Long runs and hostile input; figures out of bounds are bold."),
     Section("parity", "Parity", "Difference of both backends from torch, over long sequences."),
-    Section("precision", "Precision", "Loss of fp16 and int8 at the end of long sequences."),
     Section("cost", "Networks", "Multiply-adds and parameters, counted in the graphs."),
 )
 _OPENED = ("pareto", "speed")

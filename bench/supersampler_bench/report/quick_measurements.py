@@ -7,7 +7,7 @@ from typing import Any
 
 from supersampler.errors import ArgumentError
 from supersampler.io.shot import Shot
-from supersampler_bench.agreement.parity import measure_parity, parity_record
+from supersampler_bench.parity import measure_parity, parity_record
 from supersampler_bench.quality.measure import measure_quality
 from supersampler_bench.quality.score_record import quality_record, shot_scores
 from supersampler_bench.record import Record, read_record, setting, write_json

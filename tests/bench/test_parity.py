@@ -5,7 +5,7 @@ from collections.abc import Iterator
 import pytest
 import torch
 
-from supersampler_bench.agreement.parity import markdown_table, measure_parity, parity_record
+from supersampler_bench.parity import markdown_table, measure_parity, parity_record
 
 
 @pytest.fixture(autouse=True)
