@@ -178,7 +178,12 @@ def _steps(
     rounds: Rounds,
     on_round: Callable[[], None],
 ) -> Iterator[Compared]:
-    request = {"method": method, "frames": str(frames), "display": list(display), "threads": threads}
+    request: dict[str, Any] = {
+        "method": method,
+        "frames": str(frames),
+        "display": display,
+        "threads": threads,
+    }
 
     def timed(version: Version) -> Pair:
         seconds = version.run(STEPS, **request, warm_up=_WARM_UP, steps=rounds.steps)
@@ -193,7 +198,7 @@ def _steps(
 def _first_images(
     sides: Versions, method: str, display: Size, ratio: float, rounds: Rounds, on_round: Callable[[], None]
 ) -> Iterator[Compared]:
-    request = {"method": method, "render": list(render_size(display, ratio)), "scale": ratio}
+    request: dict[str, Any] = {"method": method, "render": render_size(display, ratio), "scale": ratio}
 
     def kept(version: Version) -> float:
         return 1e3 * float(version.run(FIRST_IMAGE, **request)["seconds"])

@@ -55,7 +55,7 @@ def measure_startup(
     """
     results = []
     for method in methods:
-        request = {"method": method, "render": list(render), "scale": scale}
+        request: dict[str, Any] = {"method": method, "render": list(render), "scale": scale}
         cold_seconds, warm_seconds, cache_bytes = [], [], 0
         for index in range(cold):
             with TemporaryDirectory() as name:

@@ -70,7 +70,7 @@ def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
     render_test_shots(cache, TINY)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
     monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
-    with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
+    with pytest.raises(ShotError, match=r"court: the existing shot has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
 
 
