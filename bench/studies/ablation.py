@@ -1,4 +1,4 @@
-"""What each choice of a method gains: one is changed at a time, trained briefly and validated.
+"""Ablation: train variants of a method that differ in one choice each, briefly, and compare their scores.
 
 A run that was stopped goes on when the same command is given again:
     python bench/studies/ablation.py classifier --data data -o ablation --workers 2
