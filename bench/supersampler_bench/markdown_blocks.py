@@ -1,4 +1,4 @@
-"""Text between two marks of a Markdown file: `<!-- bench:NAME -->` and `<!-- /bench -->`."""
+"""Find and replace generated text in Markdown files, between `<!-- bench:NAME -->` and `<!-- /bench -->`."""
 
 import re
 from collections.abc import Mapping, Sequence

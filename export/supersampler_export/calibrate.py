@@ -1,4 +1,4 @@
-"""Calibration: output ranges of the network's layers on real frames, for `quantize`."""
+"""Calibration for `quantize`: output ranges of the network's layers on real frames."""
 
 import itertools
 from collections.abc import Callable

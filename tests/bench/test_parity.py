@@ -1,4 +1,4 @@
-"""Torch, the ONNX and CPU backends draw the same, for as long as they run."""
+"""The ONNX and CPU backends compute the same images as torch, over many frames."""
 
 from collections.abc import Iterator
 

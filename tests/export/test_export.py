@@ -1,4 +1,4 @@
-"""A model folder is written only when ONNX Runtime draws what torch draws, and what ships is up to date."""
+"""A model folder is written only if ONNX Runtime matches torch; shipped folders are up to date."""
 
 import io
 import json

@@ -1,4 +1,4 @@
-"""`extrapolate` is two graphs, which share a history in an Upscaler and draw what torch draws."""
+"""The two graphs of `extrapolate` share a history in an Upscaler and compute the same images as torch."""
 
 from pathlib import Path
 

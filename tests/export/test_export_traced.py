@@ -1,4 +1,4 @@
-"""The shipped graphs are what the exporter writes today: their operators and constants, traced afresh."""
+"""Shipped graphs have the operators and constants of freshly traced ones."""
 
 from collections import Counter
 from typing import Any

@@ -1,4 +1,4 @@
-"""What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
+"""Output of a measurement: JSON record, table on the terminal, block of a Markdown file."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""All tables come from records; the page of all records needs nothing else."""
+"""Tables of the documentation equal their records; the HTML page needs no other file."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""The test shots: rendered once, opened only when they are whole, and known by their pixels."""
+"""Test shots are rendered once, opened only when complete, and identified by the hash of their pixels."""
 
 import json
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""What got worse between two records is named, with the right sign."""
+"""Comparing two records lists what got worse, with the right sign."""
 
 import copy
 import json

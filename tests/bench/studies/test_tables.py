@@ -1,4 +1,4 @@
-"""Tables that studies wrote say what their records say."""
+"""Tables that studies wrote into the documentation equal their records."""
 
 from collections.abc import Callable
 from pathlib import Path
