@@ -1,6 +1,6 @@
-"""Shipped graphs and torch agree on all that a step returns, over frames that use every branch of a method.
+"""Shipped graphs and torch return the same from a step, over frames that use every branch of a method.
 
-The graphs do not change with the code, so that this holds the code to what it was when they were exported.
+Shipped graphs do not change with the code, so these tests fail if a change of the code changes images.
 """
 
 from collections.abc import Iterator
