@@ -1,4 +1,4 @@
-"""Write a model folder: step.onnx, model.json and a model card; only after the parity gate."""
+"""Write a model folder (step.onnx, model.json, a model card), only if ONNX Runtime matches torch."""
 
 import dataclasses
 import hashlib

@@ -110,8 +110,8 @@ def test_quality_is_measured_with_the_buffers_of_a_shot(shot: Shot, gbuffer_mode
     assert [score.method for score in scores] == ["bilinear", name]
     upscaler = Upscaler(gbuffer_model, display_size=DISPLAY)
     exposure = auto_exposure(np.full((*DISPLAY[::-1], 3), 0.5, np.float32))
-    drawn = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
-    for image, own in zip([s.shown for s in seen if s.method == 1], drawn, strict=True):
+    images = [display_transform(upscaler.step(item.frame), exposure) for item in shot]
+    for image, own in zip([s.shown for s in seen if s.method == 1], images, strict=True):
         np.testing.assert_array_equal(image, own)
 
 

@@ -175,7 +175,7 @@ def test_weights_go_with_methods_that_are_learned(arguments: list[str], tmp_path
 
 
 class Fickle(Bilinear):
-    """Draws another picture when it is run than when it is exported."""
+    """Computes another image in torch than in its exported graph."""
 
     def kernel(self, distance: Tensor) -> Tensor:
         widened = 1.0 if torch.compiler.is_exporting() else 1.01

@@ -49,12 +49,16 @@ def shipped() -> Extrapolate:
 
 
 def frame(index: int, kind: str) -> Frame:
-    hidden = {"color": None} if kind == "u" else {}
-    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **hidden)
+    fields = {"color": None} if kind == "u" else {}
+    return SCENE.frame(index, SIZE, halton_jitter(index, 2.0), **fields)
 
 
 def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
-    history, past, images = method.first_history(Size(*DISPLAY), Size(*SIZE)), list[torch.Tensor](), []
+    history, warp_history, images = (
+        method.first_history(Size(*DISPLAY), Size(*SIZE)),
+        list[torch.Tensor](),
+        [],
+    )
     for index, kind in enumerate(pattern):
         names = [*UnshadedExtrapolate.inputs(), "gbuffer_normal"]
         arrays = frame_inputs(frame(index, "s"), DISPLAY, names)
@@ -62,11 +66,11 @@ def by_torch(method: Extrapolate, pattern: str) -> list[Float32]:
         stepping: Method = method
         with torch.no_grad():
             if kind == "u":
-                drawing, stepping = GuidedWarp(), method.on_extrapolated()
-                drawn = drawing.step(*(given[name] for name in drawing.inputs()), *past)
-                given["color"], past = drawn.image, drawn.history
+                warp, stepping = GuidedWarp(), method.on_extrapolated()
+                extrapolated = warp.step(*(given[name] for name in warp.inputs()), *warp_history)
+                given["color"], warp_history = extrapolated.image, extrapolated.history
             else:
-                past = GuidedWarp.after_shaded(given)
+                warp_history = GuidedWarp.after_shaded(given)
             image, history, _ = stepping.step(*(given[name] for name in stepping.inputs()), *history)
         images.append(image[0].permute(1, 2, 0).numpy())
     return images
