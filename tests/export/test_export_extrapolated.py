@@ -113,7 +113,7 @@ def test_nothing_is_written_where_either_is_off(
             raise ExportError("off")
         return {"model.json": b""}
 
-    monkeypatch.setattr(folder_module, "_made", made)
+    monkeypatch.setattr(folder_module, "_folder_files", made)
     with pytest.raises(ExportError):
         write_model_folder(method, tmp_path / "mine")
     assert not (tmp_path / "mine").exists()
@@ -122,7 +122,7 @@ def test_nothing_is_written_where_either_is_off(
 def test_each_is_written_to_its_own_folder(
     method: Extrapolate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(folder_module, "_made", lambda one, _: {"model.json": one.name.encode()})
+    monkeypatch.setattr(folder_module, "_folder_files", lambda one, _: {"model.json": one.name.encode()})
     write_model_folder(method, tmp_path / "mine")
     written = {str(p.relative_to(tmp_path)): p.read_text() for p in tmp_path.rglob("*") if p.is_file()}
     assert written == {
