@@ -1,4 +1,4 @@
-"""What `gbuffer` is made of, one thing taken away at a time (Wang et al. 2025, tables VI and IX), at 4x."""
+"""Variants of `gbuffer` at 4x for `ablation.py`, each without one part (Wang et al. 2025, VI and IX)."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""Benches give a method the G-buffers that it reads, and leave out by name what it cannot upscale."""
+"""Benches add the G-buffers that a method reads, and name the methods that they leave out."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Kernels of a classifier leave out what its config does without, and compute what torch computes."""
+"""Kernels compiled for a classifier's config compute the same images as torch."""
 
 import json
 from dataclasses import asdict, replace

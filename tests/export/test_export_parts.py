@@ -1,4 +1,4 @@
-"""Parts of the exporter that take no tracing."""
+"""Parts of the exporter that need no tracing."""
 
 from contextlib import nullcontext
 from typing import Any, ClassVar

@@ -1,4 +1,4 @@
-"""The shipped graphs are what the exporter writes today: their operators and constants, traced afresh."""
+"""Shipped graphs have the operators and constants of freshly traced ones."""
 
 from collections import Counter
 from collections.abc import Callable
@@ -10,7 +10,7 @@ import pytest
 from onnxscript import rewriter
 
 from supersampler.methods.model_file import find_model, model_names
-from supersampler_export.cli import made_method
+from supersampler_export.cli import load_method
 from supersampler_export.folder import aovs_graph
 from supersampler_export.graph import export_graph
 
@@ -40,7 +40,7 @@ def structure(model: onnx.ModelProto) -> tuple[Counter[str], list[Any]]:
 @pytest.mark.parametrize("name", TRACED)
 def test_the_shipped_graph_is_what_the_exporter_writes_today(name: str) -> None:
     folder = find_model(name)
-    fresh = export_graph(made_method(name))
+    fresh = export_graph(load_method(name))
     hint = f"run: supersampler export {name} -o {folder}"
     assert structure(onnx.load(folder / "step.onnx")) == structure(fresh), hint
 

@@ -1,4 +1,4 @@
-"""Layers in int8 compute what float layers compute, to within half a step of each value."""
+"""Quantized layers match float layers to within half a step of each value."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""`bench extrapolation`: which frames are unshaded, what is shown of them, and what is counted."""
+"""`bench extrapolation`: which frames are unshaded, their images, and which frames each score counts."""
 
 from dataclasses import replace
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""What a measurement writes: JSON, a table on the terminal, a block of a Markdown file."""
+"""Output of a measurement: JSON record, table on the terminal, block of a Markdown file."""
 
 import json
 from dataclasses import replace
@@ -142,11 +142,11 @@ def test_the_command_renders_what_is_wrong_and_fills_every_page(tmp_path: Path) 
     filled = second.read_text(encoding="utf-8")
     assert filled.count("STRRED") == 2  # without and with warm-up and border
     assert filled.count("`classifier-small`") == 2
-    images = {
+    figures = {
         p.name: np.asarray(ImageBuf(str(p)).get_pixels("uint8")) for p in (tmp_path / "out" / "own").iterdir()
     }
-    assert set(images) == {"curves.png", "errors.png", "classes.png"}
-    assert all(image.std() > 10.0 for image in images.values())
+    assert set(figures) == {"curves.png", "errors.png", "classes.png"}
+    assert all(image.std() > 10.0 for image in figures.values())
 
 
 def test_a_page_without_a_block_for_the_shot_is_refused_before_anything_is_measured(tmp_path: Path) -> None:

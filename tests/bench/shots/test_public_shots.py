@@ -1,4 +1,4 @@
-"""The test shots: rendered once, opened only when they are whole, and known by their pixels."""
+"""Test shots are rendered once, opened only when complete, and identified by the hash of their pixels."""
 
 import json
 import shutil
@@ -71,7 +71,7 @@ def test_a_second_run_renders_nothing_and_another_driver_does_not_mix_in(
     render_test_shots(cache, TINY)
     assert {path: path.stat().st_mtime_ns for path in cache.rglob("*.exr")} == generations
     monkeypatch.setattr("supersampler_bench.shots.render_test_shots.driver_name", lambda _: "another")
-    with pytest.raises(ShotError, match=r"court: the shot that is there has the driver .*run's is another"):
+    with pytest.raises(ShotError, match=r"court: the existing shot has the driver .*run's is another"):
         render_test_shot(cache, TINY, "court")
 
 

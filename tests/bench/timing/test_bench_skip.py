@@ -1,4 +1,4 @@
-"""The bench of static-tile reuse renders still scenes, and reports the work that was saved."""
+"""`bench skip` measures work, time and error of static scenes."""
 
 from supersampler_bench.record import setting
 from supersampler_bench.timing.skip import frame_count, markdown_table, measure_skipping, skip_record
