@@ -5,7 +5,7 @@ import pytest
 
 from supersampler.conventions import Conventions
 from supersampler.frame import Float32, Frame
-from supersampler.validation.depth_order import bend, sky_share, uncovered
+from supersampler.validation.depth_order import bend, sky_share, disoccluded
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.rankings import rank_depth
 
@@ -51,7 +51,7 @@ def test_depth_that_is_read_in_the_wrong_order_is_bent() -> None:
 
 @pytest.mark.parametrize(("pixels", "error"), [(0, 1.0), (1, 0.5), (2, 0.5)])
 def test_sky_in_a_thousandth_of_the_pixels_speaks_for_its_order(pixels: int, error: float) -> None:
-    """Where no order finds a sky, each is half wrong; nothing is uncovered, which is half wrong too."""
+    """Where no order finds a sky, each is half wrong; nothing is disoccluded, which is half wrong too."""
     depth = plane(25, 40, 1e-3)
     depth.ravel()[:pixels] = 0.0
     color, motion = np.ones((25, 40, 3), np.float32), np.zeros((25, 40, 2), np.float32)
@@ -73,5 +73,5 @@ def test_a_surface_in_the_3x3_pixels_around_a_place_is_one_of_its_own(row: int, 
     now, before = np.full((9, 9), 0.1, np.float32), np.full((9, 9), 0.2, np.float32)
     now[4 + row, 4 + column] = 0.3
     middle = np.array([4])
-    found = uncovered(now, before, "reversed", (middle, middle), np.zeros((1, 2)))
+    found = disoccluded(now, before, "reversed", (middle, middle), np.zeros((1, 2)))
     assert found == ((0, 0) if max(abs(row), abs(column)) < 2 else (1, 0))
