@@ -50,6 +50,7 @@ from supersampler.methods.classifier.kernels.gather import (
     SAMPLE,
     SURFACE,
     TONED,
+    light_rises,
 )
 from supersampler.methods.classifier.variant import Variant
 
@@ -261,6 +262,10 @@ def make_compose_row(variant: Variant):
             warped_glare = high * 0.0
             if glares:
                 high, warped_glare = without_glare(high)
+                if constants.rises:
+                    surface = load16(rest, rest_at + 16 * SURFACE)
+                    rises = light_rises(luma, high, count, surface)
+                    warped_glare = maximum(warped_glare, select(rises, 1.0, zero))
                 next_count = select((warped_glare > 0.0) & (warped_glare < CONFIRMED), 0.0, next_count)
             if flash:
                 next_count = zero

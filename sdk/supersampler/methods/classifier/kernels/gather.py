@@ -43,12 +43,13 @@ from supersampler.backends.cpu.simd.vector import (
     square_root,
     store,
     stream,
+    sum_of_lanes,
     to_float,
 )
 from supersampler.backends.cpu.structs import Floats, FrameSamples, ResampleTables
 from supersampler.methods.classifier.kernels import network_inputs as words
 from supersampler.methods.classifier.kernels.network_inputs import complete_row, store_input, warp_classes
-from supersampler.methods.classifier.spec import CLASSIFIER
+from supersampler.methods.classifier.spec import CLASSIFIER, CONTRAST, RISE, WHITE
 from supersampler.methods.classifier.structs import (
     ClassifierHistoryInput,
     Gathered,
@@ -149,10 +150,20 @@ def current_frame(sums, gamma):
 
 
 @device_function
-def confirmed_glare(glare, warped_glare, count):
-    """Return consecutive frames with glare nearby, this one included; CONFIRMED at once without history."""
+def confirmed_glare(glare, warped_glare, count, luma):
+    """Return consecutive frames with glare nearby, this one included; CONFIRMED at once without history.
+
+    luma: of the sample; over WHITE it counts as glare in the frame after a first glaring one.
+    """
+    still_bright = (luma > WHITE) & (warped_glare > 0.0) & (warped_glare < CONFIRMED - 1.0)
     counts = select((count > 0.0) | (warped_glare > 0.0), warped_glare, CONFIRMED)
-    return glare * minimum(counts + 1.0, CONFIRMED)
+    return select(still_bright, 1.0, glare) * minimum(counts + 1.0, CONFIRMED)
+
+
+@device_function
+def light_rises(luma, high, count, surface):
+    """Return where light over white rises over all samples of the history; twin of `unexplained_light`."""
+    return (luma > WHITE) & (luma > high + RISE) & (count * surface > 0.0)
 
 
 @device_function
@@ -233,19 +244,22 @@ def make_gather_rows(*parts: str):
                 linear = select3(on, toned_at(numbers, q[0], q[1], q[2]))
                 detail = color[0] - linear[0], color[1] - linear[1], color[2] - linear[2]
                 count, low, high = select3(on, (q[3], q[4], q[5]))
-                if numbers[GLARES] > 0.0:
-                    high, warped_glare = without_glare(high)
-                    warped_glare = confirmed_glare(glare, warped_glare, count) * GLARE
-                else:
-                    warped_glare = high * 0.0
                 store_planes(warped_planes, (y * width + x) * HISTORY_PLANES, color)
                 surface, difference = gather_surface(
                     depth, px, py, on, history.depth, history.pitch, slots, numbers
                 )
                 sums = filter_all_across(line, stride + 2 * PAD, starts, across, width, x)
                 frame, sample, confidence, mean, extents, variance = current_frame(sums, numbers[C.gamma])
+                sample_luma = luma_of(sample)
+                glares = high * 0.0
+                if numbers[GLARES] > 0.0:
+                    high, warped_glare = without_glare(high)
+                    glares = confirmed_glare(glare, warped_glare, count, sample_luma) * GLARE
+                sparse = (sample_luma > mean[0] + CONTRAST) & (lane < w_big)
+                sparse = sparse & light_rises(sample_luma, high, count, surface)
+                gathered.rising[(y * width + x) // 16] = sum_of_lanes(select(sparse, 1.0, lane * 0.0))
                 to = (y * width + x) * planes
-                range_ = low, high + warped_glare
+                range_ = low, high + glares
                 store_planes(rest, to, (*frame, *sample, confidence, *detail, surface, count, *range_))
                 if rectified:
                     store_planes(rest, to + 16 * mean_plane, (*mean, *extents))
