@@ -26,8 +26,8 @@ CLEAN = 30
 SEEN = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
 """What the last of them may differ by: no one sees it."""
 CUTS = (0, -2, 2, -4, 4)
-"""Frames after the hostile one at which cuts are drawn: what a cut leaves depends on the jitter that it begins
-with, and on chance. All are even, as every second frame may be extrapolated."""
+"""Frames after the hostile one at which cuts are drawn: what a cut leaves depends on the jitter that it meets
+and on chance. All are even, as every second frame may be extrapolated."""
 EXPOSURES = (1e30, 1e-40, 1e-3, 1e4)
 HOSTILE: Mapping[str, Sequence[float]] = {
     field: [values[i] for values in VALUES.values()] for i, field in enumerate(("color", "depth", "motion"))
@@ -62,7 +62,9 @@ class _OneFrame:
         tried = []
         for case, bad in enumerate(self._hostile(places[0].frames[0])):
             left = places[0].left_by(bad)
-            tried.append((left, _bound(left[-1], (places[at].left_by(cuts[at][case])[-1] for at in CUTS))))
+            tried.append(
+                (left, hostile_bound(left[-1], (places[at].left_by(cuts[at][case])[-1] for at in CUTS)))
+            )
         figures = [_worst(tried, name) for name in ("mean", "most")]
         return Measured(
             tuple(figures), [o.mean for o in max((o for o, _ in tried), key=lambda o: o[-1].mean)]
@@ -92,7 +94,7 @@ class _Place:
         return [self.session.step(later) for later in self.frames[1:]]
 
 
-def _bound(left: Difference, cuts: Iterable[Difference]) -> Difference:
+def hostile_bound(left: Difference, cuts: Iterable[Difference]) -> Difference:
     """Return SEEN, or the most of what cuts leave; cuts are drawn until one leaves more than `left`."""
     bound = SEEN
     for cut in cuts:

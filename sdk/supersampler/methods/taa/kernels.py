@@ -5,10 +5,10 @@ A step reads the samples, fills a box of allowed colors for each, then computes 
 
 import numpy as np
 
-from supersampler.backends.cpu.kernels.colors import from_ycocg, linear_of, sanitize, toned, ycocg
+from supersampler.backends.cpu.kernels.colors import from_ycocg, linear_of, sanitize, toned, usable, ycocg
 from supersampler.backends.cpu.kernels.frame import color_at, motion_at, places_of, repeat_ends
 from supersampler.backends.cpu.kernels.warp import cubic4, on_screen, prepare_warp, previous_position
-from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL
+from supersampler.backends.cpu.layout import PAD, TAA_BOX, TAA_PIXEL, TAA_PLANES
 from supersampler.backends.cpu.simd.device_function import device_function
 from supersampler.backends.cpu.simd.shuffles import load_columns4, transposed
 from supersampler.backends.cpu.simd.vector import (
@@ -28,10 +28,12 @@ from supersampler.methods.taa.structs import LinearAxis, TaaSamples, TaaScratch
 
 (EXPOSURE, W, H, BIG_W, BIG_H, ALPHA, GAMMA, SHARPNESS) = range(8)
 """Indices into `numbers`; ALPHA is 1 where there is no history."""
+UNUSABLE = 2.0
+"""Low luma of a box, in place of one up to 1, where a sample around is not usable."""
 
 
 def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
-    """Fill rows y0 to y1 of `samples.planes` with toned YCoCg and motion; the padding repeats the border."""
+    """Fill rows y0 to y1 of `samples.planes`, see TAA_PLANES; the padding repeats the border."""
     color, motion, exposure, planes, w = (
         frame.color,
         frame.motion,
@@ -44,13 +46,14 @@ def read_samples(frame: FrameInputs, samples: TaaSamples, y0: int, y1: int):
         for x in range(0, w, 16):
             at = places_of(x, y, w)
             r, g, b = color_at(color, at)
+            good = usable(r, g, b)
             r, g, b = toned(sanitize(r) * exposure, sanitize(g) * exposure, sanitize(b) * exposure)
             luma, co, cg = ycocg(r, g, b)
             mx, my = motion_at(motion, at)
-            for c, value in enumerate((luma, co, cg, mx, my)):
-                store(planes, (5 * y + c) * wide + PAD + x, value)
-        for c in range(5):
-            repeat_ends(planes, (5 * y + c) * wide + PAD, w)
+            for c, value in enumerate((luma, co, cg, mx, my, select(good, 1.0, luma * 0.0))):
+                store(planes, (TAA_PLANES * y + c) * wide + PAD + x, value)
+        for c in range(TAA_PLANES):
+            repeat_ends(planes, (TAA_PLANES * y + c) * wide + PAD, w)
 
 
 def fill_boxes(samples: TaaSamples, y0: int, y1: int):
@@ -59,9 +62,9 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
     w, h, wide = samples.width, samples.height, stride + 2 * PAD
     for y in range(y0, y1):
         above, here, below = (
-            5 * max(y - 1, 0) * wide + PAD,
-            5 * y * wide + PAD,
-            5 * min(y + 1, h - 1) * wide + PAD,
+            TAA_PLANES * max(y - 1, 0) * wide + PAD,
+            TAA_PLANES * y * wide + PAD,
+            TAA_PLANES * min(y + 1, h - 1) * wide + PAD,
         )
         for x in range(0, w, 16):
             for c in range(3):
@@ -77,7 +80,7 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                 store(boxes, (TAA_BOX * y + c) * stride + x, maximum(mean - extent, low))
                 store(boxes, (TAA_BOX * y + 3 + c) * stride + x, minimum(mean + extent, high))
             mx, my = load16(planes, here + 3 * wide + x), load16(planes, here + 4 * wide + x)
-            length = mx * mx + my * my
+            length, good = mx * mx + my * my, load16(planes, here + 5 * wide + x)
             for row in (above, here, below):
                 for column in range(-1, 2):
                     u, v = (
@@ -88,6 +91,9 @@ def fill_boxes(samples: TaaSamples, y0: int, y1: int):
                     longer = other > length
                     length = select(longer, other, length)
                     mx, my = select(longer, u, mx), select(longer, v, my)
+                    good = minimum(load16(planes, row + 5 * wide + x + column), good)
+            low = load16(boxes, TAA_BOX * y * stride + x)
+            store(boxes, TAA_BOX * y * stride + x, select(good > 0.0, low, UNUSABLE))
             store(boxes, (TAA_BOX * y + 6) * stride + x, mx)
             store(boxes, (TAA_BOX * y + 7) * stride + x, my)
 
@@ -167,9 +173,13 @@ def step_rows(
     next_history, image, big_w, big_h = output.next_history, output.image, output.width, output.height
     w_big, h_big, e = numbers[BIG_W], numbers[BIG_H], numbers[EXPOSURE]
     scale_x, scale_y = w_big / numbers[W], h_big / numbers[H]
-    wide = stride + 2 * PAD
+    wide, alpha = stride + 2 * PAD, numbers[ALPHA]
+    kept = np.float32(0.0) if alpha < 1.0 else np.float32(1.0)
     for y in range(y0, y1):
-        row = np.int32(rows.first[y] * 5 * wide + PAD), np.int32(rows.second[y] * 5 * wide + PAD)
+        row = (
+            np.int32(rows.first[y] * TAA_PLANES * wide + PAD),
+            np.int32(rows.second[y] * TAA_PLANES * wide + PAD),
+        )
         down = rows.first_weight[y], rows.second_weight[y]
         for x in range(x0, x1, 16):
             lane = to_float(ramp16() + np.int32(x))
@@ -195,8 +205,13 @@ def step_rows(
             low = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
             at = at + s * np.int32(3)
             high = gather(box, at), gather(box, at + s), gather(box, at + s * np.int32(2))
-            warped_color = clip_to_sample(warped_color, sample, low, high)
-            weight = select(on, numbers[ALPHA], lane * 0.0 + 1.0)
+            clipped, good = clip_to_sample(warped_color, sample, low, high), low[0] < UNUSABLE
+            warped_color = (
+                select(good, clipped[0], warped_color[0]),
+                select(good, clipped[1], warped_color[1]),
+                select(good, clipped[2], warped_color[2]),
+            )
+            weight = select(on, select(good, alpha, lane * 0.0 + kept), 1.0)
             r, g, b = from_ycocg(
                 warped_color[0] + weight * (sample[0] - warped_color[0]),
                 warped_color[1] + weight * (sample[1] - warped_color[1]),
