@@ -38,7 +38,8 @@ def stress(
 ) -> None:
     """Run methods for long and on hostile input, and compare each figure with its bound.
 
-    With a folder, the same command continues a stopped run.
+    With a folder, the same command continues a stopped run. After one hostile frame, a bound is what nobody sees
+    or the most of five cuts around that frame, whichever is more.
 
     \b
     Examples:
