@@ -111,6 +111,22 @@ def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, s
     assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
 
 
+def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[str, str], Model]) -> None:
+    frames = list(still((32, 18))[:8])
+    rows = np.zeros((18, 32), bool)
+    rows[9] = True
+    bad = replace(frames[6], color=spoilt(frames[6].color, rows, np.nan))
+    for name in EXECUTORS:
+        upscaler = Upscaler(models["taa", name], display_size=(64, 36), validate="off")
+        for frame in frames[:6]:
+            before = upscaler.step(frame)
+        kept = np.abs(upscaler.step(bad) - before).max(axis=(1, 2)) < 1e-5
+        assert kept[18:20].all(), "the row itself"
+        assert not kept[:14].any()
+        assert not kept[24:].any()
+        assert upscaler.step(replace(bad, reset=True))[18:20].min() < 0.01, "it is black without a history"
+
+
 @pytest.mark.parametrize("method", ["classifier", "classifier-small"])
 def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
     models: dict[tuple[str, str], Model], method: str
