@@ -3,7 +3,7 @@
 import numpy as np
 
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import ResampledFrame
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import CLASSIFIER_PIXEL, HISTORY_PLANES, INPUT_PLANES, LANES, PAD, TILE
 from supersampler.backends.cpu.memory import LINE, address, aligned
@@ -98,7 +98,7 @@ class ClassifierCpu(CpuExecutor[ResampledFrame]):
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
         self.variant = Variant.of(info.config)
         names = self.variant.kernel(GATHER), KEEP_DEPTH, LEVEL, self.variant.kernel(FINISH)
-        super().__init__(LAYOUT, pool, *names)
+        super().__init__(LAYOUT, pool, *names[:1], *READ_KERNELS, *names[1:])
         self._gather, self._keep_depth, level, self._finish = (self.kernels[name] for name in names)
         self.network = Int8Network(info, self.variant.outputs, level)
         self._config = c = info.config

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import ResampledFrame
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS, ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
@@ -51,7 +51,7 @@ class TaauCpu(CpuExecutor[_Space]):
     precision = "fp32"
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(LAYOUT, pool, STEP, SHADE)
+        super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, SHADE)
         c, self._constants = info.config, constants_array(TAAU, info.config)
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
