@@ -40,6 +40,7 @@ from supersampler.backends.cpu.simd.vector import (
     minimum,
     ramp16,
     select,
+    spread16,
     square_root,
     store,
     stream,
@@ -213,6 +214,7 @@ def make_gather_rows(*parts: str):
             ring_row = (y % 4) * INPUT_PLANES * width
             if inside:
                 filter_all_down(colors, rows, down, big_h, y, starts, x0, x_end, stride + 2 * PAD, line)
+            rising = spread16(np.float32(0.0))
             for x in range(x0, x1, 16):
                 lane = to_float(ramp16() + np.int32(x))
                 depth, mx, my, _ = gather4(
@@ -257,7 +259,7 @@ def make_gather_rows(*parts: str):
                     glares = confirmed_glare(glare, warped_glare, count, sample_luma) * GLARE
                 sparse = (sample_luma > mean[0] + CONTRAST) & (lane < w_big)
                 sparse = sparse & light_rises(sample_luma, high, count, surface)
-                gathered.rising[(y * width + x) // 16] = sum_of_lanes(select(sparse, 1.0, lane * 0.0))
+                rising = rising + select(sparse, 1.0, lane * 0.0)
                 to = (y * width + x) * planes
                 range_ = low, high + glares
                 store_planes(rest, to, (*frame, *sample, confidence, *detail, surface, count, *range_))
@@ -291,6 +293,8 @@ def make_gather_rows(*parts: str):
                 store_input(inputs, words.DEPTH_DIFFERENCE * width + to, difference * 0.5 + 0.5)
                 store_input(inputs, words.SURFACE * width + to, surface)
                 store_input(inputs, words.EDGE * width + to, edge)
+            if inside:
+                gathered.rising[(y * width + x0) // 16] = sum_of_lanes(rising)
             if inside and y % 2 == 0:
                 to = y // 2 * network.row * RECORD_WORDS
                 warp_classes(
