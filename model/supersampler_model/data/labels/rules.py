@@ -158,9 +158,10 @@ def aliasing(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) ->
 
 
 def color_varies(pixels: PixelStatistics, thresholds: LabelThresholds = DEFAULTS) -> Mask:
-    """Return where equation 9 holds, (H, W), for linear colour: the result does not depend on the exposure.
+    """Return where equation 9 holds, (H, W), for linear colour: exposure does not change the result.
 
-    Pixels darker than `thresholds.darkest` never vary. With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
+    Pixels darker than `thresholds.darkest` never vary.
+    With toned t = c / (1 + c), (c_max - c_min) / c_max is (t_max - t_min) / (t_max (1 - t_min)).
     """
     low, high = pixels.color_min, pixels.color_max
     varies = high - low > thresholds.color_range * high * (1.0 - low)  # (9), without a division
