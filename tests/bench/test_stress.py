@@ -1,6 +1,6 @@
 """Scenarios of stress: what is sound passes, what is broken does not, and errors that grow are measured."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,9 +14,10 @@ from supersampler.state import State
 from supersampler_bench.cli.app import app
 from supersampler_bench.stress.compare import Difference, recovery
 from supersampler_bench.stress.contraction import contraction
+from supersampler_bench.stress.recovery import INVISIBLE, hostile_bound
 from supersampler_bench.stress.report import draw_sheets, markdown_table, stress_record
 from supersampler_bench.stress.runner import FAMILIES, Outcome, chosen, measure, run
-from supersampler_bench.stress.scenario import Figure, Scenario, Session, Subject
+from supersampler_bench.stress.scenario import ROUNDING, Figure, Scenario, Session, Subject
 from supersampler_bench.stress.scenes import LAP, LOOP, Orbit, moving, still
 from supersampler_bench.stress.steady import passed_by_average
 from supersampler_bench.stress.subjects import subjects
@@ -32,7 +33,7 @@ def sound(color: Float32) -> Float32:
 
 
 class Average:
-    """The past, times `keep`, and a share `new` of what the frame shows."""
+    """The history times `keep`, and a share `new` of the frame."""
 
     def __init__(
         self, display: Size, keep: float | Float32 = 0.9, new: float = 0.1, mend: Mend = sound
@@ -166,6 +167,20 @@ def test_a_disturbance_is_over_after_the_last_frame_that_shows_it() -> None:
     assert recovery([mean, clean, spot, clean, clean]) == 3
     assert recovery([clean, clean]) == 0
     assert recovery([clean, mean]) == 2
+
+
+def test_the_largest_error_after_a_reset_is_the_bound_and_measuring_stops_once_it_is_reached() -> None:
+    measured = []
+
+    def after_resets() -> Iterator[Difference]:
+        for most in (0.02, 0.05, 0.03, 0.09):
+            measured.append(most)
+            yield Difference(0.0, most)
+
+    assert hostile_bound(Difference(0.0, 0.04), after_resets()) == Difference(INVISIBLE.mean, 0.05 + ROUNDING)
+    assert measured == [0.02, 0.05]
+    assert hostile_bound(Difference(0.0, 0.5), after_resets()).most == 0.09 + ROUNDING
+    assert hostile_bound(Difference(0.0, 0.0), after_resets()).most == 0.02 + ROUNDING
 
 
 def test_a_nan_is_within_no_bound() -> None:

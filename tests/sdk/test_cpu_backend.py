@@ -1,4 +1,4 @@
-"""Kernels on this processor draw what the graph draws, whatever the number of threads."""
+"""The CPU backend computes what the ONNX backend computes, whatever the number of threads."""
 
 import os
 import subprocess
@@ -30,7 +30,7 @@ SIZES = [
     ((1, 1), (2, 2)),
 ]
 BYTES, ROUNDING = (3e-3, 0.03), (1e-5, 1e-3)
-"""Mean difference, and that at 99 % of the pixels, of pictures in [0, 1]: a network in bytes, the rest."""
+"""Mean difference, and that at 99 % of the pixels, of images in [0, 1]: with an int8 network, without."""
 
 
 @pytest.fixture(scope="module")
@@ -111,6 +111,45 @@ def test_a_frame_that_is_a_flash_does_the_same_on_both(models: dict[tuple[str, s
     assert flashes == [0, 0, 0, 0, 1, 2, 0, 0]
 
 
+def test_taa_keeps_its_history_where_a_sample_is_not_usable(models: dict[tuple[str, str], Model]) -> None:
+    frames = list(still((32, 18))[:8])
+    rows = np.zeros((18, 32), bool)
+    rows[9] = True
+    bad = replace(frames[6], color=spoilt(frames[6].color, rows, np.nan))
+    for name in EXECUTORS:
+        upscaler = Upscaler(models["taa", name], display_size=(64, 36), validate="off")
+        for frame in frames[:6]:
+            before = upscaler.step(frame)
+        kept = np.abs(upscaler.step(bad) - before).max(axis=(1, 2)) < 1e-5
+        assert kept[18:20].all(), "the row itself"
+        assert not kept[:14].any()
+        assert not kept[24:].any()
+        assert upscaler.step(replace(bad, reset=True))[18:20].min() < 0.01, "it is black without a history"
+
+
+@pytest.mark.parametrize("method", ["classifier", "classifier-small"])
+def test_sudden_sparse_light_is_not_accumulated_for_two_frames(
+    models: dict[tuple[str, str], Model], method: str
+) -> None:
+    frames = [replace(frame, exposure=1.0) for frame in still((32, 18))[:10]]
+    spots = np.random.default_rng(0).random((18, 32)) < 0.1
+    for index in (6, 7):
+        frames[index] = replace(frames[index], color=spoilt(frames[index].color, spots, 10.0))
+    restarted = []
+    for name in EXECUTORS:
+        upscaler = Upscaler(models[method, name], display_size=(64, 36), validate="off")
+        counts = []
+        for frame in frames:
+            upscaler.step(frame)
+            counts.append(history_of(upscaler)["history.state"][0, 0] == 0.0)
+        restarted.append(np.stack(counts))
+    one, other = restarted
+    assert (one == other).mean() > 0.995
+    assert (one[6:8].mean(axis=(1, 2)) > 0.05).all()
+    assert not one[:6].any()
+    assert not one[8:].any()
+
+
 def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
     models: dict[tuple[str, str], Model],
 ) -> None:
@@ -132,20 +171,20 @@ def test_a_frame_whose_exposure_is_an_outlier_is_not_accumulated(
 @pytest.mark.parametrize("method", METHODS)
 def test_real_frames_come_out_alike_and_stay_so(models: dict[tuple[str, str], Model], method: str) -> None:
     frames = [item.frame for item in Shot.open("plaza")][:12]
-    pictures = step_both(models, method, frames, (480, 270))
-    for one, other in (pictures[0], pictures[5], pictures[11]):
+    pairs = step_both(models, method, frames, (480, 270))
+    for one, other in (pairs[0], pairs[5], pairs[11]):
         compare(one.image, other.image, method)
 
 
 @pytest.mark.parametrize("method", METHODS)
 def test_the_number_of_threads_changes_no_bit(method: str) -> None:
-    drawn = []
+    images = []
     for threads in (1, 2, 5):
         model = Model.load(method, threads=threads, executor="cpu")
         upscaler = Upscaler(model, display_size=(97, 55), validate="off")
-        drawn.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
-    np.testing.assert_array_equal(drawn[0], drawn[1])
-    np.testing.assert_array_equal(drawn[0], drawn[2])
+        images.append([upscaler.step(noise(seed, (48, 27), exposure=None)) for seed in range(4)])
+    np.testing.assert_array_equal(images[0], images[1])
+    np.testing.assert_array_equal(images[0], images[2])
 
 
 @pytest.mark.parametrize("method", METHODS)
