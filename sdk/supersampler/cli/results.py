@@ -70,9 +70,10 @@ class Results:
         earlier = read_run_record(self.folder)
         self._record = earlier or RunRecord({})
         own = self._record.own_files(self.folder)
+        first = RunRecord(settings).first
         if earlier is not None and not overwrite:
             self._check_same(earlier.settings, settings)
-        self._check_free(frame_count, page=page)
+        self._check_free(first, frame_count, page=page)
         self._check_recording(recording)
         if overwrite:
             remove_files(own)
@@ -87,7 +88,8 @@ class Results:
         """Return the number of complete frames from the first on; only files of these runs count."""
         count = min(frame_count, *(self._record.files.get(pattern, 0) for pattern in self._patterns()))
         for index in range(count):
-            paths = [frame_path(self.folder, pattern, index) for pattern in self._patterns()]
+            number = self._record.first + index
+            paths = [frame_path(self.folder, pattern, number) for pattern in self._patterns()]
             if not all(map(is_regular, paths)):
                 return index
         return count
@@ -104,7 +106,7 @@ class Results:
         """Write one frame atomically: EXR as linear half floats, PNG after the display transform.
 
         Args:
-            index: its index in the shot.
+            index: its index in the shot; its file has the number of the shot's first frame + index.
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
             aovs: (H, W, k) AOVs for the EXR: channel A for k = 1, else aovs.0, aovs.1 and so on.
@@ -116,7 +118,7 @@ class Results:
         patterns = self._patterns(f"{RECORDED}/" if recorded else "")
         self._list(patterns, index + 1)
         for pattern in patterns:
-            path = frame_path(self.folder, pattern, index)
+            path = frame_path(self.folder, pattern, self._record.first + index)
             if path.suffix == ".exr":
                 write_exr(path, *_with_aovs(image, aovs))
             else:
@@ -125,7 +127,7 @@ class Results:
     def begin_page(self) -> Path:
         """List the page in upscale.json and return its path; ShotError if it is another program's."""
         if not self._record.files.get(PAGE):
-            self._check_free(0, page=True)
+            self._check_free(0, 0, page=True)
             self._save(replace(self._record, files={**self._record.files, PAGE: 1}))
         return self.folder / PAGE
 
@@ -148,7 +150,7 @@ class Results:
         listed = dict(self._record.files)
         for pattern in patterns:
             for index in range(listed.get(pattern, 0), count):
-                if is_there(path := frame_path(self.folder, pattern, index)):
+                if is_there(path := frame_path(self.folder, pattern, self._record.first + index)):
                     raise foreign(path)
             listed[pattern] = max(listed.get(pattern, 0), count)
         if listed != self._record.files:
@@ -158,15 +160,15 @@ class Results:
         record.write(self.folder)
         self._record = record
 
-    def _check_free(self, frame_count: int | None, *, page: bool) -> None:
+    def _check_free(self, first: int, frame_count: int | None, *, page: bool) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""
-        listed = self._record.files
-        if page and not listed.get(PAGE) and is_there(self.folder / PAGE):
+        if page and not self._record.files.get(PAGE) and is_there(self.folder / PAGE):
             raise foreign(self.folder / PAGE)
         unknown = frame_count is None
         for pattern in self._patterns() + (self._patterns(f"{RECORDED}/") if unknown else []):
-            for index, path in sorted(numbered(self.folder, pattern)):
-                if index >= listed.get(pattern, 0) and (frame_count is None or index < frame_count):
+            for number, path in sorted(numbered(self.folder, pattern)):
+                is_wanted = frame_count is None or 0 <= number - first < frame_count
+                if is_wanted and not self._record.lists(pattern, number):
                     raise foreign(path)
 
     def _check_recording(self, recording: Path | None) -> None:

@@ -24,6 +24,7 @@ from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.results import Results, model_settings
+from supersampler.cli.run_record import FIRST
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import StepResult
@@ -149,6 +150,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
     return {
         **model_settings(upscaler.model),
         "shot": str(job.shot.path.resolve()),
+        FIRST: job.shot.first_number,
         "render size": size_text(job.shot.render_size),
         "conventions": job.shot.conventions.to_json(),
         "skip": upscaler.skip,
@@ -168,15 +170,15 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
         task = progress.add_task("", total=count - start)
         for item in job.shot.frames(start, gbuffers=upscaler.gbuffers):
             progress.update(task, description="upscaling" if item.index >= first else "replaying")
-            frame = item.frame
-            with _named(job, item.index):
+            frame, number = item.frame, job.shot.first_number + item.index
+            with _named(job, number):
                 result = _step(job, upscaler, frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
             if item.index >= first:
                 results.write(item.index, result.image, exposure, result.aovs)
             if page is not None and item.index >= page_start:
                 layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
-                page.add(item.index, {**layers, **aux_output_layers(result)}, numbers)
+                page.add(number, {**layers, **aux_output_layers(result)}, numbers)
             progress.advance(task)
     stats, seconds = upscaler.stats, time.perf_counter() - began
     rates = f"{stats.frames / seconds:.1f} a second, the method alone {stats.frames / stats.seconds:.1f}"
@@ -252,10 +254,10 @@ def _progress(console: Console) -> Progress:
 
 
 @contextmanager
-def _named(job: UpscaleJob, index: int) -> Iterator[None]:
-    """Add the frame's index to its errors and warnings."""
+def _named(job: UpscaleJob, number: int) -> Iterator[None]:
+    """Add the frame's number to its errors and warnings."""
     try:
-        with frame_warnings(job.console, index):
+        with frame_warnings(job.console, number):
             yield
     except FrameError as error:
-        raise ShotError(job.shot.path, f"frame {index}: {str(error).rstrip('.')}") from error
+        raise ShotError(job.shot.path, f"frame {number}: {str(error).rstrip('.')}") from error

@@ -1,7 +1,7 @@
 """upscale.json: the settings of a run, and the list of the files that it wrote into the folder.
 
-`"files": {"exr/####.exr": 12, "compare.html": 1}` are exr/0000.exr to exr/0011.exr and a page. A file is
-listed before it is written. Files that are not listed are never counted, replaced or removed. Only names that
+`"files": {"exr/####.exr": 12, "compare.html": 1}` are exr/0000.exr to exr/0011.exr and a page; with
+`"first frame": 7` they are exr/0007.exr to exr/0018.exr. A file is listed before it is written. Files that are not listed are never counted, replaced or removed. Only names that
 a run can write are accepted from the list.
 """
 
@@ -15,9 +15,12 @@ from typing import Any
 from supersampler.errors import ShotError
 from supersampler.io.atomic import is_own_folder, is_regular, is_there, write_text
 from supersampler.io.json_fields import read_json
+from supersampler.io.shot.format import LARGEST_NUMBER
 
 FILE_NAME = "upscale.json"
 PAGE = "compare.html"
+FIRST = "first frame"
+"""Setting: the number of the first frame in the names of files; 0 where it is missing."""
 RECORDED = "recorded"
 """Subfolder of the last image of a recording, written by `supersampler replay`."""
 FORMATS = ("exr", "png")
@@ -38,13 +41,22 @@ class RunRecord:
 
     Attributes:
         settings: all that the images depend on; JSON values.
-        files: number of files from 0000 on, by pattern such as `exr/####.exr`; 1 for PAGE.
+        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for PAGE.
         recording: the folder that the run records to, or None.
     """
 
     settings: Mapping[str, Any]
     files: Mapping[str, int] = field(default_factory=dict)
     recording: str | None = None
+
+    @property
+    def first(self) -> int:
+        """Number of the first frame in the names of files."""
+        return int(self.settings.get(FIRST, 0))
+
+    def lists(self, pattern: str, number: int) -> bool:
+        """Tell whether the frame of this number is listed."""
+        return 0 <= number - self.first < self.files.get(pattern, 0)
 
     def write(self, folder: Path) -> None:
         """Write upscale.json into the folder, which is created where it is missing."""
@@ -54,9 +66,9 @@ class RunRecord:
     def own_files(self, folder: Path) -> list[Path]:
         """Return the listed files that exist; ShotError where a link or folder has the name of one."""
         found = [folder / PAGE] if self.files.get(PAGE) and is_there(folder / PAGE) else []
-        for pattern, count in self.files.items():
+        for pattern in self.files:
             if pattern != PAGE:
-                found += sorted(path for index, path in numbered(folder, pattern) if index < count)
+                found += sorted(path for n, path in numbered(folder, pattern) if self.lists(pattern, n))
         for path in found:
             if not is_regular(path):
                 raise foreign(path, "is no regular file")
@@ -79,13 +91,16 @@ def read_run_record(folder: Path) -> RunRecord | None:
         most = 1 if pattern == PAGE else _MAX_FILES if pattern in _FRAMES else -1
         if type(count) is not int or not 0 <= count <= most:
             raise ShotError(path, f"lists {pattern!r}: {count!r}, which no run writes", _START_OVER)
+    first = content.get(FIRST, 0)
+    if type(first) is not int or not 0 <= first <= LARGEST_NUMBER:
+        raise ShotError(path, f"says {FIRST!r}: {first!r}, which no run writes", _START_OVER)
     recording = content.pop(_RECORDS_TO, None)
     return RunRecord(content, files, recording if isinstance(recording, str) else None)
 
 
-def frame_path(folder: Path, pattern: str, index: int) -> Path:
+def frame_path(folder: Path, pattern: str, number: int) -> Path:
     """Return a frame's file: exr/0007.exr for `exr/####.exr` and 7."""
-    return folder / pattern.replace("####", f"{index:04d}")
+    return folder / pattern.replace("####", f"{number:04d}")
 
 
 def foreign(path: Path, problem: str = "is there already") -> ShotError:
@@ -95,7 +110,7 @@ def foreign(path: Path, problem: str = "is there already") -> ShotError:
 
 
 def numbered(folder: Path, pattern: str) -> Iterator[tuple[int, Path]]:
-    """Yield index and path of all files with names of this pattern; ShotError where a folder is a link."""
+    """Yield number and path of all files with names of this pattern; ShotError where a folder is a link."""
     place = folder / Path(pattern).parent
     if not is_there(place) or (place == folder and not place.is_dir()):
         return

@@ -12,7 +12,7 @@ from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import read_exr
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.shot.format import FrameEntry, ShotInfo
+from supersampler.io.shot.format import LARGEST_NUMBER, FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, read_reference, take
 from supersampler.io.shot.numbered import Jitter, check_no_gap, numbered_files, read_jitter
 from supersampler.io.shot.shot import Shot
@@ -76,6 +76,7 @@ def import_channels(
         display_size=display_size,
         frame_rate=float(frame_rate),
         conventions=conventions,
+        first_number=files.numbers[0] if files.numbers[-1] <= LARGEST_NUMBER else 0,
     )
     entries = [files.entry(i, offset, reset=i == 0 or i in cuts) for i, offset in enumerate(offsets)]
 

@@ -14,6 +14,8 @@ from supersampler.io.limits import SHOT_FRAMES
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
+LARGEST_NUMBER = 10**9
+"""Of a frame, in the name of its image."""
 _LONGEST = 255  # bytes of a name; no file system takes more
 _FORBIDDEN = re.compile(r"[\\:\x00-\x1f\ud800-\udfff]")
 
@@ -30,6 +32,8 @@ class ShotInfo:
         conventions: conventions of the stored colour, depth, motion and jitter.
         license: licence of the images; "" is unknown.
         attribution: names to credit where the images are shown, one line each.
+        first_number: number of the first frame in the program that rendered it, 0 to LARGEST_NUMBER; images
+            of the shot's frames are named by it and the numbers after it.
     """
 
     name: str
@@ -39,6 +43,7 @@ class ShotInfo:
     conventions: Conventions
     license: str = ""
     attribution: tuple[str, ...] = ()
+    first_number: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,6 +100,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         conventions=conventions,
         license=header.read("license", lambda text: text.of(str), ""),
         attribution=header.read("attribution", Field.texts, ()),
+        first_number=header.read("first_number", lambda n: n.whole(0, LARGEST_NUMBER), 0),
     )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:

@@ -130,6 +130,11 @@ class Shot:
         return list(self.info.attribution)
 
     @property
+    def first_number(self) -> int:
+        """Number of the first frame in the program that rendered it; images are named by it."""
+        return self.info.first_number
+
+    @property
     def reference_indices(self) -> list[int]:
         """Indices of the frames that have a reference."""
         return [index for index, entry in enumerate(self._entries) if entry.reference is not None]

@@ -48,7 +48,7 @@ class ShotWriter:
 
     Args:
         path: the folder; created where it is missing.
-        name, display_size, frame_rate, conventions, license, attribution: see `ShotInfo`.
+        name, display_size, frame_rate, conventions, license, attribution, first_number: see `ShotInfo`.
         resume: continue after the frames that exist.
         variant: name of one of several shots in the folder that share their display-size files, such as "2x":
             it is described by 2x.json, and its frames are 2x/0000.exr and so on.
@@ -69,6 +69,7 @@ class ShotWriter:
         conventions: Conventions | None = None,
         license: str = "",  # noqa: A002  # the word that shot.json and every reader use
         attribution: tuple[str, ...] | list[str] = (),
+        first_number: int = 0,
         resume: bool = False,
         variant: str | None = None,
         compression: str = "zip",
@@ -86,6 +87,7 @@ class ShotWriter:
             conventions=Conventions() if conventions is None else conventions,
             license=license,
             attribution=tuple(attribution),
+            first_number=first_number,
         )
         self._entries: list[FrameEntry] = []
         self._note = self.path / f".{self._description.name}.writing"
@@ -217,7 +219,7 @@ class ShotWriter:
         if not resume:
             hint = "Resume it (resume=True), delete the folder, or choose another."
             raise ShotError(path, f"a shot of {len(entries)} frames is there already", hint)
-        for field in ("name", "display_size", "frame_rate", "conventions"):
+        for field in ("name", "display_size", "frame_rate", "conventions", "first_number"):
             existing, requested = getattr(info, field), getattr(self._info, field)
             if existing != requested:
                 hint = "Resume with what the shot was begun with, or write to another folder."
