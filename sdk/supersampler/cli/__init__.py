@@ -5,6 +5,7 @@ wrong command line is exit code 2. Other errors are bugs and keep their tracebac
 """
 
 from supersampler.cli.app import TOOLS, app, main
+from supersampler.cli.blender import blender
 from supersampler.cli.check import check
 from supersampler.cli.demo import demo
 from supersampler.cli.import_ import import_shot
@@ -14,6 +15,7 @@ from supersampler.cli.upscale import upscale
 
 app.command()(demo)
 app.command()(upscale)
+app.command()(blender)
 app.command()(info)
 app.command()(check)
 app.command()(replay)

@@ -55,7 +55,8 @@ class UpscaleJob:
 
     `extrapolation` is the name or folder of the model for unshaded frames. Without `display_size` and `scale`
     the images have the shot's display size; without one, the model's only ratio, or 2x. `record` is a folder
-    to record all frames to; the recording of an earlier run into `output` is replaced.
+    to record all frames to; the recording of an earlier run into `output` is replaced. With `holds_shot`
+    the shot may be in a subfolder of `output` of its own.
     """
 
     shot: Shot
@@ -75,6 +76,7 @@ class UpscaleJob:
     validate: Literal["off", "warn", "strict"] = "warn"
     record: Path | None = None
     overwrite: bool = False
+    holds_shot: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
 
 
@@ -87,7 +89,7 @@ def run_job(job: UpscaleJob) -> Results:
             would replace files of another program.
     """
     results, count = Results(job.output, job.formats), len(job.shot)
-    for written in filter(None, (job.output, job.record)):
+    for written in filter(None, (None if job.holds_shot else job.output, job.record)):
         check_apart(written, job.shot.source)
     with ExitStack() as stack:
         upscaler = stack.enter_context(_open_upscaler(job))

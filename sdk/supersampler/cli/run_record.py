@@ -1,8 +1,9 @@
 """upscale.json: the settings of a run, and the list of the files that it wrote into the folder.
 
 `"files": {"exr/####.exr": 12, "compare.html": 1}` are exr/0000.exr to exr/0011.exr and a page; with
-`"first frame": 7` they are exr/0007.exr to exr/0018.exr. A file is listed before it is written. Files that are not listed are never counted, replaced or removed. Only names that
-a run can write are accepted from the list.
+`"first frame": 7` they are exr/0007.exr to exr/0018.exr. A file is listed before it is written. Files that
+are not listed are never counted, replaced or removed. Only names that a run can write are accepted from the
+list.
 """
 
 import json

@@ -9,21 +9,22 @@ from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from threading import Condition, Thread
-from typing import Any
 
 from supersampler.errors import ArgumentError, ShotError
+from supersampler.io.json_fields import Field
+from supersampler.io.shot.render_record import Camera, RenderedScene
 
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
 _TOLD = "supersampler "  # lines of the script begin with it
 _LAST_LINES = 20  # of Blender's own output, for an error of it
 _USUAL_PLACES = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
-    "win32": (r"C:\Program Files\Blender Foundation\Blender *\blender.exe",),
+    "win32": ("Program Files/Blender Foundation/Blender */blender.exe",),
 }
 
 
 def find_blender(path: str | None = None) -> str:
-    """Return the executable that renders: `path`, or `blender` on the path, or where installers put it.
+    """Return the program that renders: `path`, or `blender` on the path, or where installers put it.
 
     Args:
         path: Blender, or a Python that has the module bpy; None looks for Blender.
@@ -37,27 +38,30 @@ def find_blender(path: str | None = None) -> str:
             want = "the path of Blender, or of a Python that has bpy"
             raise ArgumentError("--blender", got=f"{path}, which is no program", want=want)
         return found
-    places = (sorted(Path("/").glob(place.lstrip("/"))) for place in _USUAL_PLACES.get(sys.platform, ()))
+    root = Path(Path.home().anchor)
+    places = (sorted(root.glob(place.lstrip("/"))) for place in _USUAL_PLACES.get(sys.platform, ()))
     found = shutil.which("blender") or next((str(hit) for hits in places for hit in reversed(hits)), None)
     if found is None:
-        hint = "Install it from blender.org; or a Python 3.11 with `pip install bpy` does."
+        hint = "Install it from blender.org; or a Python 3.11 with `pip install bpy` will do."
         raise ArgumentError("--blender", got="left out, and no Blender was found", want="its path", hint=hint)
     return found
 
 
 class BlenderRender:
-    """A running render. Frames are complete in the order of their numbers; `wait_for` waits for one.
+    """A running render; frames are complete in the order of their numbers.
 
-    >>> with BlenderRender(find_blender(), Path("scene.blend"), folder, settings) as render:
+    >>> with BlenderRender(find_blender(), blend, folder, settings, note=print, listed=list_it) as render:
     ...     scene = render.scene()
-    ...     file = render.wait_for(0)["file"]
+    ...     render.wait_for(0)
 
     Args:
         program: as `find_blender` returns it.
         blend: the scene's file; it is never written.
         folder: to render into. blender.log there gets all that Blender says.
-        settings: see `render_frames.main`.
+        settings: see `render_frames.main`, without "blend" and "folder".
         note: called with each line about what is rendered otherwise than the file says.
+        listed: called with each frame's file, of another name, and its camera, in another thread; ShotErrors
+            that it raises end the render.
 
     Raises:
         ShotError: (of any method) Blender ended before its work was done; says why, as far as it told.
@@ -69,12 +73,14 @@ class BlenderRender:
         blend: Path,
         folder: Path,
         settings: Mapping[str, object],
+        *,
         note: Callable[[str], None],
+        listed: Callable[[Path, Camera], None],
     ) -> None:
-        self._blend, self._note = blend, note
-        self._scene: dict[str, Any] | None = None
-        self._frames: list[dict[str, Any]] = []
-        self._error: str | None = None
+        self._blend, self._note, self._listed = blend, note, listed
+        self._scene: RenderedScene | None = None
+        self._count = 0  # frames that are complete
+        self._error: str | ShotError = "Blender said nothing of why"
         self._done = False
         self._changed = Condition()
         file = folder / "settings.json"
@@ -99,22 +105,20 @@ class BlenderRender:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def scene(self) -> dict[str, Any]:
-        """Wait for what `render_frames.facts` tells of the scene."""
+    def scene(self) -> RenderedScene:
+        """Wait until Blender has opened the file, and return what it renders."""
         with self._changed:
             self._changed.wait_for(lambda: self._scene is not None or self._done)
             if self._scene is None:
                 raise self._failure("before the first frame")
             return self._scene
 
-    def wait_for(self, index: int) -> dict[str, Any]:
-        """Wait until a frame, by its place in the list, is complete; return what was told of it."""
+    def wait_for(self, index: int) -> None:
+        """Wait until a frame is complete, by its place among those that are rendered."""
         with self._changed:
-            self._changed.wait_for(lambda: len(self._frames) > index or self._done)
-            if len(self._frames) <= index:
-                number = self.scene()["frames"][index]
-                raise self._failure(f"at frame {number}")
-            return self._frames[index]
+            self._changed.wait_for(lambda: self._count > index or self._done)
+            if self._count <= index:
+                raise self._failure(f"after {self._count} frames" if self._count else "at the first frame")
 
     def close(self) -> None:
         """End Blender, if it still runs; frames that are complete stay."""
@@ -130,36 +134,50 @@ class BlenderRender:
     def _read(self) -> None:
         """Take in what Blender prints, until it ends."""
         lines: deque[str] = deque(maxlen=_LAST_LINES)
+        told = False
         assert self._process.stdout is not None  # noqa: S101  # it is a pipe
         for line in self._process.stdout:
             self._log.write(line)
-            if line.startswith(_TOLD):
-                self._take(json.loads(line.removeprefix(_TOLD)))
+            if line.startswith(_TOLD) and not told:
+                told = not self._take(line.removeprefix(_TOLD))
             elif line.strip():
                 lines.append(line.strip())
         code = self._process.wait()
         with self._changed:
             self._done = True
-            if code and self._error is None:
+            if code and not told:
                 said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
                 self._error = f"Blender ended with {code}: {said}"
             self._changed.notify_all()
 
-    def _take(self, content: dict[str, Any]) -> None:
+    def _take(self, text: str) -> bool:
+        """Take in a line of the script; return whether it is no error, which ends the render."""
         with self._changed:
-            if "scene" in content:
-                self._scene = content["scene"]
-            elif "frame" in content:
-                self._frames.append(content)
-            elif "error" in content:
-                self._error = content["error"]
-            else:
-                self._note(content["note"])
-            self._changed.notify_all()
+            try:
+                content = Field(self._blend, "Blender's answer", json.loads(text))
+                if "error" in content.value:
+                    self._error = content["error"].of(str)
+                    return False
+                if "scene" in content.value:
+                    self._scene = RenderedScene.of(content["scene"])
+                elif "frame" in content.value:
+                    self._listed(Path(content["file"].of(str)), Camera.of(content))
+                    self._count += 1
+                else:
+                    self._note(content["note"].of(str))
+            except ShotError as error:
+                self._error = error
+                self._process.terminate()
+                return False
+            finally:
+                self._changed.notify_all()
+        return True
 
     def _failure(self, when: str) -> ShotError:
-        problem = f"the render ended {when}: {self._error or 'Blender said nothing of why'}"
-        return ShotError(self._blend, problem, f"All that Blender said is in {self._log.name}.")
+        if isinstance(self._error, ShotError):
+            return self._error
+        hint = f"All that Blender said is in {self._log.name}."
+        return ShotError(self._blend, f"the render ended {when}: {self._error.rstrip('.')}", hint)
 
 
 def _command(program: str, settings: Path) -> list[str]:

@@ -3,18 +3,26 @@
     blender --background scene.blend --python-exit-code 1 --python render_frames.py -- settings.json
 
 settings.json: see `main`. Each line on stdout that begins with "supersampler " is a JSON object:
-{"scene": ...} once, {"note": ...} for what is changed, {"frame": number, "file": path, ...} for each frame
-that is complete, {"error": ...} where the scene will not do. The .blend file is never saved.
+{"note": ...} for what is changed, {"scene": ...} once, {"frame": number, "file": path, "shift": ...,
+"camera": ...} for each frame that is rendered, {"error": ...} where the scene will not do. The .blend file is
+never saved.
 """
 
 import json
+import secrets
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import bpy
-
 LINE = "supersampler "
+try:
+    import bpy
+except ImportError as error:
+    print(LINE + json.dumps({"error": f"{sys.executable} is no Blender, and cannot import bpy: {error}"}))
+    sys.exit(1)
+
+OLDEST = (3, 6)  # Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
 EXACT_FILTER = 0.01  # of a pixel: each is one place, and depth and motion belong to it
 
@@ -32,28 +40,38 @@ def main(settings: dict[str, Any]) -> None:
     """Render what the settings say.
 
     Args:
-        settings: "folder" to write to; "scale" display over render size, or "display_size" [width, height] of
-            the images; "frames": list of numbers, or null for the scene's range; "jitter": list of [x, y], in
-            render pixels, x right, y down, repeated; "engine", "samples", "denoise", "scene", "camera": null
-            for the scene's own; "blend": file to open, where Blender was not given one.
+        settings: "blend": file to open; "folder" to write to; "display_size": [width, height] of the images,
+            null for the scene's; "scale": display over render size; "frames": numbers of the first and the
+            last, null for the scene's; "complete": how many of them, from the first on, are not to be
+            rendered again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down,
+            which then repeat; "engine", "samples", "denoise", "scene", "camera": null for the scene's own.
     """
-    if settings.get("blend"):
-        bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
-    scene = chosen_scene(settings.get("scene"))
-    choose_camera(scene, settings.get("camera"))
-    set_engine(scene, settings.get("engine"), settings.get("samples"), settings.get("denoise"))
-    set_passes(scene)
-    set_size(scene, settings)
+    if bpy.app.version < OLDEST:
+        raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
+    bpy.ops.wm.open_mainfile(filepath=settings["blend"], load_ui=False)
+    scene = chosen_scene(settings["scene"])
+    choose_camera(scene, settings["camera"])
+    set_engine(scene, settings["engine"], settings["samples"], settings["denoise"])
+    layer = set_passes(scene)
+    display_size = set_size(scene, settings["display_size"], settings["scale"])
     set_output(scene)
-    frames = settings.get("frames") or list(range(scene.frame_start, scene.frame_end + 1, scene.frame_step))
-    tell(scene=facts(scene, frames))
-    shift = CameraShift(scene, frames)
-    for place, number in enumerate(frames):
-        path = Path(settings["folder"]) / f"{number:04d}.exr"
-        own_shift = shift.set(number, settings["jitter"][place % len(settings["jitter"])])
-        if not path.exists():
-            render(scene, path)
-        tell(frame=number, file=str(path), shift=own_shift, camera=camera_matrix(scene))
+    first, last = settings["frames"] or own_range(scene)
+    tell(scene=facts(scene, layer, display_size))
+    numbers, jitter = range(first + settings["complete"], last + 1), settings["jitter"]
+    shift, moved = CameraShift(scene, numbers), MovedObjects(scene)
+    for number in numbers:
+        own_shift = shift.set(number, jitter[(number - first) % len(jitter)])
+        moved.warn()
+        path = render(scene, Path(settings["folder"]), number)
+        tell(frame=number, file=path, shift=own_shift, camera=camera_matrix(scene))
+
+
+def own_range(scene: Any) -> tuple[int, int]:
+    """Return the numbers of the scene's first and last frame."""
+    if scene.frame_step != 1:
+        problem = f"the scene renders each {scene.frame_step}th frame; motion leads to the frame before"
+        raise SceneError(f"{problem}: give --frames {scene.frame_start}-{scene.frame_end}")
+    return scene.frame_start, scene.frame_end
 
 
 def chosen_scene(name: str | None) -> Any:
@@ -130,30 +148,35 @@ def engine_name(engine: str) -> str:
     raise SceneError(f"this Blender has no {engine}; it has {', '.join(known)}")
 
 
-def set_passes(scene: Any) -> None:
-    """Turn on the passes that are read, besides those that are on."""
-    for layer in scene.view_layers:
-        for name in PASSES:
-            if layer.use and hasattr(layer, name):
-                setattr(layer, name, True)
-    if scene.render.engine == "BLENDER_WORKBENCH":
-        tell(note="Workbench writes no Vector pass: only the camera's motion is known")
+def set_passes(scene: Any) -> str:
+    """Turn on the passes that are read, besides those that are on, and return the view layer's name."""
+    layers = [layer for layer in scene.view_layers if layer.use]
+    if not layers:
+        raise SceneError(f"all view layers of scene {scene.name!r} are off: turn one on")
+    for name in PASSES:
+        if hasattr(layers[0], name):
+            setattr(layers[0], name, True)
+    for other in layers[1:]:
+        other.use = False
+    if layers[1:]:
+        tell(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
+    return str(layers[0].name)
 
 
-def set_size(scene: Any, settings: dict[str, Any]) -> None:
-    """Set the render size: the scene's own size, or the one wanted, over the scale."""
+def set_size(scene: Any, display_size: list[int] | None, scale: float) -> tuple[int, int]:
+    """Set the render size, display size / scale, and return the display size; by default the scene's own."""
     render = scene.render
     own = (
         render.resolution_x * render.resolution_percentage // 100,
         render.resolution_y * render.resolution_percentage // 100,
     )
-    width, height = settings.get("display_size") or own
-    scale = settings["scale"]
+    width, height = display_size or own
     if render.use_border:
         render.use_border = False
         tell(note="the render border is off: whole frames are rendered")
     render.resolution_x, render.resolution_y = max(4, round(width / scale)), max(4, round(height / scale))
     render.resolution_percentage = 100
+    return width, height
 
 
 def set_output(scene: Any) -> None:
@@ -163,6 +186,12 @@ def set_output(scene: Any) -> None:
         image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
+    if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
+        tell(note="compositing is off: the upscaled frames are to be composited")
+    editor = scene.sequence_editor
+    strips = editor and (getattr(editor, "strips", None) or getattr(editor, "sequences", None))
+    if render.use_sequencer and strips:
+        tell(note="the sequencer is off: the scene itself is rendered")
     render.use_sequencer = render.use_compositing = False
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
@@ -176,14 +205,14 @@ class CameraShift:
     Blender's Vector pass holds no move of the shift, neither the jitter's nor an animated one's.
     """
 
-    def __init__(self, scene: Any, frames: list[int]) -> None:
+    def __init__(self, scene: Any, numbers: range) -> None:
         self.scene = scene
         if scene.camera.library is not None or scene.camera.data.library is not None:
             scene.camera = own_copy(scene, scene.camera)
         self.data = scene.camera.data
         animated = self.data.animation_data is not None
-        self.own = {number: self._read(number) for number in (frames if animated else frames[:1])}
-        self.constant = None if animated else self.own[frames[0]]
+        self.own = {number: self._read(number) for number in (numbers if animated else numbers[:1])}
+        self.constant = None if animated else self.own[numbers[0]]
         for name in ("shift_x", "shift_y"):
             if animated:
                 self.data.driver_remove(name)
@@ -203,7 +232,7 @@ class CameraShift:
         data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return data.shift_x, data.shift_y
 
-    def _pixels(self) -> float:
+    def _pixels(self) -> Any:
         """Return how many render pixels a shift of 1 is: the side that the sensor fits."""
         render = self.scene.render
         width, height = render.resolution_x, render.resolution_y
@@ -221,12 +250,42 @@ def own_copy(scene: Any, camera: Any) -> Any:
     return copied
 
 
-def render(scene: Any, path: Path) -> None:
-    """Render the present frame into a file that appears whole."""
-    part = path.with_suffix(".part.exr")
-    scene.render.filepath = str(part)
+class MovedObjects:
+    """Warns of objects that move, where the engine writes no Vector pass."""
+
+    def __init__(self, scene: Any) -> None:
+        self.scene = scene
+        self.before: dict[str, Any] | None = None  # matrices of the previous frame
+        self.wanted = scene.render.engine == "BLENDER_WORKBENCH"
+        if self.wanted:
+            tell(note="Workbench writes no Vector pass: only the camera's motion is known")
+
+    def warn(self) -> None:
+        """Compare the present frame with the previous one; at most one warning."""
+        if not self.wanted:
+            return
+        now = dict(self._matrices())
+        moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
+        self.before = now
+        if moved:
+            tell(
+                note=f"objects move, and will leave trails: {', '.join(moved[:8])}; --engine eevee knows how"
+            )
+            self.wanted = False
+
+    def _matrices(self) -> Iterator[tuple[str, Any]]:
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        for item in self.scene.objects:
+            if item.type not in ("CAMERA", "LIGHT", "EMPTY") and not item.hide_render:
+                yield item.name, item.evaluated_get(depsgraph).matrix_world.copy()
+
+
+def render(scene: Any, folder: Path, number: int) -> str:
+    """Render the present frame into a file of a new name, and return its path."""
+    path = folder / f".{number:04d}.{secrets.token_hex(4)}.partial.exr"  # as supersampler.io.atomic has it
+    scene.render.filepath = str(path)
     bpy.ops.render.render(write_still=True, scene=scene.name)
-    part.replace(path)
+    return str(path)
 
 
 def camera_matrix(scene: Any) -> list[list[float]]:
@@ -241,17 +300,18 @@ def camera_matrix(scene: Any) -> list[list[float]]:
     return [list(row) for row in projection @ camera.matrix_world.normalized().inverted()]
 
 
-def facts(scene: Any, frames: list[int]) -> dict[str, object]:
+def facts(scene: Any, layer: str, display_size: tuple[int, int]) -> dict[str, object]:
     """Return what the reader of the frames needs to know of the scene."""
     render, view = scene.render, scene.view_settings
     return {
         "name": scene.name,
         "blender": bpy.app.version_string,
-        "frames": frames,
+        "numbers": [scene.frame_start, scene.frame_end],
         "frame_rate": render.fps / render.fps_base,
         "render_size": [render.resolution_x, render.resolution_y],
+        "display_size": display_size,
         "engine": render.engine,
-        "layers": [layer.name for layer in scene.view_layers if layer.use],
+        "layer": layer,
         "view": {
             "display": scene.display_settings.display_device, "view": view.view_transform, "look": view.look,
             "exposure": view.exposure, "gamma": view.gamma,

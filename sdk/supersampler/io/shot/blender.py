@@ -7,7 +7,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.io.images import read_exr_channels
-from supersampler.io.shot.channels import ChannelMap, import_channels
+from supersampler.io.shot.channels import import_channels
 from supersampler.io.shot.numbered import Jitter, numbered_files
 from supersampler.io.shot.shot import Shot
 
@@ -51,7 +51,7 @@ def import_blender(
     folder = Path(folder)
     first = next(iter(numbered_files(folder, "*.exr").values()))
     channels = read_exr_channels(first)
-    channel_map = dict(_layer_map(first, channels, layer))
+    channel_map = layer_map(first, channels, layer)
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
@@ -72,8 +72,22 @@ def is_blender(channels: Iterable[str]) -> bool:
     return bool(_complete_layers(list(channels)))
 
 
-def _layer_map(path: Path, channels: list[str], layer: str | None) -> ChannelMap:
-    layers = _complete_layers(channels)
+def layer_map(
+    path: Path, channels: list[str], layer: str | None, *, motion: bool = True
+) -> dict[str, list[str]]:
+    """Return the channels of a view layer's passes by our names.
+
+    Args:
+        path: the file, for messages.
+        channels: names of all of its channels.
+        layer: name of the view layer; None where only one is complete.
+        motion: whether the pass Vector is needed.
+
+    Raises:
+        ShotError: no layer has all passes that are needed.
+        ArgumentError: several have, or `layer` has not.
+    """
+    layers = _complete_layers(channels, motion=motion)
     if not layers:
         raise ShotError(path, f"has no layer with all passes; it has {', '.join(channels)}", _NEEDED)
     if layer is None and len(layers) > 1:
@@ -96,13 +110,14 @@ def _layer_map(path: Path, channels: list[str], layer: str | None) -> ChannelMap
     return {name: names for name, names in found.items() if names[0] in channels}
 
 
-def _complete_layers(channels: Sequence[str]) -> list[str]:
-    """Return the names of the layers that have colour, depth and motion, in the file's order."""
+def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:
+    """Return the names of the layers that have colour, depth and, if wanted, motion, in the file's order."""
     layers = [name.removesuffix(".Combined.R") for name in channels if name.endswith(".Combined.R")]
     return [
         layer
         for layer in layers
-        if f"{layer}.Vector.X" in channels and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
+        if (not motion or f"{layer}.Vector.X" in channels)
+        and any(f"{layer}.{depth}" in channels for depth in _DEPTH)
     ]
 
 

@@ -54,8 +54,10 @@ class Shot:
         read_raw: Callable[[int, Collection[str] | None], RawFrame],
         read_reference: Callable[[int], Float32],
         read_classes: Callable[[int], ClassMaps | None] = lambda _: None,
+        stop_waiting: Callable[[], None] = lambda: None,
     ) -> None:
         self.path, self.info = path, info
+        self._stop_waiting = stop_waiting  # ends a `read_raw` that waits for a frame to appear
         self._entries, self._raw = tuple(entries), read_raw
         self._reference, self._classes = read_reference, read_classes
 
@@ -165,6 +167,7 @@ class Shot:
             while waiting:
                 yield waiting.popleft().result()
         finally:
+            self._stop_waiting()
             pool.shutdown(cancel_futures=True)
 
     def read(self, index: int) -> ShotFrame:

@@ -11,12 +11,14 @@ from supersampler.io.atomic import os_errors_as_shot_error
 from supersampler.io.images import read_exr_channels
 from supersampler.io.shot.arm import import_arm
 from supersampler.io.shot.blender import import_blender, is_blender
+from supersampler.io.shot.blender_render import import_render
 from supersampler.io.shot.channels import MAP_FILE_NAME, import_channels, import_described_channels
 from supersampler.io.shot.format import FILE_NAME
+from supersampler.io.shot.render_record import RENDER_FILE
 from supersampler.io.shot.shipped import path_or_shipped
 from supersampler.io.shot.shot import Shot
 
-Layout: TypeAlias = Literal["auto", "shot", "blender", "channels", "arm"]
+Layout: TypeAlias = Literal["auto", "shot", "render", "blender", "channels", "arm"]
 _KNOWN = (
     f"Known are a folder with {FILE_NAME}, Blender's EXR frames, EXR frames with {MAP_FILE_NAME}, and Arm's "
     ".safetensors."
@@ -29,7 +31,8 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
     Args:
         path: the folder, its shot.json or another JSON file of that format, or the .safetensors file; or the
             name of a shot that ships.
-        layout: "auto" detects it from the files; else "shot", "blender", "channels" or "arm".
+        layout: "auto" detects it from the files; else "shot", "render" (`supersampler blender` rendered it),
+            "blender", "channels" or "arm".
         options: arguments of the layout's importer: `import_blender`, `import_channels` or `import_arm`.
             Without a channel_map the layout "channels" reads the channels.json in the folder.
 
@@ -44,6 +47,7 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
         layout = guess_layout(path)
     openers: Mapping[str, Callable[..., Shot]] = {
         "shot": Shot.open,
+        "render": import_render,
         "blender": import_blender,
         "channels": import_channels if "channel_map" in options else import_described_channels,
         "arm": import_arm,
@@ -55,7 +59,7 @@ def open_source(path: Path | str, *, layout: Layout = "auto", **options: object)
     return openers[layout](path, **options)
 
 
-def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
+def guess_layout(path: Path) -> Literal["shot", "render", "blender", "channels", "arm"]:
     """Return the layout by file and channel names; ShotError, with what was found, where it is unknown."""
     with os_errors_as_shot_error(path, hint=_KNOWN):
         if path.is_file() and path.suffix in (".safetensors", ".json"):
@@ -66,6 +70,8 @@ def guess_layout(path: Path) -> Literal["shot", "blender", "channels", "arm"]:
             raise ShotError(path, "is neither a folder nor a .json or .safetensors file", _KNOWN)
         if (path / FILE_NAME).exists():
             return "shot"
+        if (path / RENDER_FILE).exists():
+            return "render"
         if (path / MAP_FILE_NAME).exists():
             return "channels"
         names = sorted(item.name for item in path.iterdir())

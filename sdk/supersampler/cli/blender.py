@@ -1,0 +1,97 @@
+"""`supersampler blender`: renders a .blend file small, and upscales each frame while the next one renders."""
+
+from pathlib import Path
+from typing import Annotated, Literal
+
+import typer
+
+from supersampler.cli.arguments import Format, parse_size
+
+Engine = Literal["cycles", "eevee", "workbench"]
+
+
+def blender(
+    scene_file: Annotated[Path, typer.Argument(metavar="SCENE.blend", help="The file; it is never written.")],
+    output: Annotated[Path, typer.Option("-o", "--output", help="Folder to write.")],
+    frames: Annotated[
+        str | None, typer.Option(metavar="FIRST-LAST", help="Frames, 1-48.", show_default="the scene's")
+    ] = None,
+    display_size: Annotated[
+        str | None,
+        typer.Option(metavar="WxH", help="Size of the results.", show_default="the scene's resolution"),
+    ] = None,
+    scale: Annotated[float, typer.Option(help="Display over render size, 1.0 to 4.0.")] = 2.0,
+    samples: Annotated[
+        int | None, typer.Option(min=1, help="Samples of a render pixel.", show_default="the scene's")
+    ] = None,
+    denoise: Annotated[
+        bool | None,
+        typer.Option("--denoise/--no-denoise", help="Denoise in Cycles.", show_default="as the scene does"),
+    ] = None,
+    engine: Annotated[Engine | None, typer.Option(help="Render engine.", show_default="the scene's")] = None,
+    blender: Annotated[
+        str | None,
+        typer.Option(metavar="PATH", help="Blender, or a Python that has bpy.", show_default="looked for"),
+    ] = None,
+    camera: Annotated[str | None, typer.Option(help="Name of a camera.", show_default="the scene's")] = None,
+    scene: Annotated[str | None, typer.Option(help="Name of a scene.", show_default="the active one")] = None,
+    method: Annotated[
+        str | None, typer.Option(help="A shipped model by name.", show_default="classifier")
+    ] = None,
+    format: Annotated[  # noqa: A002  # the option's name
+        list[Format] | None,
+        typer.Option(
+            help="exr: linear half floats. png: as Blender's view transform shows it. Twice for both.",
+            show_default="exr",
+        ),
+    ] = None,
+    compare: Annotated[
+        bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
+    ] = False,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace render and results of an earlier run.")
+    ] = False,
+) -> None:
+    """Render SCENE.blend at low resolution with jitter, and upscale each frame while the next one renders.
+
+    Blender runs in the background, in a process of its own. Frames of its render go to OUTPUT/render, the
+    results to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field, compositing and wide
+    pixel filters are off, and each is said; all else is as the file has it. A run that was stopped continues
+    when the same command is given again.
+
+    \b
+    Examples:
+      supersampler blender kitchen.blend -o out --frames 1-48
+      supersampler blender kitchen.blend -o out --display-size 3840x2160 --samples 16 --denoise --format png
+    """  # noqa: D301  # \b is click's mark for lines that are not to be joined
+    from rich.console import Console
+
+    from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
+
+    console = Console(stderr=True, highlight=False)
+    request = RenderRequest(
+        blend=scene_file,
+        frames=None if frames is None else frame_range(frames),
+        display_size=None if display_size is None else parse_size(display_size),
+        scale=scale,
+        samples=samples,
+        denoise=denoise,
+        engine=engine,
+        camera=camera,
+        scene=scene,
+        program=blender,
+    )
+    with rendering(request, output / "render", overwrite=overwrite, note=console.print) as shot:
+        job = UpscaleJob(
+            shot=shot,
+            output=output,
+            model=method,
+            formats=tuple(sorted({item.value for item in format or [Format.exr]})),
+            compare=compare,
+            overwrite=overwrite,
+            holds_shot=True,
+            console=console,
+        )
+        run_job(job)
+    typer.echo(f"Frames: {output}")
