@@ -68,6 +68,7 @@ def blender(
 
     from supersampler.cli.run import UpscaleJob, run_job
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
+    from supersampler.io.view_transform import ViewTransform
 
     console = Console(stderr=True, highlight=False)
     request = RenderRequest(
@@ -82,15 +83,16 @@ def blender(
         scene=scene,
         program=blender,
     )
-    with rendering(request, output / "render", overwrite=overwrite, note=console.print) as shot:
+    with rendering(request, output / "render", overwrite=overwrite, note=console.print) as render:
         job = UpscaleJob(
-            shot=shot,
+            shot=render.shot,
             output=output,
             model=method,
             formats=tuple(sorted({item.value for item in format or [Format.exr]})),
             compare=compare,
             overwrite=overwrite,
             holds_shot=True,
+            view=ViewTransform(config=render.scene.ocio, **render.scene.view),
             console=console,
         )
         run_job(job)

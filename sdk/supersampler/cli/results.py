@@ -27,6 +27,7 @@ from supersampler.io.atomic import is_regular, is_there, remove_files, remove_pa
 from supersampler.io.display import display_transform, to_uint8
 from supersampler.io.images import write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
+from supersampler.io.view_transform import ViewTransform
 from supersampler.model import Model
 
 _NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{re.escape(FILE_NAME)}|{re.escape(PAGE)}")
@@ -39,10 +40,11 @@ class Results:
     Args:
         folder: the folder.
         formats: "exr", "png" or both.
+        view: what PNG files show; by default exposure and the display transform.
     """
 
-    def __init__(self, folder: Path, formats: Sequence[str]) -> None:
-        self.folder, self.formats = folder, tuple(formats)
+    def __init__(self, folder: Path, formats: Sequence[str], view: ViewTransform | None = None) -> None:
+        self.folder, self.formats, self._view = folder, tuple(formats), view
         self._record = RunRecord({})
 
     def begin(
@@ -103,7 +105,7 @@ class Results:
         *,
         recorded: bool = False,
     ) -> None:
-        """Write one frame atomically: EXR as linear half floats, PNG after the display transform.
+        """Write one frame atomically: EXR as linear half floats, PNG as it is shown.
 
         Args:
             index: its index in the shot; its file has the number of the shot's first frame + index.
@@ -122,7 +124,8 @@ class Results:
             if path.suffix == ".exr":
                 write_exr(path, *_with_aovs(image, aovs))
             else:
-                write_png(path, to_uint8(display_transform(image, exposure)))
+                view = self._view
+                write_png(path, to_uint8(view.show(image) if view else display_transform(image, exposure)))
 
     def begin_page(self) -> Path:
         """List the page in upscale.json and return its path; ShotError if it is another program's."""

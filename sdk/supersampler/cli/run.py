@@ -3,7 +3,7 @@
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import AbstractContextManager, ExitStack, contextmanager, nullcontext
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Literal
 
@@ -32,6 +32,7 @@ from supersampler.io.atomic import check_apart
 from supersampler.io.compare import ERROR_LEGEND, About, ComparePage, compare_layers, compare_page, versions
 from supersampler.io.display import ExposureMeter
 from supersampler.io.shot import Shot
+from supersampler.io.view_transform import ViewTransform
 from supersampler.methods.model_file import find_model, read_model_info
 from supersampler.model import Model, Precision, Skip
 from supersampler.presets import PresetName, chosen
@@ -56,7 +57,7 @@ class UpscaleJob:
     `extrapolation` is the name or folder of the model for unshaded frames. Without `display_size` and `scale`
     the images have the shot's display size; without one, the model's only ratio, or 2x. `record` is a folder
     to record all frames to; the recording of an earlier run into `output` is replaced. With `holds_shot`
-    the shot may be in a subfolder of `output` of its own.
+    the shot may be in a subfolder of `output` of its own. `view` is what PNG files show.
     """
 
     shot: Shot
@@ -77,6 +78,7 @@ class UpscaleJob:
     record: Path | None = None
     overwrite: bool = False
     holds_shot: bool = False
+    view: ViewTransform | None = None
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
 
 
@@ -88,7 +90,7 @@ def run_job(job: UpscaleJob) -> Results:
         SupersamplerError: a frame, a file or the model is not usable; or the output lies in the shot, or
             would replace files of another program.
     """
-    results, count = Results(job.output, job.formats), len(job.shot)
+    results, count = Results(job.output, job.formats, job.view), len(job.shot)
     for written in filter(None, (None if job.holds_shot else job.output, job.record)):
         check_apart(written, job.shot.source)
     with ExitStack() as stack:
@@ -159,6 +161,7 @@ def _settings(job: UpscaleJob, upscaler: Upscaler) -> dict[str, object]:
         "extrapolation": None if extrapolation is None else dict(extrapolation.files),
         "display size": size_text(upscaler.display_size),
         "formats": list(job.formats),
+        "view": None if job.view is None else asdict(job.view),
     }
 
 

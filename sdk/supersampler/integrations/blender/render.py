@@ -24,7 +24,13 @@ from supersampler.io.atomic import (
     remove_partial_files,
 )
 from supersampler.io.shot.blender_render import frame_file, rendered_shot
-from supersampler.io.shot.render_record import RENDER_FILE, Camera, RenderRecord, read_render_record
+from supersampler.io.shot.render_record import (
+    RENDER_FILE,
+    Camera,
+    RenderedScene,
+    RenderRecord,
+    read_render_record,
+)
 from supersampler.io.shot.shot import Shot
 
 Engine = Literal["cycles", "eevee", "workbench"]
@@ -74,11 +80,19 @@ class RenderRequest:
         }
 
 
+@dataclass(frozen=True, slots=True)
+class Rendering:
+    """What is rendered: the scene, and its frames."""
+
+    scene: RenderedScene
+    shot: Shot
+
+
 @contextmanager
 def rendering(
     request: RenderRequest, folder: Path, *, overwrite: bool = False, note: Callable[[str], None]
-) -> Iterator[Shot]:
-    """Yield a Shot whose frames Blender renders meanwhile: reading one waits until it is complete.
+) -> Iterator[Rendering]:
+    """Yield a scene and a Shot, whose frames Blender renders meanwhile: reading one waits for it.
 
     Frames that an earlier call with the same request has completed are kept. Blender ends with the block.
 
@@ -98,7 +112,7 @@ def rendering(
     rendered = _RenderFolder(folder, request)
     rendered.begin(overwrite=overwrite)
     if rendered.is_complete():
-        yield rendered.shot(lambda _: None, lambda: None)
+        yield rendered.rendering(lambda _: None, lambda: None)
         return
     program = find_blender(request.program)
     rendered.prepare()
@@ -111,7 +125,7 @@ def rendering(
     }
     with BlenderRender(program, request.blend, folder, script, note=note, listed=rendered.add) as render:
         rendered.describe(render)
-        yield rendered.shot(lambda index: render.wait_for(index - complete), render.close)
+        yield rendered.rendering(lambda index: render.wait_for(index - complete), render.close)
 
 
 class _RenderFolder:
@@ -170,14 +184,16 @@ class _RenderFolder:
         with os_errors_as_shot_error(path, "written", NO_ROOM):
             file.replace(path)
 
-    def shot(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Shot:
-        """Return the Shot; `wait` is called with a frame's index before it is read."""
+    def rendering(self, wait: Callable[[int], None], stop_waiting: Callable[[], None]) -> Rendering:
+        """Return scene and Shot; `wait` is called with a frame's index before it is read."""
+        assert self.record.scene is not None  # noqa: S101  # the callers wait for it
 
         def camera_of(index: int) -> Camera:
             wait(index)
             return self.record.cameras[index]
 
-        return rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
+        shot = rendered_shot(self.path, self.record, self._count(), camera_of, stop_waiting)
+        return Rendering(self.record.scene, shot)
 
     def _count(self) -> int:
         assert self.record.scene is not None  # noqa: S101  # the callers wait for it
