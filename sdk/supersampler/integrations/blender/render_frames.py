@@ -121,6 +121,8 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         if samples is not None:
             scene.eevee.taa_render_samples = samples
     elif scene.render.engine == "BLENDER_WORKBENCH":
+        if scene.camera.data.type == "ORTHO":
+            raise SceneError("Workbench writes no motion of an orthographic camera; give --engine eevee")
         scene.display.render_aa = "OFF"
     else:
         raise SceneError(
@@ -220,26 +222,27 @@ class CameraShift:
     def set(self, number: int, jitter: list[float]) -> tuple[float, float]:
         """Go to a frame, add the jitter, and return the shift without it; both in render pixels."""
         x, y = self.constant or self.own[number]
-        unit = self._pixels()
-        self.data.shift_x, self.data.shift_y = x + jitter[0] / unit, y - jitter[1] / unit
+        unit_x, unit_y = self._pixels()
+        self.data.shift_x, self.data.shift_y = x + jitter[0] / unit_x, y - jitter[1] / unit_y
         for name in ("shift_x", "shift_y"):
             self.data.keyframe_insert(name, frame=number)
         self.scene.frame_set(number)
-        return x * unit, y * unit
+        return x * unit_x, y * unit_y
 
     def _read(self, number: int) -> tuple[float, float]:
         self.scene.frame_set(number)
         data = self.scene.camera.evaluated_get(bpy.context.evaluated_depsgraph_get()).data
         return data.shift_x, data.shift_y
 
-    def _pixels(self) -> Any:
-        """Return how many render pixels a shift of 1 is: the side that the sensor fits."""
+    def _pixels(self) -> tuple[float, float]:
+        """Return how many render pixels a shift of 1 is in x and y: the side that the sensor fits."""
         render = self.scene.render
         width, height = render.resolution_x, render.resolution_y
         aspect = render.pixel_aspect_y / render.pixel_aspect_x
-        if self.data.sensor_fit == "AUTO":
-            return width if width >= height * aspect else height * aspect
-        return width if self.data.sensor_fit == "HORIZONTAL" else height * aspect
+        fit = self.data.sensor_fit
+        is_wide = width >= height * aspect if fit == "AUTO" else fit == "HORIZONTAL"
+        side = width if is_wide else height * aspect
+        return side, side / aspect
 
 
 def own_copy(scene: Any, camera: Any) -> Any:

@@ -47,8 +47,8 @@ def rendered_shot(
 ) -> Shot:
     """Return a Shot of frames that need not exist yet.
 
-    Vectors are corrected for what Blender's Vector pass has none of: changes of the lens shift, the sky, and,
-    where there is no such pass (Workbench), the camera.
+    Vectors are corrected, as rendered and measured with Blender 4.5: Cycles' hold no change of the lens shift,
+    and none of the sky; Eevee's hold both, and the jitter's; Workbench writes none, and gets the camera's.
 
     Args:
         folder: of the frames.
@@ -79,7 +79,7 @@ def rendered_shot(
         path = folder / entries[index].file
         arrays = _arrays(path, scene, gbuffers)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
-        motion = None if before is None else _motion(path, arrays, (now, before), jitters)
+        motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
         return RawFrame(
             color=arrays["color"],
             depth=arrays["depth"],
@@ -117,31 +117,30 @@ def _arrays(path: Path, scene: RenderedScene, gbuffers: Collection[str] | None) 
 
 
 def _motion(
-    path: Path,
     arrays: Mapping[str, Array],
+    engine: str,
     cameras: tuple[Camera, Camera],
     jitters: tuple[tuple[float, float], tuple[float, float]],
 ) -> Float32:
     """Return the vectors of a frame in Blender's conventions: previous minus current, pixels, y up."""
     (now, before), depth = cameras, arrays["depth"]
-    unseen = depth >= _SKY
+    if engine.startswith("BLENDER_EEVEE"):
+        change = np.subtract(*jitters) * (-1.0, 1.0)  # of the jitter, y up
+        return arrays["motion"].astype(np.float32, copy=False) + change.astype(np.float32)
+    unknown = depth >= _SKY
     if "motion" in arrays:
         shift = np.subtract(now.shift, before.shift).astype(np.float32)  # what is seen moves against it
         motion: Float32 = arrays["motion"].astype(np.float32, copy=False) + shift
     else:
-        motion, unseen = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
-    if not unseen.any():
-        return motion
-    if not now.matrix[3, :3].any():  # all rays are parallel: the sky is of one colour
-        if "motion" not in arrays:
-            hint = "Choose a perspective camera, or --engine cycles."
-            raise ShotError(path, "has no motion, and its camera is orthographic", hint)
+        motion, unknown = np.zeros((*depth.shape, 2), np.float32), np.ones(depth.shape, bool)
+    is_parallel = not now.matrix[3, :3].any()  # then the sky is of one colour
+    if is_parallel or not unknown.any():
         return motion
     size = depth.shape[1], depth.shape[0]
     matrices = [_without_jitter(c, jitter, size) for c, jitter in zip(cameras, jitters, strict=True)]
     near = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth < _SKY)
     moved = camera_motion(near, *matrices, jitter=jitters[0], near=1.0, clip="minus_one_to_one")
-    motion[unseen] = (moved * np.array([1.0, -1.0], np.float32))[unseen]
+    motion[unknown] = (moved * np.array([1.0, -1.0], np.float32))[unknown]
     return motion
 
 

@@ -1,0 +1,103 @@
+"""Build a small scene in Blender and save it: python make_scene.py FILE.blend '{"orthographic": true}'.
+
+A camera that turns, walks and shifts its lens above a floor, before a sky; a cube that moves. Options: see
+`DEFAULTS`; `properties` are set as they are, such as {"scene.frame_step": 2}.
+"""
+
+import json
+import random
+import sys
+from typing import Any
+
+import bpy
+
+DEFAULTS: dict[str, Any] = {
+    "orthographic": False,
+    "size": [96, 64],
+    "percentage": 100,
+    "camera": True,
+    "sensor_fit": "AUTO",
+    "shift": [[0.02, -0.03], [0.12, 0.07]],  # of the lens, at the first and the last frame
+    "lens": [35.0, 35.0],  # mm, likewise
+    "still": False,  # nothing moves, not even the camera
+    "properties": {},
+}
+FIRST, LAST = 5, 10
+OBJECTS = 14
+
+
+def build(options: dict[str, Any]) -> None:
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    scene = bpy.context.scene
+    scene.render.engine, scene.cycles.samples = "CYCLES", 1
+    scene.cycles.use_denoising = scene.cycles.use_adaptive_sampling = False
+    scene.frame_start, scene.frame_end = FIRST, LAST
+    scene.render.resolution_x, scene.render.resolution_y = options["size"]
+    scene.render.resolution_percentage = options["percentage"]
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.use_nodes = True
+    sky = scene.world.node_tree.nodes.new("ShaderNodeTexChecker")  # seen when the camera turns
+    sky.inputs["Scale"].default_value = 9.0
+    background = scene.world.node_tree.nodes["Background"]
+    scene.world.node_tree.links.new(sky.outputs["Color"], background.inputs["Color"])
+    chance = random.Random(3)
+    bpy.ops.mesh.primitive_plane_add(size=30, location=(0, 0, -1))
+    paint(bpy.context.object, (0.6, 0.6, 0.6))
+    for _ in range(OBJECTS):
+        place = chance.uniform(-5, 5), chance.uniform(-5, 5), chance.uniform(-0.6, 1.5)
+        bpy.ops.mesh.primitive_cube_add(size=chance.uniform(0.5, 1.2), location=place)
+        paint(bpy.context.object, tuple(chance.random() for _ in range(3)))
+    light = bpy.data.objects.new("Sun", bpy.data.lights.new("Sun", "SUN"))
+    light.data.energy, light.rotation_euler = 3.0, (0.7, 0.2, 0.3)
+    scene.collection.objects.link(light)
+    if options["camera"]:
+        add_camera(scene, options)
+    if not options["still"]:
+        move(bpy.data.objects["Cube.003"], "location", [(1.0, -2.0, 0.3), (2.0, -1.5, 0.5)])
+    for name, value in options["properties"].items():
+        holder, _, attribute = name.rpartition(".")
+        target = scene
+        for part in holder.split(".")[1:]:
+            target = getattr(target, part)
+        setattr(target, attribute, value)
+
+
+def paint(item: Any, color: tuple[float, ...]) -> None:
+    material = bpy.data.materials.new("Paint")
+    material.use_nodes = True
+    material.node_tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (*color, 1.0)
+    item.data.materials.append(material)
+
+
+def add_camera(scene: Any, options: dict[str, Any]) -> None:
+    data = bpy.data.cameras.new("Camera")
+    data.type = "ORTHO" if options["orthographic"] else "PERSP"
+    data.ortho_scale, data.sensor_fit = 11.0, options["sensor_fit"]
+    camera = bpy.data.objects.new("Camera", data)
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+    moved = 0.0 if options["still"] else 1.0
+    move(camera, "location", [(7.0, -7.0, 3.0), (7.0 - 0.5 * moved, -7.0 + 0.8 * moved, 3.0)])
+    move(camera, "rotation_euler", [(1.35, 0.0, 0.78), (1.35 - 0.05 * moved, 0.0, 0.78 + 0.12 * moved)])
+    first, last = options["shift"]
+    move(data, "lens", options["lens"])
+    if first == last:  # no animation of it
+        data.shift_x, data.shift_y = first
+        return
+    move(data, "shift_x", [first[0], last[0]])
+    move(data, "shift_y", [first[1], last[1]])
+
+
+def move(item: Any, name: str, values: list[Any]) -> None:
+    """Key a property at the first and the last frame; a property that does not change is set alone."""
+    if values[0] == values[1]:
+        setattr(item, name, values[0])
+        return
+    for frame, value in zip((FIRST, LAST), values, strict=True):
+        setattr(item, name, value)
+        item.keyframe_insert(name, frame=frame)
+
+
+if __name__ == "__main__":
+    build({**DEFAULTS, **json.loads(sys.argv[-1])})
+    bpy.ops.wm.save_as_mainfile(filepath=sys.argv[-2])
