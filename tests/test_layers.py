@@ -35,8 +35,10 @@ FLOORS = (  # of the SDK, the lowest first: a module imports from its own floor 
     ("recording",),
     ("upscaler",),
     ("recording.replay",),
+    ("integrations",),
     ("cli",),
 )
+PROGRAMS = {"bpy", "vtkmodules"}  # other people's: only integrations import them
 RUNTIME = {"numpy", "onnxruntime", "OpenImageIO", "numba", "llvmlite", "typer", "rich"}  # a runtime install
 
 
@@ -144,6 +146,12 @@ def test_a_circle_for_types_alone_is_found(tmp_path: Path) -> None:
         tuple(TopologicalSorter(imports_of(tmp_path / "pack")).static_order())
 
 
+def test_what_runs_inside_blender_imports_nothing_of_ours() -> None:
+    file = ROOT / "sdk" / "supersampler" / "integrations" / "blender" / "render_frames.py"
+    names = {name for _, name in imported(file)}
+    assert names - set(sys.stdlib_module_names) == {"bpy"}
+
+
 def test_operations_import_nothing_that_is_made_of_them() -> None:
     """Else which module is imported first decides whether the import works."""
     files = sorted((ROOT / "model" / "supersampler_model" / "ops").glob("*.py"))
@@ -166,7 +174,11 @@ def test_every_folder_says_what_lives_there(package: str) -> None:
 
 
 def test_the_sdk_imports_its_runtime_dependencies_and_nothing_else() -> None:
-    assert imports_outside("supersampler", RUNTIME | {"supersampler"} | set(sys.stdlib_module_names)) == []
+    allowed = RUNTIME | {"supersampler"} | set(sys.stdlib_module_names)
+    found = imports_outside("supersampler", allowed)
+    doors = [line for line in found if line.startswith("sdk/supersampler/integrations/")]
+    assert {line.rpartition(" ")[2] for line in doors} <= PROGRAMS
+    assert sorted(set(found) - set(doors)) == []
 
 
 def test_the_checks_above_can_fail(tmp_path: Path) -> None:

@@ -60,7 +60,7 @@ def test_what_cannot_be_guessed_is_answered_with_what_was_found(tmp_path: Path) 
     with pytest.raises(ShotError, match=r"holds EXR frames with the channels R, Z\. A channels\.json says"):
         open_source(tmp_path)
     with pytest.raises(
-        ArgumentError, match="layout is 'exr'; want 'auto', 'shot', 'blender', 'channels' or 'arm'"
+        ArgumentError, match="layout is 'exr'; want 'auto', 'shot', 'render', 'blender', 'channels' or 'arm'"
     ):
         open_source(tmp_path, layout="exr")  # type: ignore[arg-type]
 

@@ -54,7 +54,5 @@ class ViewTransform:
             raise ShotError(
                 self.config, f"has no such view ({shown.geterror()})", "Is it Blender's own file?"
             )
-        values: Float32 = np.clip(shown.get_pixels(FLOAT), 0.0, 1.0) ** np.float32(
-            1.0 / max(self.gamma, 1e-6)
-        )
-        return values
+        values = np.asarray(shown.get_pixels(FLOAT), np.float32).clip(0.0, 1.0)
+        return values ** np.float32(1.0 / max(self.gamma, 1e-6))

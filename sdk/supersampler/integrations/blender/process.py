@@ -6,9 +6,10 @@ import shutil
 import subprocess
 import sys
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from threading import Condition, Thread
+from typing import Protocol
 
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.io.json_fields import Field
@@ -47,11 +48,24 @@ def find_blender(path: str | None = None) -> str:
     return found
 
 
+class RenderTarget(Protocol):
+    """Takes what Blender renders, as it comes."""
+
+    def note(self, line: str) -> None:
+        """Take a line about what is rendered otherwise than the file says."""
+
+    def describe(self, scene: RenderedScene) -> None:
+        """Take what is rendered; once, before the first frame."""
+
+    def add(self, file: Path, camera: Camera) -> None:
+        """Take the next frame: its file, of a temporary name, and its camera."""
+
+
 class BlenderRender:
     """A running render; frames are complete in the order of their numbers.
 
-    >>> with BlenderRender(find_blender(), blend, folder, settings, note=print, listed=list_it) as render:
-    ...     scene = render.scene()
+    >>> with BlenderRender(find_blender(), blend, folder, settings, target) as render:
+    ...     render.wait_for_scene()
     ...     render.wait_for(0)
 
     Args:
@@ -59,9 +73,7 @@ class BlenderRender:
         blend: the scene's file; it is never written.
         folder: to render into. blender.log there gets all that Blender says.
         settings: see `render_frames.main`, without "blend" and "folder".
-        note: called with each line about what is rendered otherwise than the file says.
-        listed: called with each frame's file, of another name, and its camera, in another thread; ShotErrors
-            that it raises end the render.
+        target: takes what is rendered, in another thread; ShotErrors that it raises end the render.
 
     Raises:
         ShotError: (of any method) Blender ended before its work was done; says why, as far as it told.
@@ -73,12 +85,10 @@ class BlenderRender:
         blend: Path,
         folder: Path,
         settings: Mapping[str, object],
-        *,
-        note: Callable[[str], None],
-        listed: Callable[[Path, Camera], None],
+        target: RenderTarget,
     ) -> None:
-        self._blend, self._note, self._listed = blend, note, listed
-        self._scene: RenderedScene | None = None
+        self._blend, self._target = blend, target
+        self._has_scene = False
         self._count = 0  # frames that are complete
         self._error: str | ShotError = "Blender said nothing of why"
         self._done = False
@@ -105,13 +115,12 @@ class BlenderRender:
     def __exit__(self, *_: object) -> None:
         self.close()
 
-    def scene(self) -> RenderedScene:
-        """Wait until Blender has opened the file, and return what it renders."""
+    def wait_for_scene(self) -> None:
+        """Wait until Blender has opened the file."""
         with self._changed:
-            self._changed.wait_for(lambda: self._scene is not None or self._done)
-            if self._scene is None:
+            self._changed.wait_for(lambda: self._has_scene or self._done)
+            if not self._has_scene:
                 raise self._failure("before the first frame")
-            return self._scene
 
     def wait_for(self, index: int) -> None:
         """Wait until a frame is complete, by its place among those that are rendered."""
@@ -129,6 +138,8 @@ class BlenderRender:
             except subprocess.TimeoutExpired:
                 self._process.kill()
         self._reader.join()
+        if self._process.stdout is not None:
+            self._process.stdout.close()
         self._log.close()
 
     def _read(self) -> None:
@@ -147,7 +158,7 @@ class BlenderRender:
             self._done = True
             if code and not told:
                 said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
-                self._error = f"Blender ended with {code}: {said}"
+                self._error = f"Blender ended with {code}{said and f': {said}'}"
             self._changed.notify_all()
 
     def _take(self, text: str) -> bool:
@@ -159,12 +170,13 @@ class BlenderRender:
                     self._error = content["error"].of(str)
                     return False
                 if "scene" in content.value:
-                    self._scene = RenderedScene.of(content["scene"])
+                    self._target.describe(RenderedScene.of(content["scene"]))
+                    self._has_scene = True
                 elif "frame" in content.value:
-                    self._listed(Path(content["file"].of(str)), Camera.of(content))
+                    self._target.add(Path(content["file"].of(str)), Camera.of(content))
                     self._count += 1
                 else:
-                    self._note(content["note"].of(str))
+                    self._target.note(content["note"].of(str))
             except ShotError as error:
                 self._error = error
                 self._process.terminate()

@@ -109,7 +109,7 @@ def rendering(
     """
     check_is_file(request.blend)
     check_apart(folder, request.blend)
-    rendered = _RenderFolder(folder, request)
+    rendered = _RenderFolder(folder, request, note)
     rendered.begin(overwrite=overwrite)
     if rendered.is_complete():
         yield rendered.rendering(lambda _: None, lambda: None)
@@ -123,16 +123,16 @@ def rendering(
         "jitter": rendered.record.jitter,
         "complete": complete,
     }
-    with BlenderRender(program, request.blend, folder, script, note=note, listed=rendered.add) as render:
-        rendered.describe(render)
+    with BlenderRender(program, request.blend, folder, script, rendered) as render:
+        render.wait_for_scene()
         yield rendered.rendering(lambda index: render.wait_for(index - complete), render.close)
 
 
 class _RenderFolder:
     """The folder of the frames: a file is listed in render.json before it has its name."""
 
-    def __init__(self, path: Path, request: RenderRequest) -> None:
-        self.path, self.request = path, request
+    def __init__(self, path: Path, request: RenderRequest, note: Callable[[str], None]) -> None:
+        self.path, self.request, self.note = path, request, note
         scale = request.scale
         settings = request.settings()
         jitter = tuple(halton_jitter(index, scale) for index in range(jitter_phase_count(scale)))
@@ -169,9 +169,8 @@ class _RenderFolder:
         """Tell whether all frames that are wanted are there."""
         return self.record.scene is not None and self._count() <= len(self.record.cameras)
 
-    def describe(self, render: BlenderRender) -> None:
-        """Wait for the scene, and keep it."""
-        scene = render.scene()
+    def describe(self, scene: RenderedScene) -> None:
+        """Keep what is rendered."""
         first = scene.numbers[0] if self.request.frames is None else self.request.frames[0]
         self.record = replace(self.record, scene=scene, first=first)
         self.record.write(self.path)

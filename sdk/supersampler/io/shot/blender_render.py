@@ -47,8 +47,8 @@ def rendered_shot(
 ) -> Shot:
     """Return a Shot of frames that need not exist yet.
 
-    Vectors are corrected, as rendered and measured with Blender 4.5: Cycles' hold no change of the lens shift,
-    and none of the sky; Eevee's hold both, and the jitter's; Workbench writes none, and gets the camera's.
+    Vectors are corrected, as measured with Blender 4.5. Those of Cycles hold no change of the lens shift, and
+    none of the sky. Those of Eevee hold both, and the jitter's. Workbench writes none, and gets the camera's.
 
     Args:
         folder: of the frames.

@@ -1,0 +1,65 @@
+"""Acts as Blender for tests: it "renders" recorded frames, as the scene's file says.
+
+    fake_blender.py --background --python-exit-code 1 --python SCRIPT -- settings.json
+
+plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
+"crash at" or "hang at" a frame's number; "wait at" a number "for" a file. It prints "Fra:7" for each frame,
+as Blender does.
+"""
+
+import json
+import os
+import shutil
+import sys
+import time
+from pathlib import Path
+
+RECORDED = Path(__file__).with_name("recorded")
+
+
+def tell(**content: object) -> None:
+    print("supersampler " + json.dumps(content), flush=True)
+
+
+def stop(error: str) -> None:
+    tell(error=error)
+    sys.exit(1)
+
+
+def main() -> None:
+    settings = json.loads(Path(sys.argv[-1]).read_text())
+    record = json.loads((RECORDED / "render.json").read_text())
+    plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
+    print("Blender 4.5.15 LTS")
+    if "error" in plan:
+        stop(plan["error"])
+    if "crash" in plan:
+        print("Writing: /tmp/scene.crash.txt", flush=True)
+        os.abort()
+    tell(note="motion blur is off: it blurs what the history must follow")
+    tell(scene=record["scene"])
+    first, last = settings["frames"] or record["scene"]["numbers"]
+    for number in range(first + settings["complete"], last + 1):
+        if number == plan.get("error at"):
+            stop("Error: out of memory")
+        if number == plan.get("crash at"):
+            os.abort()
+        if number == plan.get("hang at"):
+            time.sleep(600)
+        if number == plan.get("wait at"):
+            wait_for(Path(plan["for"]))
+        print(f"Fra:{number} Mem:15.68M", flush=True)
+        part = Path(settings["folder"]) / f".{number:04d}.0123abcd.partial.exr"
+        shutil.copyfile(RECORDED / f"{number:04d}.exr", part)
+        tell(frame=number, file=str(part), **record["frames"][number - record["first"]])
+
+
+def wait_for(path: Path) -> None:
+    until = time.monotonic() + 60
+    while not path.exists():
+        if time.monotonic() > until:
+            stop(f"{path.name} never came")
+        time.sleep(0.01)
+
+
+main()

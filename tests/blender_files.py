@@ -1,0 +1,26 @@
+"""A recorded render of `tests/blender/make_scene.py`, and a Blender that only repeats it."""
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+HERE = Path(__file__).with_name("blender")
+RECORDED = HERE / "recorded"
+NUMBERS = (5, 8)  # of the recorded frames
+
+
+def fake_blender(folder: Path) -> Path:
+    """Write a program that acts as Blender."""
+    path = folder / "blender"
+    path.write_text(f'#!/bin/sh\nexec "{sys.executable}" "{HERE / "fake_blender.py"}" "$@"\n')
+    path.chmod(0o755)
+    return path
+
+
+def scene_file(folder: Path, **plan: Any) -> Path:
+    """Write a scene that the fake Blender renders; `plan` says what goes wrong ("_" for a blank)."""
+    path = folder / "scene.blend"
+    path.write_text("BLENDER")
+    path.with_name("plan.json").write_text(json.dumps({n.replace("_", " "): v for n, v in plan.items()}))
+    return path

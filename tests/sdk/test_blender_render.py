@@ -1,0 +1,123 @@
+"""Tests of the shot that `supersampler blender` renders: motion, sky, jitter, and its render.json."""
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from blender_files import NUMBERS, RECORDED
+from supersampler import ShotError
+from supersampler.conventions import camera_motion, jittered_projection
+from supersampler.frame import Float32
+from supersampler.io.images import read_exr, write_exr
+from supersampler.io.shot import Shot, open_source
+from supersampler.io.shot.render_record import RenderRecord, read_render_record
+from supersampler.validation import detect_conventions
+
+
+def of_the_camera(shot: Shot, record: RenderRecord, index: int) -> Float32:
+    """Motion of a frame if nothing but the camera moved, from the recorded matrices."""
+    frames = [shot.read(index).frame, shot.read(index - 1).frame]
+    matrices = [
+        jittered_projection(record.cameras[i].matrix, (-f.jitter[0], -f.jitter[1]), shot.render_size)
+        for i, f in zip((index, index - 1), frames, strict=True)
+    ]
+    near = shot.conventions.near
+    return camera_motion(
+        frames[0].depth, *matrices, jitter=frames[0].jitter, near=near, clip="minus_one_to_one"
+    )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    return Path(shutil.copytree(RECORDED, tmp_path / "render"))
+
+
+def test_motion_holds_the_change_of_the_lens_shift_and_the_turn_of_the_sky() -> None:
+    shot, record = open_source(RECORDED), read_render_record(RECORDED)
+    for index in (1, 2, 3):
+        frame, want = shot.read(index).frame, of_the_camera(shot, record, index)
+        wrong = np.abs(frame.motion - want).max(axis=-1)
+        assert np.percentile(wrong, 90) < 1e-3  # but the cube that moves
+        change = np.subtract(record.cameras[index].shift, record.cameras[index - 1].shift)
+        assert np.abs(change).min() > 0.4
+        sky = frame.depth == 0
+        assert 0.2 < sky.mean() < 0.8
+        assert wrong[sky].max() < 1e-4
+        assert np.abs(frame.motion[sky]).max() > 0.3
+
+
+def test_jitter_numbers_size_and_buffers_are_as_rendered() -> None:
+    shot, record = open_source(RECORDED), read_render_record(RECORDED)
+    assert (len(shot), shot.first_number) == (4, NUMBERS[0])
+    assert (shot.render_size, shot.display_size, shot.frame_rate) == ((48, 32), (96, 64), 24.0)
+    frames = [item.frame for item in shot]
+    assert [frame.jitter for frame in frames] == list(record.jitter[:4])
+    assert [frame.reset for frame in frames] == [True, False, False, False]
+    gbuffer = frames[0].gbuffer
+    assert gbuffer is not None
+    assert set(gbuffer) == {"normal", "base_color"}
+    assert frames[0].aovs is not None
+    assert shot.read_raw(1, gbuffers=()).gbuffer is None
+
+
+def test_the_checks_find_the_frames_as_stated() -> None:
+    detection = detect_conventions(open_source(RECORDED))
+    assert detection.agrees, detection.summary()
+
+
+def with_engine(folder: Path, engine: str) -> None:
+    path = folder / "render.json"
+    path.write_text(path.read_text().replace('"CYCLES"', f'"{engine}"'))
+
+
+def test_vectors_of_eevee_hold_all_but_their_jitter_is_taken_out(folder: Path) -> None:
+    truth, record = open_source(folder).read(2).frame.motion, read_render_record(folder)
+    path = folder / "0007.exr"
+    channels = read_exr(path)
+    now, before = record.jitter[2], record.jitter[1]
+    channels["ViewLayer.Vector.X"] = truth[..., 0] + np.float32(now[0] - before[0])
+    channels["ViewLayer.Vector.Y"] = -(truth[..., 1] + np.float32(now[1] - before[1]))
+    write_exr(path, channels)
+    with_engine(folder, "BLENDER_EEVEE_NEXT")
+    np.testing.assert_allclose(open_source(folder).read(2).frame.motion, truth, atol=1e-5)
+
+
+def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
+    record = read_render_record(folder)
+    for path in folder.glob("*.exr"):
+        write_exr(path, {name: a for name, a in read_exr(path).items() if "Vector" not in name})
+    with_engine(folder, "BLENDER_WORKBENCH")
+    shot = open_source(folder)
+    np.testing.assert_allclose(shot.read(3).frame.motion, of_the_camera(shot, record, 3), atol=1e-4)
+
+
+def test_a_record_is_read_as_it_was_written(folder: Path) -> None:
+    before = read_render_record(folder)
+    text = (folder / "render.json").read_text()
+    before.write(folder)
+    assert (folder / "render.json").read_text() == text
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"version": 2}, "is of version 2; this package reads 1"),
+        ({"first": -1}, "first is -1; want a whole number"),
+        ({"jitter": []}, r"jitter is \[\]; want \[x, y\] of one frame or more"),
+        ({"frames": [{"camera": [[1]], "shift": [0, 0]}]}, "camera is .*; want 4 rows of 4 numbers"),
+        ({"frames": [{"camera": [[0] * 4] * 4, "shift": [0, 0]}]}, "an invertible matrix"),
+        ({"frames": [{"camera": np.eye(4).tolist()}]}, "has no 'shift'"),
+        ({"frames": []}, "has no complete frame"),
+        ({"scene": {"name": "Scene"}}, "scene has no 'numbers'"),
+        ({"scene": None}, "does not describe the scene"),
+    ],
+)
+def test_a_damaged_record_is_refused(folder: Path, change: dict[str, Any], message: str) -> None:
+    path = folder / "render.json"
+    path.write_text(json.dumps({**json.loads(path.read_text()), **change}))
+    with pytest.raises(ShotError, match=message):
+        open_source(folder)
