@@ -5,6 +5,9 @@
 # make hashes compare every image of every method with bench/results/today/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
+# make test-integrations   `supersampler blender` with a real Blender, and PyVista: each where it can be had
+# make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
+# make pyvista   the second: PyVista from PyPI, OpenGL in software will do
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -13,7 +16,7 @@ DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test hashes fuzz mutation check docs clean
+.PHONY: demo test hashes fuzz mutation check docs clean test-integrations blender pyvista
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -21,6 +24,24 @@ demo: $(RUNTIME)
 # Two processes: threads of torch, in each, would wait for those of the other. Long files come early, as they lie.
 test: $(DEVELOPMENT)
 	OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
+
+test-integrations: blender pyvista
+
+# Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
+blender: $(DEVELOPMENT)
+	test -n "$$SUPERSAMPLER_BLENDER" -o -x .venv-blender/bin/python || $(PYTHON) -m venv .venv-blender
+	test -n "$$SUPERSAMPLER_BLENDER" || .venv-blender/bin/python -c 'import bpy' 2>/dev/null \
+	    || .venv-blender/bin/pip install -q --disable-pip-version-check 'bpy==4.5.*' \
+	    || rm -rf .venv-blender
+	test -n "$$SUPERSAMPLER_BLENDER" || ! test -d .venv-blender \
+	    || export SUPERSAMPLER_BLENDER=$(CURDIR)/.venv-blender/bin/python; \
+	    .venv-dev/bin/pytest -q -rs tests/integrations/test_blender.py
+
+pyvista: $(DEVELOPMENT)
+	test -d .venv-pyvista || $(PYTHON) -m venv .venv-pyvista
+	.venv-pyvista/bin/python -c 'import pyvista, supersampler, pytest' 2>/dev/null \
+	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis 'pyvista>=0.45'
+	.venv-pyvista/bin/pytest -q -rs tests/integrations/test_pyvista.py
 
 hashes: $(DEVELOPMENT)
 	.venv-dev/bin/python bench/studies/hashes.py --check bench/results/today/hashes.json
@@ -41,7 +62,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

@@ -9,26 +9,12 @@ import numpy as np
 import pytest
 
 from blender_files import NUMBERS, RECORDED
+from blender_motion import camera_motion_of
 from supersampler import ShotError
-from supersampler.conventions import camera_motion, jittered_projection
-from supersampler.frame import Float32
 from supersampler.io.images import read_exr, write_exr
-from supersampler.io.shot import Shot, open_source
-from supersampler.io.shot.render_record import RenderRecord, read_render_record
+from supersampler.io.shot import open_source
+from supersampler.io.shot.render_record import read_render_record
 from supersampler.validation import detect_conventions
-
-
-def of_the_camera(shot: Shot, record: RenderRecord, index: int) -> Float32:
-    """Motion of a frame if nothing but the camera moved, from the recorded matrices."""
-    frames = [shot.read(index).frame, shot.read(index - 1).frame]
-    matrices = [
-        jittered_projection(record.cameras[i].matrix, (-f.jitter[0], -f.jitter[1]), shot.render_size)
-        for i, f in zip((index, index - 1), frames, strict=True)
-    ]
-    near = shot.conventions.near
-    return camera_motion(
-        frames[0].depth, *matrices, jitter=frames[0].jitter, near=near, clip="minus_one_to_one"
-    )
 
 
 @pytest.fixture
@@ -39,7 +25,7 @@ def folder(tmp_path: Path) -> Path:
 def test_motion_holds_the_change_of_the_lens_shift_and_the_turn_of_the_sky() -> None:
     shot, record = open_source(RECORDED), read_render_record(RECORDED)
     for index in (1, 2, 3):
-        frame, want = shot.read(index).frame, of_the_camera(shot, record, index)
+        frame, want = shot.read(index).frame, camera_motion_of(shot, record, index)
         wrong = np.abs(frame.motion - want).max(axis=-1)
         assert np.percentile(wrong, 90) < 1e-3  # but the cube that moves
         change = np.subtract(record.cameras[index].shift, record.cameras[index - 1].shift)
@@ -92,7 +78,7 @@ def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
         write_exr(path, {name: a for name, a in read_exr(path).items() if "Vector" not in name})
     with_engine(folder, "BLENDER_WORKBENCH")
     shot = open_source(folder)
-    np.testing.assert_allclose(shot.read(3).frame.motion, of_the_camera(shot, record, 3), atol=1e-4)
+    np.testing.assert_allclose(shot.read(3).frame.motion, camera_motion_of(shot, record, 3), atol=1e-4)
 
 
 def test_a_record_is_read_as_it_was_written(folder: Path) -> None:

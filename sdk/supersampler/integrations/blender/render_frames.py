@@ -108,7 +108,7 @@ def choose_camera(scene: Any, name: str | None) -> None:
 def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
     """Choose engine, samples and denoising; no wide pixel filter, motion blur or depth of field."""
     if engine is not None:
-        scene.render.engine = engine_name(engine)
+        choose_engine(scene, engine)
     if scene.render.engine == "CYCLES":
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", EXACT_FILTER
         if samples is not None:
@@ -136,18 +136,20 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         tell(note="depth of field is off: blurred depth and motion belong to no place")
 
 
-def engine_name(engine: str) -> str:
-    """Return Blender's name of cycles, eevee or workbench, which changes between its versions."""
-    known = bpy.types.RenderSettings.bl_rna.properties["engine"].enum_items.keys()
-    wanted = {
+def choose_engine(scene: Any, engine: str) -> None:
+    """Choose cycles, eevee or workbench, whose names change between versions of Blender."""
+    names = {
         "cycles": ("CYCLES",),
         "eevee": ("BLENDER_EEVEE_NEXT", "BLENDER_EEVEE"),
         "workbench": ("BLENDER_WORKBENCH",),
     }
-    for name in wanted[engine]:
-        if name in known or name == "CYCLES":
-            return name
-    raise SceneError(f"this Blender has no {engine}; it has {', '.join(known)}")
+    for name in names[engine]:
+        try:
+            scene.render.engine = name
+        except TypeError:  # this version has none of that name
+            continue
+        return
+    raise SceneError(f"this Blender has no engine {engine}")
 
 
 def set_passes(scene: Any) -> str:

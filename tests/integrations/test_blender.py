@@ -1,0 +1,166 @@
+"""Tests of `supersampler blender` with a real Blender, or a Python that has bpy: `make blender` runs them.
+
+$SUPERSAMPLER_BLENDER names the program; without it `blender` on the path is taken.
+"""
+
+import json
+import os
+import shutil
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from typer.testing import CliRunner, Result
+
+from blender_files import HERE
+from blender_motion import camera_motion_of
+from supersampler.cli import app
+from supersampler.io.images import read_exr
+from supersampler.io.shot import Shot, open_source
+from supersampler.io.shot.render_record import RenderRecord, read_render_record
+from supersampler.validation import detect_conventions
+
+PROGRAM = os.environ.get("SUPERSAMPLER_BLENDER") or shutil.which("blender")
+pytestmark = pytest.mark.skipif(
+    PROGRAM is None, reason="no Blender: $SUPERSAMPLER_BLENDER is not set, and none is on the path"
+)
+
+
+def make_scene(folder: Path, **options: Any) -> Path:
+    path, script = folder / "scene.blend", HERE / "make_scene.py"
+    python = Path(str(PROGRAM)).stem.startswith("python")
+    words = [] if python else ["--background", "--python-exit-code", "1", "--python"]
+    command = [str(PROGRAM), *words, str(script), *([] if python else ["--"]), str(path), json.dumps(options)]
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
+    subprocess.run(command, check=True, capture_output=True, env=environment)
+    return path
+
+
+def render(folder: Path, *options: object, **scene: Any) -> Result:
+    blend = make_scene(folder, **scene)
+    before = blend.read_bytes()
+    command = ["blender", blend, "-o", folder / "out", "--blender", PROGRAM, "--frames", "6-8", *options]
+    done = CliRunner().invoke(app, [str(word) for word in command])
+    assert blend.read_bytes() == before
+    return done
+
+
+def rendered(folder: Path) -> tuple[Shot, RenderRecord]:
+    return open_source(folder / "out" / "render"), read_render_record(folder / "out" / "render")
+
+
+@pytest.mark.parametrize(
+    "scene",
+    [
+        {},
+        {"size": [64, 96]},
+        {"size": [64, 96], "sensor_fit": "HORIZONTAL"},
+        {"sensor_fit": "VERTICAL"},
+        {"size": [192, 128], "percentage": 50},
+        {"properties": {"scene.render.pixel_aspect_y": 1.5}},
+        {"lens": [35.0, 50.0]},
+    ],
+    ids=str,
+)
+def test_vectors_agree_with_the_camera_for_every_fit_of_the_sensor(
+    tmp_path: Path, scene: dict[str, Any]
+) -> None:
+    done = render(tmp_path, "--samples", 1, "--method", "bilinear", **scene)
+    assert done.exit_code == 0, done.output
+    shot, record = rendered(tmp_path)
+    for index in (1, 2):
+        change = np.subtract(record.cameras[index].shift, record.cameras[index - 1].shift)
+        assert np.abs(change).min() > 0.4
+        wrong = np.abs(shot.read(index).frame.motion - camera_motion_of(shot, record, index)).max(axis=-1)
+        assert np.percentile(wrong, 85) < 1e-3  # but the cube that moves
+
+
+def test_jitter_moves_the_samples_by_as_much_as_it_says(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 4, "--method", "bilinear", size=[320, 192], shift=[[0.1, 0.05]] * 2)
+    assert done.exit_code == 0, done.output
+    detection = detect_conventions(rendered(tmp_path)[0])
+    assert detection.agrees, detection.summary()
+    assert detection.jitter.margin > 1.2
+    assert detection.motion.margin > 1.2
+
+
+def test_an_orthographic_camera_is_jittered_likewise(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 4, "--method", "bilinear", orthographic=True, size=[320, 192])
+    assert done.exit_code == 0, done.output
+    detection = detect_conventions(rendered(tmp_path)[0])
+    assert detection.agrees, detection.summary()
+
+
+@pytest.mark.parametrize("engine", ["eevee", "workbench"])
+def test_other_engines_give_the_same_motion_of_the_camera(tmp_path: Path, engine: str) -> None:
+    done = render(tmp_path, "--samples", 1, "--engine", engine, "--method", "bilinear")
+    if done.exit_code and "GPU" in done.stderr:
+        pytest.skip(f"no GPU, not even in software: {done.stderr}")
+    assert done.exit_code == 0, done.output
+    shot, record = rendered(tmp_path)
+    for index in (1, 2):
+        wrong = np.abs(shot.read(index).frame.motion - camera_motion_of(shot, record, index)).max(axis=-1)
+        assert np.percentile(wrong, 85) < 0.02  # Eevee's vectors are half floats
+    assert ("Cube.003" in done.stderr) == (engine == "workbench")
+
+
+def test_upscaled_frames_are_nearer_to_the_truth_than_one_frame(tmp_path: Path) -> None:
+    """Against the same scene at display size with many samples, in linear light."""
+    for name, options in (
+        ("truth", ("--scale", 1, "--samples", 64, "--method", "bilinear")),
+        ("bicubic", ("--samples", 4, "--method", "bicubic")),
+        ("ours", ("--samples", 4)),
+    ):
+        (tmp_path / name).mkdir()
+        done = render(tmp_path / name, *options, "--frames", "5-10")
+        assert done.exit_code == 0, done.output
+
+    def error(name: str) -> float:
+        images = [read_exr(tmp_path / place / "out" / "0010.exr") for place in (name, "truth")]
+        return float(np.mean([np.square(np.subtract(*(i[axis] for i in images))) for axis in "RGB"]))
+
+    assert error("ours") < error("bicubic")
+
+
+def test_png_frames_are_as_blender_shows_them(tmp_path: Path) -> None:
+    done = render(tmp_path, "--samples", 1, "--format", "png", "--format", "exr", "--method", "bilinear")
+    assert done.exit_code == 0, done.output
+    assert rendered(tmp_path)[1].scene is not None
+    assert sorted(path.name for path in (tmp_path / "out" / "png").iterdir()) == [
+        f"{number:04d}.png" for number in (6, 7, 8)
+    ]
+
+
+@pytest.mark.parametrize(
+    ("scene", "options", "message"),
+    [
+        ({"camera": False}, (), "has no active camera: add one"),
+        ({}, ("--camera", "Other"), "no camera is named 'Other'; there are Camera"),
+        ({}, ("--scene", "Other"), "no scene is named 'Other'; there are Scene"),
+        ({"orthographic": True}, ("--engine", "workbench"), "no motion of an orthographic camera"),
+    ],
+)
+def test_a_scene_that_will_not_do_is_one_line(
+    tmp_path: Path, scene: dict[str, Any], options: tuple[str, ...], message: str
+) -> None:
+    done = render(tmp_path, *options, **scene)
+    assert done.exit_code == 1
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_each_other_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:
+    blend = make_scene(tmp_path, properties={"scene.frame_step": 2})
+    command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
+    done = CliRunner().invoke(app, [str(word) for word in command])
+    assert "give --frames 5-10" in done.stderr
+
+
+def test_a_file_that_is_no_scene_is_one_line(tmp_path: Path) -> None:
+    (tmp_path / "no.blend").write_text("no scene")
+    command = ["blender", tmp_path / "no.blend", "-o", tmp_path / "out", "--blender", PROGRAM]
+    done = CliRunner().invoke(app, [str(word) for word in command])
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert "before the first frame" in done.stderr
