@@ -87,7 +87,8 @@ class SupersampledWindow:
             return
         width, height = self._window.GetActualSize()
         if self.upscaler is None or self.upscaler.display_size != (width, height):
-            self.upscaler, self._view = Upscaler(self._model, display_size=(width, height)), None
+            self.upscaler = Upscaler(self._model, display_size=(width, height), validate="off")
+            self._view = None
         size = max(1, round(width / self._scale)), max(1, round(height / self._scale))
         jitter = halton_jitter(self._frames, self._scale)
         camera = self._renderer.GetActiveCamera()

@@ -15,6 +15,7 @@ from supersampler.frame import Float32, Size
 Matrix = NDArray[np.float64]
 
 _JUMP = 0.5  # of the image: a median motion beyond it is another view
+_TURN = np.cos(np.radians(30.0))  # as is a camera that turns by more between two frames
 _PROBED = 8  # one pixel in so many, in either direction, tells
 
 
@@ -80,6 +81,9 @@ class View:
     def is_jump(self, motion: Float32, previous: "View") -> bool:
         """Tell whether this is another view, not the previous one moved."""
         if self.parallel != previous.parallel or self.size != previous.size:
+            return True
+        ahead, before = (view.view_projection[2, :3] for view in (self, previous))  # the view directions
+        if ahead @ before < _TURN * np.linalg.norm(ahead) * np.linalg.norm(before):
             return True
         probes = np.abs(motion[::_PROBED, ::_PROBED]) / np.array(self.size, np.float32)
         return bool(np.median(probes.max(axis=-1)) > _JUMP)

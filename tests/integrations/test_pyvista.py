@@ -1,0 +1,176 @@
+"""Tests of supersampling in PyVista and VTK, with OpenGL (in software will do): `make pyvista` runs them."""
+
+import importlib.util
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler import ArgumentError, Frame
+from supersampler.frame import Array, Float32
+
+if importlib.util.find_spec("pyvista") is None:
+    pytest.skip("pyvista is not installed here", allow_module_level=True)
+
+import pyvista as pv
+
+from supersampler.integrations.pyvista import enable_supersampling
+from supersampler.integrations.vtk import SupersampledWindow
+
+SIZE = (240, 160)
+SMALL = (120, 80)
+
+
+@pytest.fixture
+def plotter() -> Iterator[Any]:
+    """A plotter that shows a textured floor from above, at a slant."""
+    found = pv.Plotter(off_screen=True, window_size=SIZE)
+    found.set_background("white")
+    plane = pv.Plane(i_size=4, j_size=4, i_resolution=24, j_resolution=24)
+    checks = (np.indices((24, 24)).sum(axis=0) % 2).ravel()
+    found.add_mesh(plane, scalars=checks, cmap="gray", show_scalar_bar=False, lighting=False)
+    found.camera_position = [(1.5, -3.0, 2.0), (0, 0, 0), (0, 0, 1)]
+    found.disable_anti_aliasing()
+    found.show(auto_close=False)
+    yield found
+    found.close()
+
+
+def shown(plotter: Any) -> Float32:
+    """Render once, and return what the window shows, (h, w, 3) in [0, 1]."""
+    plotter.render()
+    return np.asarray(plotter.screenshot(return_img=True)).astype(np.float32) / 255
+
+
+def stepped(window: SupersampledWindow, plotter: Any) -> Frame:
+    """Render once, and return the frame that was upscaled."""
+    assert window.upscaler is not None
+    frames, step = [], window.upscaler.step
+    window.upscaler.step = lambda frame: frames.append(frame) or step(frame)  # type: ignore[method-assign,assignment,func-returns-value]
+    try:
+        plotter.render()
+    finally:
+        window.upscaler.step = step  # type: ignore[method-assign]
+    assert len(frames) == 1
+    return frames[0]
+
+
+def place(plotter: Any, point: tuple[float, float, float]) -> Array:
+    """Where the camera sees a point of the world, in render pixels, x right, y down."""
+    plotter.renderer.SetWorldPoint(*point, 1.0)
+    plotter.renderer.WorldToDisplay()
+    x, y, _ = plotter.renderer.GetDisplayPoint()
+    return np.array([x, SIZE[1] - y]) * (SMALL[0] / SIZE[0])
+
+
+def test_a_view_at_rest_is_nearer_to_the_truth_than_without_anti_aliasing(plotter: Any) -> None:
+    none = shown(plotter)
+    plotter.window_size = (SIZE[0] * 8, SIZE[1] * 8)
+    large = shown(plotter)
+    plotter.window_size = SIZE
+    truth = large.reshape(SIZE[1], 8, SIZE[0], 8, 3).mean(axis=(1, 3))
+    enable_supersampling(plotter, scale=2)
+    for _ in range(16):
+        ours = shown(plotter)
+    errors = [float(np.square(image - truth).mean()) for image in (ours, none)]
+    assert errors[0] < 0.6 * errors[1]
+
+
+def test_motion_of_the_camera_is_that_of_a_point_on_the_screen(plotter: Any) -> None:
+    window = enable_supersampling(plotter, scale=2)
+    points = [(0.0, 0.0, 0.0), (1.0, 0.7, 0.0), (-0.8, -0.4, 0.0)]
+    plotter.render()
+    before = [place(plotter, point) for point in points]
+    plotter.camera.Azimuth(3.0)
+    plotter.camera.Elevation(-1.0)
+    frame = stepped(window, plotter)
+    assert not frame.reset
+    for point, was in zip(points, before, strict=True):
+        now = place(plotter, point)
+        column, row = np.floor(now).astype(int)
+        np.testing.assert_allclose(frame.motion[row, column], was - now, atol=0.12)  # its centre's
+    assert np.abs(was - now).max() > 0.5
+    assert (frame.motion[frame.depth == 0] == 0).all()  # the background belongs to the window
+    assert (frame.depth == 0).any()
+
+
+def test_an_actor_that_moves_has_its_own_motion_and_nothing_else_has(plotter: Any) -> None:
+    sphere = plotter.add_mesh(pv.Sphere(radius=0.4, center=(0, 0, 0.5)), color="red")
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    towards = np.subtract(plotter.camera.position, (0.3, 0, 0.5))
+    front = np.array([0.3, 0, 0.5]) + 0.4 * towards / np.linalg.norm(towards)
+    before = place(plotter, (front[0] - 0.3, front[1], front[2]))
+    sphere.SetPosition(0.3, 0.0, 0.0)
+    frame = stepped(window, plotter)
+    now = place(plotter, (front[0], front[1], front[2]))
+    column, row = np.floor(now).astype(int)
+    np.testing.assert_allclose(frame.motion[row, column], before - now, atol=0.2)
+    moved = np.abs(frame.motion).max(axis=-1) > 1e-3
+    assert 100 < moved.sum() < 0.3 * moved.size
+    assert frame.color is not None
+    reddish = frame.color[..., 0] > 1.5 * frame.color[..., 2] + 0.1
+    assert (moved & reddish).sum() > 0.95 * max(moved.sum(), reddish.sum())
+
+
+def test_another_view_and_another_size_start_anew(plotter: Any) -> None:
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    assert not stepped(window, plotter).reset
+    plotter.camera_position = [(-3.0, 1.0, 0.4), (0, 0, 0), (0, 0, 1)]
+    assert stepped(window, plotter).reset
+    assert not stepped(window, plotter).reset
+    window.reset()
+    assert stepped(window, plotter).reset
+    plotter.camera.SetParallelProjection(True)
+    assert stepped(window, plotter).reset
+    plotter.window_size = (200, 100)
+    plotter.render()
+    assert window.upscaler is not None
+    assert window.upscaler.display_size == (200, 100)
+    assert shown(plotter).shape == (100, 200, 3)
+
+
+def test_text_is_rendered_at_full_size_on_top(plotter: Any) -> None:
+    plotter.add_text("sharp", position="upper_left", font_size=10, color="black")
+    none = shown(plotter)[:24, :48]
+    enable_supersampling(plotter, scale=2)
+    ours = shown(plotter)[:24, :48]
+    assert none.min() < 0.1
+    np.testing.assert_allclose(ours, none, atol=2 / 255)
+
+
+def test_each_render_is_one_frame_and_changes_nothing_of_the_plotter(plotter: Any) -> None:
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    assert window.upscaler is not None
+    count = window.upscaler.stats.frames
+    before = plotter.renderer.GetViewport(), plotter.camera.GetWindowCenter(), plotter.render_window.GetSize()
+    for _ in range(3):
+        plotter.render()
+    after = plotter.renderer.GetViewport(), plotter.camera.GetWindowCenter(), plotter.render_window.GetSize()
+    assert after == before
+    assert window.upscaler.stats.frames == count + 3
+    assert all(prop.GetVisibility() for prop in plotter.renderer.GetViewProps())
+
+
+def test_disabled_again_the_window_renders_as_it_did(plotter: Any) -> None:
+    before = shown(plotter)
+    window = enable_supersampling(plotter, scale=2)
+    assert np.abs(shown(plotter) - before).max() > 0.1
+    window.disable()
+    np.testing.assert_array_equal(shown(plotter), before)
+
+
+def test_other_things_than_an_open_plotter_of_one_view_are_refused(plotter: Any) -> None:
+    with pytest.raises(ArgumentError, match="plotter is 3; want an open"):
+        enable_supersampling(3)
+    with pytest.raises(ArgumentError, match=r"scale is 0\.5; want a number >= 1"):
+        enable_supersampling(plotter, scale=0.5)
+    several = pv.Plotter(off_screen=True, shape=(1, 2))
+    with pytest.raises(ArgumentError, match="plotter is 2 subplots"):
+        enable_supersampling(several)
+    several.close()
+    with pytest.raises(ArgumentError, match="plotter is closed"):
+        enable_supersampling(several)
