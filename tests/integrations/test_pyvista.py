@@ -40,13 +40,15 @@ def plotter() -> Iterator[Any]:
 def shown(plotter: Any) -> Float32:
     """Render once, and return what the window shows, (h, w, 3) in [0, 1]."""
     plotter.render()
-    return np.asarray(plotter.screenshot(return_img=True)).astype(np.float32) / 255
+    image: Float32 = np.asarray(plotter.screenshot(return_img=True)).astype(np.float32)
+    return image / np.float32(255)
 
 
 def stepped(window: SupersampledWindow, plotter: Any) -> Frame:
     """Render once, and return the frame that was upscaled."""
     assert window.upscaler is not None
-    frames, step = [], window.upscaler.step
+    frames: list[Frame] = []
+    step = window.upscaler.step
     window.upscaler.step = lambda frame: frames.append(frame) or step(frame)  # type: ignore[method-assign,assignment,func-returns-value]
     try:
         plotter.render()
@@ -139,6 +141,34 @@ def test_text_is_rendered_at_full_size_on_top(plotter: Any) -> None:
     ours = shown(plotter)[:24, :48]
     assert none.min() < 0.1
     np.testing.assert_allclose(ours, none, atol=2 / 255)
+
+
+@pytest.mark.parametrize("width", [1.0, 4.0])
+@pytest.mark.parametrize("kind", ["line", "wireframe", "edges"])
+def test_lines_are_rendered_as_wide_as_in_the_image(kind: str, width: float) -> None:
+    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter.set_background("white")
+    if kind == "line":
+        mesh = pv.Line((-1, -0.31, 0), (1, 0.27, 0))
+        look: dict[str, Any] = {"color": "black"}
+    else:
+        mesh = pv.Plane(i_resolution=3, j_resolution=1)
+        look = {"edge_color": "black", "show_edges": True, "color": "white"}
+        look = {"style": "wireframe", "color": "black"} if kind == "wireframe" else look
+    plotter.add_mesh(mesh, line_width=width, lighting=False, **look)
+    plotter.camera_position = "xy"
+    plotter.camera.Roll(12.0)
+    plotter.disable_anti_aliasing()
+    plotter.show(auto_close=False)
+    none = shown(plotter)
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    colors = [stepped(window, plotter).color for _ in range(32)]  # of all phases of the jitter
+    ink = float(np.mean([(1 - color).sum() for color in colors if color is not None]))
+    assert ink * 4 / (1 - none).sum() == pytest.approx(1.0, abs=0.08)  # a render pixel is four of the image
+    window.disable()
+    np.testing.assert_array_equal(shown(plotter), none)
+    plotter.close()
 
 
 def test_each_render_is_one_frame_and_changes_nothing_of_the_plotter(plotter: Any) -> None:

@@ -13,6 +13,7 @@ from vtkmodules.vtkRenderingCore import vtkActor2D
 from supersampler.arguments import checked_scale
 from supersampler.conventions import halton_jitter
 from supersampler.frame import Float32, Frame, Size
+from supersampler.integrations.vtk_lines import LineWidths, changed
 from supersampler.integrations.vtk_view import View
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
@@ -25,8 +26,9 @@ class SupersampledWindow:
 
     Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
     the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
-    none, and leaves a short trail. 2D props (text, scalar bars) and other renderers (axes, overlays) are
-    rendered at full size on top. A view that jumps starts anew, as does one of another window size.
+    none, and leaves a short trail. Lines and points stay as wide as they are. 2D props (text, scalar bars)
+    and other renderers (axes, overlays) are rendered at full size on top. A view that jumps starts anew, as
+    does one of another window size.
 
     Colour is taken as VTK blends and resolves it: display values, of which the image is a mean.
 
@@ -56,6 +58,7 @@ class SupersampledWindow:
     ) -> None:
         self._window, self._renderer = window, renderer
         self._scale = checked_scale(scale)
+        self._widths = LineWidths(self._scale)
         self._model = model if isinstance(model, Model) else Model.load(model, threads=threads)
         self.upscaler: Upscaler | None = None
         self._frames = 0
@@ -79,6 +82,7 @@ class SupersampledWindow:
         """Let the window render as it did."""
         while self._observers:
             self._window.RemoveObserver(self._observers.pop())
+        self._widths.restore()
         self._window.SetMultiSamples(self._samples)
 
     def _before_render(self) -> None:
@@ -94,15 +98,16 @@ class SupersampledWindow:
         camera = self._renderer.GetActiveCamera()
         with ExitStack() as stack:
             viewport = (0.0, 0.0, size[0] / width, size[1] / height)
-            stack.enter_context(_changed(self._renderer, "Viewport", *viewport))
+            stack.enter_context(changed(self._renderer, "Viewport", *viewport))
             for renderer in self._window.GetRenderers():
                 if renderer is not self._renderer:
-                    stack.enter_context(_changed(renderer, "Draw", 0))
+                    stack.enter_context(changed(renderer, "Draw", 0))
             stack.enter_context(_hidden(prop for prop in self._props() if isinstance(prop, vtkActor2D)))
+            stack.enter_context(self._widths.scaled(self._props(), size))
             view = View.of(self._renderer, size, jitter)
             x, y = camera.GetWindowCenter()
             center = x + 2.0 * jitter[0] / size[0], y - 2.0 * jitter[1] / size[1]  # jitter y points down
-            stack.enter_context(_changed(camera, "WindowCenter", *center))
+            stack.enter_context(changed(camera, "WindowCenter", *center))
             self._small = stack.pop_all(), view
 
     def _after_render(self) -> None:
@@ -159,22 +164,11 @@ class SupersampledWindow:
         pixels = numpy_to_vtk(encoded.reshape(-1, 3))
         self._window.SetPixelData(0, 0, width - 1, height - 1, pixels, 0, 0)
         scene = (prop for prop in self._props() if not isinstance(prop, vtkActor2D))
-        with _changed(self._renderer, "PreserveColorBuffer", 1), _hidden(scene):
+        with changed(self._renderer, "PreserveColorBuffer", 1), _hidden(scene):
             self._window.Render()
 
     def _props(self) -> list[Any]:
         return list(self._renderer.GetViewProps())
-
-
-@contextmanager
-def _changed(vtk_object: Any, name: str, *values: Any) -> Iterator[None]:
-    """Set a property of a VTK object, and set it back."""
-    before = getattr(vtk_object, f"Get{name}")()
-    getattr(vtk_object, f"Set{name}")(*values)
-    try:
-        yield
-    finally:
-        getattr(vtk_object, f"Set{name}")(*(before if isinstance(before, tuple) else (before,)))
 
 
 @contextmanager
