@@ -154,6 +154,22 @@ def test_exchanged_axes_are_noted(frames: list[Frame]) -> None:
     assert any("frame.jitter is (y, x)" in note for note in detect_conventions(jitter).notes)
 
 
+def test_a_still_camera_with_a_noisy_thing_that_moves_has_no_exchanged_axes() -> None:
+    """A reading whose vectors leave the image must not win by what is then not compared."""
+    chance = np.random.default_rng(4)
+    floor = np.kron(chance.random((45, 80)), np.ones((4, 4))).astype(np.float32)
+    raws = []
+    for index in range(4):
+        light, motion = floor.copy(), np.zeros((*floor.shape, 2), np.float32)
+        rows, columns = slice(40, 120), slice(20 + 6 * index, 140 + 6 * index)
+        light[rows, columns] = chance.random((80, 120), np.float32)
+        motion[rows, columns] = -6.0, 0.5
+        color = np.repeat(light[..., None], 3, axis=2)
+        depth, jitter = np.full(floor.shape, 0.1, np.float32), halton_jitter(index, 2.0)
+        raws.append(RawFrame(color=color, depth=depth, motion=motion, jitter=jitter, reset=index == 0))
+    assert "(y, x)" not in detect_conventions(raws).summary()
+
+
 def test_frames_of_two_sizes_are_read_size_by_size() -> None:
     scene, conventions = Plane(checker, (2.0, 1.0)), Conventions(motion_jittered=True)
     sizes = [(160, 90)] * 3 + [(96, 54)] * 3

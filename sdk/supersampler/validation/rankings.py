@@ -42,18 +42,16 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
     """
     if not pairs:
         return Verdict("motion", (), _NO_TEXTURE)
-    moves = {pair: pair.moving(stated) for pair in pairs}
-    pairs = [pair for pair in pairs if moves[pair].sum() >= MIN_PLACES / 4]
-    if not pairs:
+    moves = _moving(pairs, stated)
+    if not moves:
         return Verdict("motion", (), "nothing moves, or next to nothing")
 
     def error(reading: Conventions) -> float:
-        errors = [pair.error(pair.offset(reading), moves[pair]) for pair in pairs]
-        return float(np.mean(errors))
+        return float(np.mean([pair.error(pair.offset(reading), where) for pair, where in moves.items()]))
 
     def error_of_no_motion(reading: Conventions) -> float:
-        shifts = [0.0 if reading.motion_jittered else pair.shift(reading) for pair in pairs]
-        errors = [pair.error(np.array(s), moves[pair]) for pair, s in zip(pairs, shifts, strict=True)]
+        shifts = [0.0 if reading.motion_jittered else pair.shift(reading) for pair in moves]
+        errors = [p.error(np.array(s), where) for s, (p, where) in zip(shifts, moves.items(), strict=True)]
         return float(np.mean(errors))
 
     def hypothesis(overrides: Overrides, error: float) -> Hypothesis:
@@ -113,32 +111,40 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Co
 def swapped_axes(
     pairs: Sequence[FramePair], jitters: Sequence[Overrides], found: Conventions
 ) -> list[Mistake]:
-    """Return the mistakes that x and y of motion or jitter are exchanged, by reprojection error."""
+    """Return the mistakes that x and y of motion or jitter are exchanged, by reprojection error.
+
+    Motion is compared where something moves: else a reading with vectors that leave the image, which are
+    not compared, fits best.
+    """
     mistakes: list[Mistake] = []
-    if not pairs:
-        return mistakes
-    limit = _MAX_RATIO * _error(pairs, found)
-    if min(_error(pairs, replace(found, **o), motion_swapped=True) for o in MOTIONS) < limit:
-        mistakes.append(MOTION_SWAPPED)
-    if jitters:  # with exchanged jitter, motion seems to have jitter in it
+    moves = _moving(pairs, found)
+
+    def error(reading: Conventions, *, swapped: bool) -> float:
+        offsets = {pair: pair.offset(reading, motion_swapped=swapped) for pair in moves}
+        return float(np.mean([pair.error(offsets[pair], where) for pair, where in moves.items()]))
+
+    if moves:
+        limit = _MAX_RATIO * error(found, swapped=False)
+        if min(error(replace(found, **o), swapped=True) for o in MOTIONS) < limit:
+            mistakes.append(MOTION_SWAPPED)
+    limit = _MAX_RATIO * _error(pairs, found) if pairs else 0.0
+    if pairs and jitters:  # with exchanged jitter, motion seems to have jitter in it
         bare = replace(found, motion_jittered=False)
         if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < limit:
             mistakes.append(JITTER_SWAPPED)
     return mistakes
 
 
-def _error(
-    pairs: Sequence[FramePair],
-    reading: Conventions,
-    *,
-    motion_swapped: bool = False,
-    jitter_swapped: bool = False,
-) -> float:
+def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:
+    """Return the mask of moving places of each pair that has enough of them."""
+    moves = {pair: pair.moving(reading) for pair in pairs}
+    return {pair: where for pair, where in moves.items() if where.sum() >= MIN_PLACES / 4}
+
+
+def _error(pairs: Sequence[FramePair], reading: Conventions, *, jitter_swapped: bool = False) -> float:
     """Return the mean reprojection error over all places."""
-    offsets = [
-        pair.offset(reading, motion_swapped=motion_swapped, jitter_swapped=jitter_swapped) for pair in pairs
-    ]
-    return float(np.mean([p.error(offset) for p, offset in zip(pairs, offsets, strict=True)]))
+    errors = [pair.error(pair.offset(reading, jitter_swapped=jitter_swapped)) for pair in pairs]
+    return float(np.mean(errors))
 
 
 def _roughness(pairs: Sequence[FramePair], reading: Conventions) -> float:

@@ -111,6 +111,7 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         choose_engine(scene, engine)
     if scene.render.engine == "CYCLES":
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", EXACT_FILTER
+        scene.cycles.use_animated_seed = True  # the history averages noise that changes
         if samples is not None:
             scene.cycles.samples = samples
             scene.cycles.use_adaptive_sampling = False
