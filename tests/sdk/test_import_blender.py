@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from imported_scene import (
     COUNT,
@@ -16,10 +17,9 @@ from imported_scene import (
     write_blender,
 )
 from supersampler import ArgumentError, ShotError
+from supersampler.cli import app
 from supersampler.io.images import write_exr
-from supersampler.io.shot import (
-    import_blender,
-)
+from supersampler.io.shot import copy_shot, import_blender
 
 
 @pytest.mark.parametrize(
@@ -73,11 +73,33 @@ def test_without_a_jitter_file_there_is_no_jitter(tmp_path: Path) -> None:
     assert import_blender(tmp_path, jitter=[(0.0, 0.5)] * COUNT).read(1).frame.jitter == (0.0, 0.5)
 
 
-@pytest.mark.parametrize("content", [[[0, 0]], [[0, 0]] * 4, [[0]] * 3, 3, {"a": 1}, ["ab", "cd", "ef"]])
+@pytest.mark.parametrize("content", [[], [[0]] * 3, 3, {"a": 1}, ["ab", "cd", "ef"]])
 def test_a_jitter_file_of_another_shape_is_refused(tmp_path: Path, content: object) -> None:
     write_blender(tmp_path, "V")
     (tmp_path / "jitter.json").write_text(json.dumps(content))
-    with pytest.raises(ShotError, match=r"jitter\.json: holds .*; want \[x, y\] for each of 3 frames"):
+    with pytest.raises(ShotError, match=r"jitter\.json: holds something else; want \[x, y\] of each frame"):
         import_blender(tmp_path)
-    with pytest.raises(ArgumentError, match="jitter is 1 pairs; want"):
-        import_blender(tmp_path, jitter=[(0, 0)])
+    with pytest.raises(ArgumentError, match="jitter is something else; want"):
+        import_blender(tmp_path, jitter=[])
+
+
+def test_a_list_of_jitter_of_another_length_repeats(tmp_path: Path) -> None:
+    write_blender(tmp_path, "V")
+    pairs = [(0.0, 0.25), (0.125, -0.5)]
+    for jitter in (pairs, [*pairs, *pairs, *pairs]):
+        shot = import_blender(tmp_path, jitter=jitter)
+        assert [shot.read(index).frame.jitter for index in range(COUNT)] == [*pairs, pairs[0]]
+
+
+def test_blenders_frame_numbers_are_kept(tmp_path: Path) -> None:
+    write_blender(tmp_path / "renders", "V")
+    shot = import_blender(tmp_path / "renders")
+    assert shot.first_number == 8
+    copied = copy_shot(shot, tmp_path / "shot")
+    assert copied.first_number == 8
+    done = CliRunner().invoke(
+        app, ["upscale", str(tmp_path / "shot"), "-o", str(tmp_path / "out"), "--method", "bilinear"]
+    )
+    assert done.exit_code == 0, done.output
+    names = sorted(path.name for path in (tmp_path / "out").glob("*.exr"))
+    assert names == ["0008.exr", "0009.exr", "0010.exr"]

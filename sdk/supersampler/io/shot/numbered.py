@@ -14,7 +14,7 @@ from supersampler.io.limits import SHOT_FRAMES
 
 JITTER_FILE_NAME = "jitter.json"
 Jitter: TypeAlias = Sequence[tuple[float, float]] | Path | str
-"""(x, y) of each frame, or a JSON file that holds [[x, y], ...]."""
+"""(x, y) of each frame, or a JSON file that holds [[x, y], ...]; a shorter list repeats."""
 
 
 def numbered_files(folder: Path, pattern: str) -> dict[int, Path]:
@@ -66,23 +66,24 @@ def check_no_gap(folder: Path, files: dict[int, Path]) -> None:
 def read_jitter(folder: Path, jitter: Jitter | None, count: int) -> list[tuple[float, float]]:
     """Return the jitter of `count` frames: as given, or from `jitter.json` in the folder, or zero.
 
+    A list of another length repeats from its start, as the jitter of renderers does.
+
     Raises:
-        ShotError: the file is missing, or does not hold [x, y] for each frame.
-        ArgumentError: the given sequence does not hold (x, y) for each frame.
+        ShotError: the file is missing, or does not hold [x, y] pairs.
+        ArgumentError: the given sequence does not hold (x, y) pairs.
     """
     if jitter is None:
         if not (folder / JITTER_FILE_NAME).exists():
             return [(0.0, 0.0)] * count
         jitter = folder / JITTER_FILE_NAME
     values = read_json(Path(jitter)) if isinstance(jitter, Path | str) else jitter
-    want = f"[x, y] for each of {count} frames"
+    want = "[x, y] of each frame, or of the first ones where it repeats"
     try:
         pairs = [(float(x), float(y)) for x, y in values]
     except (TypeError, ValueError, OverflowError):
         pairs = []
-    if len(pairs) != count:
-        got = f"{len(pairs)} pairs" if pairs else "something else"
+    if not pairs:
         if isinstance(jitter, Path | str):
-            raise ShotError(jitter, f"holds {got}; want {want}")
-        raise ArgumentError("jitter", got=got, want=want)
-    return pairs
+            raise ShotError(jitter, f"holds something else; want {want}")
+        raise ArgumentError("jitter", got="something else", want=want)
+    return [pairs[index % len(pairs)] for index in range(count)]
