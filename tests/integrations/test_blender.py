@@ -5,6 +5,7 @@ $SUPERSAMPLER_BLENDER names the program; without it `blender` on the path is tak
 
 import json
 import os
+import re
 import shutil
 import subprocess
 from pathlib import Path
@@ -29,13 +30,17 @@ pytestmark = pytest.mark.skipif(
 
 
 def make_scene(folder: Path, **options: Any) -> Path:
-    path, script = folder / "scene.blend", HERE / "make_scene.py"
+    path = folder / "scene.blend"
+    run_in_blender(HERE / "make_scene.py", str(path), json.dumps(options))
+    return path
+
+
+def run_in_blender(script: Path, *words: str) -> None:
     python = Path(str(PROGRAM)).stem.startswith("python")
-    words = [] if python else ["--background", "--python-exit-code", "1", "--python"]
-    command = [str(PROGRAM), *words, str(script), *([] if python else ["--"]), str(path), json.dumps(options)]
+    before = [] if python else ["--background", "--python-exit-code", "1", "--python"]
+    command = [str(PROGRAM), *before, str(script), *([] if python else ["--"]), *words]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
     subprocess.run(command, check=True, capture_output=True, env=environment)
-    return path
 
 
 def render(folder: Path, *options: object, **scene: Any) -> Result:
@@ -122,6 +127,63 @@ def test_upscaled_frames_are_nearer_to_the_truth_than_one_frame(tmp_path: Path) 
         return float(np.mean([np.square(np.subtract(*(i[axis] for i in images))) for axis in "RGB"]))
 
     assert error("ours") < error("bicubic")
+
+
+@pytest.mark.parametrize(
+    ("scene", "size"),
+    [
+        ({"size": [640, 400], "percentage": 50}, (320, 200)),
+        ({"size": [200, 320]}, (200, 320)),
+        ({"size": [320, 200], "sensor_fit": "VERTICAL"}, (320, 200)),
+        ({"size": [320, 200], "properties": {"scene.render.pixel_aspect_y": 1.5}}, (320, 200)),
+    ],
+    ids=str,
+)
+def test_the_script_of_the_docs_moves_the_camera_by_the_jitter(
+    tmp_path: Path, scene: dict[str, Any], size: tuple[int, int]
+) -> None:
+    page = (HERE.parents[1] / "docs" / "shots.md").read_text(encoding="utf-8")
+    snippet = re.findall(r"```python\n# jitter\.py\n(.*?)```", page, re.DOTALL)[0]
+    blend, script, found = make_scene(tmp_path, **scene), tmp_path / "script.py", tmp_path / "found.json"
+    script.write_text(PROJECTIONS + snippet + f"\nwrite(before, projections(), {str(found)!r})\n")
+    run_in_blender(script, str(blend))
+    before, after = np.array(json.loads(found.read_text()))
+    jitter = np.array(json.loads((tmp_path / "jitter.json").read_text()))[: len(after)]
+    assert np.abs(np.diff(before[:, 0, 2])).max() > 0.01  # the lens shift is animated
+    change = (after - before)[:, :2, 2] * np.array(size) / 2  # pixels; of the projection's third column
+    np.testing.assert_allclose(change, jitter * (1, -1), atol=1e-4)
+
+
+PROJECTIONS = """
+import json, sys
+import bpy
+
+bpy.ops.wm.open_mainfile(filepath=sys.argv[-1])
+
+
+def projections():
+    scene, found = bpy.context.scene, []
+    share = scene.render.resolution_percentage / 100
+    for frame in range(scene.frame_start, scene.frame_end + 1):
+        scene.frame_set(frame)
+        depsgraph = bpy.context.evaluated_depsgraph_get()
+        found.append([list(row) for row in scene.camera.evaluated_get(depsgraph).calc_matrix_camera(
+            depsgraph,
+            x=int(scene.render.resolution_x * share),
+            y=int(scene.render.resolution_y * share),
+            scale_x=scene.render.pixel_aspect_x,
+            scale_y=scene.render.pixel_aspect_y,
+        )])
+    return found
+
+
+def write(before, after, path):
+    with open(path, "w") as file:
+        json.dump([before, after], file)
+
+
+before = projections()
+"""
 
 
 def test_png_frames_are_as_blender_shows_them(tmp_path: Path) -> None:
