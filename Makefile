@@ -6,6 +6,7 @@
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
 # make test-integrations   `supersampler blender` with a real Blender, and PyVista: each where it can be had
+# make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
@@ -16,7 +17,9 @@ DEVELOPMENT := .venv-dev/installed
 DOCS := .venv-docs/installed
 SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o -name '*.onnx' -o -name '*.json' -o -name '*.glsl')
 
-.PHONY: demo test hashes fuzz mutation check docs clean test-integrations blender pyvista
+EXTENSION := sdk/supersampler/integrations/blender/extension
+
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -25,10 +28,14 @@ demo: $(RUNTIME)
 test: $(DEVELOPMENT)
 	OMP_NUM_THREADS=1 .venv-dev/bin/pytest -q --numprocesses 2 --dist loadscope --no-loadscope-reorder
 
+extension:
+	mkdir -p dist
+	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
+
 test-integrations: blender pyvista
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
-blender: $(DEVELOPMENT)
+blender: $(DEVELOPMENT) extension
 	test -n "$$SUPERSAMPLER_BLENDER" -o -x .venv-blender/bin/python || $(PYTHON) -m venv .venv-blender
 	test -n "$$SUPERSAMPLER_BLENDER" || .venv-blender/bin/python -c 'import bpy' 2>/dev/null \
 	    || .venv-blender/bin/pip install -q --disable-pip-version-check 'bpy==4.5.*' \

@@ -8,6 +8,8 @@ import os
 import re
 import shutil
 import subprocess
+import sys
+import zipfile
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +17,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner, Result
 
+import supersampler
 from blender_files import HERE
 from blender_motion import camera_motion_of
 from supersampler.cli import app
@@ -35,12 +38,14 @@ def make_scene(folder: Path, **options: Any) -> Path:
     return path
 
 
-def run_in_blender(script: Path, *words: str) -> None:
+def run_in_blender(script: Path, *words: str, **variables: str) -> str:
+    """Run a script in Blender, and return what it printed."""
     python = Path(str(PROGRAM)).stem.startswith("python")
     before = [] if python else ["--background", "--python-exit-code", "1", "--python"]
     command = [str(PROGRAM), *before, str(script), *([] if python else ["--"]), *words]
     environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    subprocess.run(command, check=True, capture_output=True, env=environment)
+    environment |= variables
+    return subprocess.run(command, check=True, capture_output=True, env=environment, text=True).stdout
 
 
 def render(folder: Path, *options: object, **scene: Any) -> Result:
@@ -218,6 +223,28 @@ def test_each_other_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path:
     command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
     done = CliRunner().invoke(app, [str(word) for word in command])
     assert "give --frames 5-10" in done.stderr
+
+
+def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path: Path) -> None:
+    extension = Path(supersampler.__file__).parent / "integrations" / "blender" / "extension"
+    archive = tmp_path / "extension.zip"
+    with zipfile.ZipFile(archive, "w") as file:
+        for name in ("__init__.py", "run.py", "blender_manifest.toml"):
+            file.write(extension / name, name)
+    blend, command = make_scene(tmp_path), Path(sys.executable).with_name("supersampler")
+    words = map(str, (archive, blend, command, tmp_path / "out"))
+    user = {"BLENDER_USER_RESOURCES": str(tmp_path / "user")}
+    said = run_in_blender(HERE / "drive_extension.py", *words, **user)
+    found = json.loads(said.strip().splitlines()[-1])
+    assert "Save the file first" in found["unsaved"]
+    assert found["render"] == found["upscale"] == "FINISHED", found
+    assert found["again"] == "FINISHED"
+    assert "frames of another render are there: the file has changed" in found["other"]
+    assert "Choose the folder" in found["no source"]
+    assert "/nowhere" in found["no command"]
+    assert found["disabled"] == "False"
+    for folder in ("out", "upscaled"):
+        assert sorted(p.name for p in (tmp_path / folder).glob("*.exr")) == ["0006.exr", "0007.exr"]
 
 
 def test_a_file_that_is_no_scene_is_one_line(tmp_path: Path) -> None:

@@ -210,7 +210,9 @@ class _RenderFolder:
         changed = [key for key, value in self.record.settings.items() if earlier.settings.get(key) != value]
         if changed:
             was, now = earlier.settings.get(changed[0]), self.record.settings[changed[0]]
-            what = f"{changed[0]} was {was}, is now {now}" if changed != ["blend"] else "the file has changed"
+            what = (
+                "the file has changed" if changed[0] == "blend" else f"{changed[0]} was {was}, is now {now}"
+            )
             raise ShotError(self.path, f"frames of another render are there: {what}", hint)
         wanted = self.request.frames or (earlier.scene.numbers if earlier.scene is not None else None)
         if earlier.cameras and wanted is not None and wanted[0] != earlier.first:

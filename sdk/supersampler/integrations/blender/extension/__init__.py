@@ -1,0 +1,202 @@
+"""Blender's extension: a panel in the render properties, and operators that run the `supersampler` command.
+
+The command is installed beside Blender (`pip install supersampler`); the preferences have its path. `run.py`
+does the work; the operators here only forward to it.
+"""
+
+import sys
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+from .run import Run, render_command, upscale_command
+
+_TICK = 0.5  # seconds between two looks at the command
+
+
+class SupersamplerPreferences(bpy.types.AddonPreferences):
+    """Where the command is."""
+
+    bl_idname = __package__
+
+    program: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Command", description="The supersampler command", subtype="FILE_PATH", default="supersampler"
+    )
+
+    def draw(self, _: Any) -> None:
+        """Show the preferences."""
+        self.layout.prop(self, "program")
+
+
+class SupersamplerSettings(bpy.types.PropertyGroup):
+    """Settings of a scene."""
+
+    scale: bpy.props.FloatProperty(  # type: ignore[valid-type]
+        name="Scale", description="Size of the results over the size of the render", default=2, min=1, max=4
+    )
+    samples: bpy.props.IntProperty(  # type: ignore[valid-type]
+        name="Samples", description="Of a render pixel; 0 takes the scene's", default=0, min=0
+    )
+    image_format: bpy.props.EnumProperty(  # type: ignore[valid-type]
+        name="Format",
+        items=[("exr", "OpenEXR", "Linear, half float"), ("png", "PNG", "As the view transform shows it")],
+    )
+    output: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Output", description="Folder of the results", subtype="DIR_PATH", default="//supersampled/"
+    )
+    source: bpy.props.StringProperty(  # type: ignore[valid-type]
+        name="Frames", description="Folder of frames that are rendered already", subtype="DIR_PATH"
+    )
+    overwrite: bpy.props.BoolProperty(  # type: ignore[valid-type]
+        name="Overwrite", description="Replace the results of an earlier run"
+    )
+
+
+class _RunsCommand:
+    """Runs a command: with a window beside the user's work, without one until it ends."""
+
+    _run: Run
+    _timer: Any = None
+
+    def start(self, context: Any) -> Run:
+        """Start the command; ValueError where it cannot be, which says why."""
+        raise NotImplementedError
+
+    def execute(self: Any, context: Any) -> set[str]:
+        """Run the command to its end."""
+        if not self._begin(context):
+            return {"CANCELLED"}
+        while self._run.wait(_TICK):
+            pass
+        return self._end(context)  # type: ignore[no-any-return]
+
+    def invoke(self: Any, context: Any, _: Any) -> set[str]:
+        """Run the command beside the user's work."""
+        if not self._begin(context):
+            return {"CANCELLED"}
+        self._timer = context.window_manager.event_timer_add(_TICK, window=context.window)
+        context.window_manager.modal_handler_add(self)
+        return {"RUNNING_MODAL"}
+
+    def modal(self: Any, context: Any, event: Any) -> set[str]:
+        """Show how far the command is; Escape ends it."""
+        if event.type == "ESC":
+            self._run.cancel()
+        elif event.type == "TIMER":
+            if not self._run.pump():
+                return self._end(context)  # type: ignore[no-any-return]
+            done = f"Supersampler: {self._run.done} of {self._run.total} frames. Esc ends it."
+            context.workspace.status_text_set(done)
+        return {"PASS_THROUGH"}
+
+    def _begin(self: Any, context: Any) -> bool:
+        try:
+            self._run = self.start(context)
+        except (OSError, ValueError) as error:
+            self.report({"ERROR"}, str(error))
+            return False
+        return True
+
+    def _end(self: Any, context: Any) -> set[str]:
+        if self._timer is not None:
+            context.window_manager.event_timer_remove(self._timer)
+            context.workspace.status_text_set(None)
+        if self._run.error:
+            self.report({"ERROR"}, self._run.error)
+            return {"CANCELLED"}
+        self.report({"INFO"}, f"{self._run.done} of {self._run.total} frames are upscaled")
+        return {"FINISHED"}
+
+
+class SUPERSAMPLER_OT_render(_RunsCommand, bpy.types.Operator):
+    """Render the animation small and upscale it, from the file as it was saved last."""
+
+    bl_idname, bl_label = "supersampler.render", "Render Animation Supersampled"
+
+    def start(self, context: Any) -> Run:
+        """Start `supersampler blender`."""
+        changed = bpy.data.is_dirty and not bpy.app.background  # where it is always said to be changed
+        if not bpy.data.filepath or changed:
+            raise ValueError("Save the file first: it is rendered as it was saved last")
+        scene, settings = context.scene, context.scene.supersampler
+        output = Path(bpy.path.abspath(settings.output))
+        command = render_command(
+            _program(context),
+            bpy.data.filepath,
+            output,
+            blender=bpy.app.binary_path or sys.executable,
+            frames=(scene.frame_start, scene.frame_end),
+            scene=scene.name,
+            scale=settings.scale,
+            samples=settings.samples,
+            image_format=settings.image_format,
+            overwrite=settings.overwrite,
+        )
+        return Run(command, output, scene.frame_end - scene.frame_start + 1)
+
+
+class SUPERSAMPLER_OT_upscale(_RunsCommand, bpy.types.Operator):
+    """Upscale frames that are rendered already, with the passes Combined, Z and Vector."""
+
+    bl_idname, bl_label = "supersampler.upscale", "Upscale Rendered Frames"
+
+    def start(self, context: Any) -> Run:
+        """Start `supersampler upscale`."""
+        settings = context.scene.supersampler
+        folder, output = (Path(bpy.path.abspath(path)) for path in (settings.source, settings.output))
+        if not settings.source or not folder.is_dir():
+            raise ValueError("Choose the folder of the rendered frames")
+        command = upscale_command(
+            _program(context),
+            folder,
+            output,
+            scale=settings.scale,
+            image_format=settings.image_format,
+            overwrite=settings.overwrite,
+        )
+        return Run(command, output, sum(1 for _ in folder.glob("[!.]*.exr")))
+
+
+class SUPERSAMPLER_PT_panel(bpy.types.Panel):
+    """The panel in the render properties."""
+
+    bl_label, bl_idname = "Supersample", "SUPERSAMPLER_PT_panel"
+    bl_space_type, bl_region_type, bl_context = "PROPERTIES", "WINDOW", "render"
+
+    def draw(self, context: Any) -> None:
+        """Show settings and operators."""
+        layout, settings = self.layout, context.scene.supersampler
+        layout.use_property_split = True
+        for name in ("scale", "samples", "image_format", "output", "overwrite"):
+            layout.prop(settings, name)
+        layout.operator(SUPERSAMPLER_OT_render.bl_idname)
+        layout.prop(settings, "source")
+        layout.operator(SUPERSAMPLER_OT_upscale.bl_idname)
+
+
+_CLASSES = (
+    SupersamplerPreferences,
+    SupersamplerSettings,
+    SUPERSAMPLER_OT_render,
+    SUPERSAMPLER_OT_upscale,
+    SUPERSAMPLER_PT_panel,
+)
+
+
+def register() -> None:
+    """Add the extension to Blender."""
+    for item in _CLASSES:
+        bpy.utils.register_class(item)
+    bpy.types.Scene.supersampler = bpy.props.PointerProperty(type=SupersamplerSettings)
+
+
+def unregister() -> None:
+    """Remove the extension from Blender."""
+    del bpy.types.Scene.supersampler
+    for item in reversed(_CLASSES):
+        bpy.utils.unregister_class(item)
+
+
+def _program(context: Any) -> str:
+    return str(context.preferences.addons[__package__].preferences.program)
