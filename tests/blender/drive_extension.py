@@ -1,6 +1,6 @@
 """Install the extension's zip and call its operators, in Blender without a window.
 
-drive_extension.py ZIP FILE.blend COMMAND OUTPUT: a last line of JSON says what each call returned.
+drive_extension.py ZIP FILE.blend COMMAND OUTPUT: a line of JSON says what each call returned.
 """
 
 import json

@@ -235,7 +235,7 @@ def test_the_extension_installs_renders_upscales_and_says_what_is_wrong(tmp_path
     words = map(str, (archive, blend, command, tmp_path / "out"))
     user = {"BLENDER_USER_RESOURCES": str(tmp_path / "user")}
     said = run_in_blender(HERE / "drive_extension.py", *words, **user)
-    found = json.loads(said.strip().splitlines()[-1])
+    found = json.loads(next(line for line in said.splitlines() if line.startswith("{")))
     assert "Save the file first" in found["unsaved"]
     assert found["render"] == found["upscale"] == "FINISHED", found
     assert found["again"] == "FINISHED"

@@ -1,4 +1,4 @@
-"""Tests of the extension's `Run` without Blender: progress, errors, cancelling; and the commands that it runs."""
+"""Tests of the extension's `Run` without Blender: progress, errors, cancelling; and of its commands."""
 
 import importlib.util
 import sys
