@@ -18,7 +18,7 @@ from supersampler import ArgumentError
 from supersampler.cli import app
 from supersampler.integrations.blender.process import find_blender
 from supersampler.integrations.blender.render import frame_range
-from supersampler.io.images import read_exr
+from supersampler.io.images import read_exr, read_exr_metadata
 from supersampler.io.shot import open_source
 from supersampler.upscaler import Upscaler
 
@@ -62,6 +62,14 @@ def test_images_have_blenders_numbers_and_are_those_of_the_rendered_shot(tmp_pat
         assert channels.keys() == {"R", "G", "B", "A"}
         image = np.stack([channels[axis] for axis in "RGB"], axis=-1)
         np.testing.assert_array_equal(image, upscaler.step(item.frame).astype(np.float16))
+
+
+def test_metadata_of_blenders_frames_is_kept_but_what_is_of_their_layout(tmp_path: Path) -> None:
+    blender(tmp_path)
+    metadata = read_exr_metadata(tmp_path / "out" / "0006.exr")
+    assert metadata.items() >= {"Camera": "Camera", "Frame": "06", "Scene": "Scene"}.items()
+    assert metadata == read_exr_metadata(RECORDED / "0006.exr")
+    assert "BlenderMultiChannel" not in metadata  # the results are no multilayer files
 
 
 def test_a_frame_is_upscaled_while_the_next_ones_render(tmp_path: Path) -> None:

@@ -73,10 +73,10 @@ def image_files(folder: Path) -> dict[str, tuple[bytes, int]]:
 def interrupt_at(index: int, monkeypatch: pytest.MonkeyPatch) -> None:
     write: Callable[..., None] = Results.write
 
-    def stop(self: Results, at: int, *pixels: Any) -> None:
+    def stop(self: Results, at: int, *pixels: Any, **options: Any) -> None:
         if at == index:
             raise KeyboardInterrupt
-        write(self, at, *pixels)
+        write(self, at, *pixels, **options)
 
     monkeypatch.setattr(Results, "write", stop)
 

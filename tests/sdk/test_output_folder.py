@@ -142,12 +142,12 @@ from supersampler.cli import app
 from supersampler.io import images as image_io
 import supersampler.cli.results as results
 write, left = results.write_exr, {count}
-def once(path, *rest):
+def once(path, *rest, **options):
     global left
     left -= 1
     if left < 0 and {before}:
         os.kill(os.getpid(), signal.SIGKILL)
-    write(path, *rest)
+    write(path, *rest, **options)
     if left < 0:
         os.kill(os.getpid(), signal.SIGKILL)
 results.write_exr = once

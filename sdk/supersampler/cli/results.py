@@ -25,7 +25,7 @@ from supersampler.errors import ShotError
 from supersampler.frame import Float32
 from supersampler.io.atomic import is_regular, is_there, remove_files, remove_partial_files
 from supersampler.io.display import display_transform, to_uint8
-from supersampler.io.images import write_exr, write_png
+from supersampler.io.images import Metadata, write_exr, write_png
 from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.io.view_transform import ViewTransform
 from supersampler.model import Model
@@ -103,6 +103,7 @@ class Results:
         exposure: float,
         aovs: Float32 | None = None,
         *,
+        metadata: Metadata | None = None,
         recorded: bool = False,
     ) -> None:
         """Write one frame atomically: EXR as linear half floats, PNG as it is shown.
@@ -112,6 +113,7 @@ class Results:
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
             aovs: (H, W, k) AOVs for the EXR: channel A for k = 1, else aovs.0, aovs.1 and so on.
+            metadata: entries of the EXR's header.
             recorded: whether it is an image from a recording, which has a separate subfolder.
 
         Raises:
@@ -122,7 +124,7 @@ class Results:
         for pattern in patterns:
             path = frame_path(self.folder, pattern, self._record.first + index)
             if path.suffix == ".exr":
-                write_exr(path, *_with_aovs(image, aovs))
+                write_exr(path, *_with_aovs(image, aovs), metadata=metadata)
             else:
                 view = self._view
                 write_png(path, to_uint8(view.show(image) if view else display_transform(image, exposure)))

@@ -1,5 +1,6 @@
 """Read and write EXR files, write PNG and JPEG, by OpenImageIO. Channel types are kept; writes are atomic."""
 
+import re
 import tempfile
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -17,6 +18,14 @@ from supersampler.io.limits import IMAGE_BYTES, IMAGE_CHANNELS, IMAGE_PARTS, ima
 Bytes: TypeAlias = NDArray[np.uint8]
 Channel: TypeAlias = NDArray[Any]
 """(h, w), of the type it has in the file: float16, float32 or uint32."""
+Metadata: TypeAlias = dict[str, str | int | float]
+"""Entries of an EXR file's header, by name."""
+
+_LAYOUT = re.compile(
+    "oiio:|openexr:|cryptomatte/|(compression|BlenderMultiChannel|DateTime|PixelAspectRatio|screenWindowWidth"
+    "|[XY]Resolution|ResolutionUnit|Orientation|name|type|view|chunkCount|version)$"
+)
+_MOST_ENTRIES, _LONGEST_TEXT = 256, 4096
 
 
 def read_exr(
@@ -55,12 +64,29 @@ def read_exr_channels(path: Path | str) -> list[str]:
         return [name for names in _part_names(source, path) for name in names]
 
 
+def read_exr_metadata(path: Path | str) -> Metadata:
+    """Return what the program that wrote an EXR file says of it, such as Frame, Camera and timecodes.
+
+    Entries about the file's own layout are left out: its compression, its window, the kind of its channels.
+    """
+    with _opened(path) as source:
+        found: Metadata = {}
+        for entry in source.spec().extra_attribs:
+            value, name = entry.value, str(entry.name)
+            if isinstance(value, str | int | float) and not _LAYOUT.match(name):
+                found[name] = value[:_LONGEST_TEXT] if isinstance(value, str) else value
+            if len(found) == _MOST_ENTRIES:
+                break
+    return found
+
+
 def write_exr(
     path: Path | str,
     image: Channel | Mapping[str, Channel],
     channels: Sequence[str] = ("R", "G", "B"),
     *,
     compression: str = "zip",
+    metadata: Metadata | None = None,
 ) -> None:
     """Write an EXR file atomically. float16 is stored as half, float32 as float.
 
@@ -70,6 +96,7 @@ def write_exr(
         channels: the c channel names of an array.
         compression: lossless "zip", "zips", "piz", "rle", "none"; "zip:9" is slower and smaller. Lossy
             "dwaa:45", "dwab:45": larger numbers give smaller files.
+        metadata: entries of the header, as `read_exr_metadata` returns them.
 
     Raises:
         ShotError: the types or sizes cannot be stored, or the disk refused.
@@ -82,6 +109,8 @@ def write_exr(
     if len(set(kinds)) > 1:  # for equal types OpenImageIO wants the image's type only
         spec.channelformats = tuple(TypeDesc(kind) for kind in kinds)
     spec.attribute("compression", compression)
+    for name, value in (metadata or {}).items():
+        spec.attribute(name, value)
     spec.attribute("DateTime", "")  # otherwise OpenImageIO stores the time, and files of equal images differ
     pixels = np.stack([array.astype(np.float32, copy=False) for array in arrays], axis=-1)  # exact for half
     _write(path, spec, pixels)

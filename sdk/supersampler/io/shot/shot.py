@@ -10,6 +10,7 @@ from supersampler.conventions import Conventions, Converter, RawFrame
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Float32, Frame, Size
 from supersampler.io.atomic import check_inside, is_file
+from supersampler.io.images import Metadata, read_exr_metadata
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json
 from supersampler.io.shot.frame_files import ClassMaps, read_classes, read_frame, read_reference
 from supersampler.io.shot.shipped import path_or_shipped
@@ -192,6 +193,11 @@ class Shot:
     def read_classes(self, index: int) -> ClassMaps | None:
         """Read the class maps of a frame's reference, (H, W) uint8 each; None where there are none."""
         return None if self._entries[index].reference is None else self._classes(index)
+
+    def read_metadata(self, index: int) -> Metadata:
+        """Return what the program that rendered a frame says in its EXR file; see `read_exr_metadata`."""
+        path = self.source / self._entries[index].file
+        return read_exr_metadata(path) if path.suffix == ".exr" else {}
 
     def _load(self, index: int, converter: Converter, gbuffers: Collection[str] | None = None) -> ShotFrame:
         raw, reference = self.read_raw(index, gbuffers=gbuffers), self.read_reference(index)
