@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+from typer.testing import CliRunner
 
 from blender_files import NUMBERS, RECORDED
 from blender_motion import camera_motion_of
 from supersampler import ShotError
+from supersampler.cli import app
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import open_source
 from supersampler.io.shot.render_record import read_render_record
@@ -70,6 +72,25 @@ def test_vectors_of_eevee_hold_all_but_their_jitter_is_taken_out(folder: Path) -
     write_exr(path, channels)
     with_engine(folder, "BLENDER_EEVEE_NEXT")
     np.testing.assert_allclose(open_source(folder).read(2).frame.motion, truth, atol=1e-5)
+
+
+def test_passes_of_the_light_are_aovs_by_their_names(folder: Path) -> None:
+    for path in folder.glob("*.exr"):
+        channels = read_exr(path)
+        color = channels["ViewLayer.Combined.R"]
+        extra = ("GlossDir.R", "GlossDir.G", "GlossDir.B", "CryptoObject00.R", "Mist.Z")
+        write_exr(path, channels | {f"ViewLayer.{name}": color * 0.5 for name in extra})
+    raw = open_source(folder).read_raw(1)
+    assert raw.aov_names is not None
+    assert sorted(raw.aov_names) == ["A", "GlossDir.B", "GlossDir.G", "GlossDir.R"]
+    assert raw.aovs is not None
+    assert raw.color is not None
+    index = list(raw.aov_names).index("GlossDir.G")
+    np.testing.assert_array_equal(raw.aovs[..., index], raw.color[..., 0] * 0.5)
+    out = folder.parent / "out"
+    done = CliRunner().invoke(app, ["upscale", str(folder), "-o", str(out), "--method", "bilinear"])
+    assert done.exit_code == 0, done.output
+    assert read_exr(out / "0006.exr").keys() == {"R", "G", "B", *raw.aov_names}
 
 
 def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:

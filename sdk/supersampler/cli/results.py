@@ -103,6 +103,7 @@ class Results:
         exposure: float,
         aovs: Float32 | None = None,
         *,
+        aov_names: Sequence[str] | None = None,
         metadata: Metadata | None = None,
         recorded: bool = False,
     ) -> None:
@@ -112,7 +113,8 @@ class Results:
             index: its index in the shot; its file has the number of the shot's first frame + index.
             image: (H, W, 3) linear RGB.
             exposure: > 0, for the PNG.
-            aovs: (H, W, k) AOVs for the EXR: channel A for k = 1, else aovs.0, aovs.1 and so on.
+            aovs: (H, W, k) AOVs for the EXR.
+            aov_names: of their channels; by default A for k = 1, else aovs.0, aovs.1 and so on.
             metadata: entries of the EXR's header.
             recorded: whether it is an image from a recording, which has a separate subfolder.
 
@@ -124,7 +126,7 @@ class Results:
         for pattern in patterns:
             path = frame_path(self.folder, pattern, self._record.first + index)
             if path.suffix == ".exr":
-                write_exr(path, *_with_aovs(image, aovs), metadata=metadata)
+                write_exr(path, *_with_aovs(image, aovs, aov_names), metadata=metadata)
             else:
                 view = self._view
                 write_png(path, to_uint8(view.show(image) if view else display_transform(image, exposure)))
@@ -195,11 +197,13 @@ class Results:
             raise ShotError(self.folder, problem, "Choose another folder, or --overwrite to start over.")
 
 
-def _with_aovs(image: Float32, aovs: Float32 | None) -> tuple[NDArray[np.float16], list[str]]:
+def _with_aovs(
+    image: Float32, aovs: Float32 | None, aov_names: Sequence[str] | None
+) -> tuple[NDArray[np.float16], list[str]]:
     """Return the pixels and channel names of an EXR."""
     names, arrays = list(COLOR), [image]
     if aovs is not None:
-        names += ["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2])
+        names += aov_names or (["A"] if aovs.shape[2] == 1 else aov_channels(aovs.shape[2]))
         arrays.append(aovs)
     pixels = np.clip(np.concatenate(arrays, axis=-1), -_LARGEST_HALF, _LARGEST_HALF)
     return pixels.astype(np.float16), names

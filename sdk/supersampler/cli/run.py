@@ -180,8 +180,10 @@ def _upscale(job: UpscaleJob, upscaler: Upscaler, results: Results, first: int) 
                 result = _step(job, upscaler, frame)
             exposure = meter.read(frame.color, given=frame.exposure, reset=frame.reset)
             if item.index >= first:
-                metadata = job.shot.read_metadata(item.index)
-                results.write(item.index, result.image, exposure, result.aovs, metadata=metadata)
+                names, metadata = item.raw.aov_names, job.shot.read_metadata(item.index)
+                results.write(
+                    item.index, result.image, exposure, result.aovs, aov_names=names, metadata=metadata
+                )
             if page is not None and item.index >= page_start:
                 layers, numbers = compare_layers(frame, result.image, item.reference, exposure)
                 page.add(number, {**layers, **aux_output_layers(result)}, numbers)

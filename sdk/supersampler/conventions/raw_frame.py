@@ -1,6 +1,6 @@
 """`RawFrame`: one frame in an engine's conventions."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 from supersampler.frame import Array
@@ -20,6 +20,7 @@ class RawFrame:
         gbuffer: G-buffers at render size, with the names of `Frame`.
         gbuffer_display: G-buffers at display size, with the names of `Frame`; its depth is of `depth`'s kind.
         aovs: (h, w, k) at render size.
+        aov_names: names of the k AOVs' channels in files of results; None numbers them.
     """
 
     depth: Array
@@ -31,3 +32,4 @@ class RawFrame:
     gbuffer: Mapping[str, Array] | None = None
     gbuffer_display: Mapping[str, Array] | None = None
     aovs: Array | None = None
+    aov_names: Sequence[str] | None = None

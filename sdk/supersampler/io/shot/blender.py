@@ -12,6 +12,7 @@ from supersampler.io.shot.numbered import Jitter, numbered_files
 from supersampler.io.shot.shot import Shot
 
 _DEPTH = ("Depth.Z", "Z.Z", "Z")
+_NO_LIGHT = ("Combined.", "DiffCol.", "Diffuse Color.", "Noisy ", "Denoising ", "Crypto")
 _NEEDED = "Turn on the passes Combined, Z and Vector, and save as OpenEXR MultiLayer."
 
 
@@ -108,6 +109,13 @@ def layer_map(
     if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
         found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
     return {name: names for name, names in found.items() if names[0] in channels}
+
+
+def light_passes(channels: Iterable[str], layer: str) -> list[str]:
+    """Return the colour channels of a view layer but those of Combined, Diffuse Color, noise and ids."""
+    begin = f"{layer}."
+    names = [name for name in channels if name.startswith(begin) and name.rpartition(".")[2] in "RGB"]
+    return [name for name in names if not name.removeprefix(begin).startswith(_NO_LIGHT)]
 
 
 def _complete_layers(channels: Sequence[str], *, motion: bool = True) -> list[str]:

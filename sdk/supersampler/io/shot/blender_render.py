@@ -10,7 +10,7 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import read_exr, read_exr_channels
-from supersampler.io.shot.blender import layer_map
+from supersampler.io.shot.blender import layer_map, light_passes
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, take
 from supersampler.io.shot.render_record import (
@@ -77,7 +77,7 @@ def rendered_shot(
     def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         now, before = camera_of(index), None if index == 0 else camera_of(index - 1)
         path = folder / entries[index].file
-        arrays = _arrays(path, scene, gbuffers)
+        arrays, aov_names = _arrays(path, scene, gbuffers)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
         motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
         return RawFrame(
@@ -87,7 +87,8 @@ def rendered_shot(
             jitter=entries[index].jitter,
             reset=entries[index].reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
-            aovs=arrays["aovs"][..., None] if "aovs" in arrays else None,
+            aovs=arrays.get("aovs"),
+            aov_names=aov_names,
         )
 
     return Shot(folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting)
@@ -102,8 +103,15 @@ def _no_reference(index: int) -> NoReturn:
     raise IndexError(f"frame {index} has no reference")
 
 
-def _arrays(path: Path, scene: RenderedScene, gbuffers: Collection[str] | None) -> dict[str, Array]:
-    names = layer_map(path, read_exr_channels(path), scene.layer, motion=False)
+def _arrays(
+    path: Path, scene: RenderedScene, gbuffers: Collection[str] | None
+) -> tuple[dict[str, Array], list[str]]:
+    """Read the arrays of a frame; also return the names of its AOVs: alpha, and the passes of the light."""
+    there = read_exr_channels(path)
+    names = layer_map(path, there, scene.layer, motion=False)
+    aovs = [*names.get("aovs", ()), *light_passes(there, scene.layer)]
+    if aovs:
+        names["aovs"] = aovs
     wanted = {
         name: channels
         for name, channels in names.items()
@@ -113,7 +121,9 @@ def _arrays(path: Path, scene: RenderedScene, gbuffers: Collection[str] | None) 
     check_size(path, channels, scene.render_size)
     arrays = {name: take(path, channels, each) for name, each in wanted.items()}
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)
-    return arrays
+    if len(aovs) == 1:
+        arrays["aovs"] = arrays["aovs"][..., None]
+    return arrays, [name.removeprefix(f"{scene.layer}.").removeprefix("Combined.") for name in aovs]
 
 
 def _motion(
