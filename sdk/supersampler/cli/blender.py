@@ -55,9 +55,9 @@ def blender(
     """Render SCENE.blend at low resolution with jitter, and upscale each frame while the next one renders.
 
     Blender runs in the background, in a process of its own. Frames of its render go to OUTPUT/render, the
-    results to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field, compositing and wide
-    pixel filters are off, and each is said; all else is as the file has it. A run that was stopped continues
-    when the same command is given again.
+    results to OUTPUT; both keep Blender's frame numbers. Motion blur, depth of field and compositing are
+    turned off, and a line says so; the pixel filter is narrow; everything else is as the file has it. A run
+    that was stopped continues when the same command is given again.
 
     \b
     Examples:

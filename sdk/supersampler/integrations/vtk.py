@@ -26,7 +26,7 @@ class SupersampledWindow:
 
     Each `Render` of the window, whoever calls it, is one frame. While nothing moves, each adds samples to
     the image. Motion comes from the camera and the matrices of the props; a mesh whose points change has
-    none, and leaves a short trail. Lines and points stay as wide as they are. 2D props (text, scalar bars)
+    none, and blurs for a few frames. Lines and points stay as wide as they are. 2D props (text, scalar bars)
     and other renderers (axes, overlays) are rendered at full size on top. A view that jumps starts anew, as
     does one of another window size.
 

@@ -16,7 +16,7 @@ from supersampler.io.json_fields import Field
 from supersampler.io.shot.render_record import Camera, RenderedScene
 
 _SCRIPT = Path(__file__).with_name("render_frames.py")  # imports bpy: not to be imported here
-_TOLD = "supersampler "  # lines of the script begin with it
+_PREFIX = "supersampler "  # of the lines that the script prints
 _LAST_LINES = 20  # of Blender's own output, for an error of it
 _USUAL_PLACES = {
     "darwin": ("/Applications/Blender.app/Contents/MacOS/Blender",),
@@ -76,7 +76,7 @@ class BlenderRender:
         target: takes what is rendered, in another thread; ShotErrors that it raises end the render.
 
     Raises:
-        ShotError: (of any method) Blender ended before its work was done; says why, as far as it told.
+        ShotError: (of any method) Blender ended before its work was done; the message says why.
     """
 
     def __init__(
@@ -145,18 +145,18 @@ class BlenderRender:
     def _read(self) -> None:
         """Take in what Blender prints, until it ends."""
         lines: deque[str] = deque(maxlen=_LAST_LINES)
-        told = False
+        has_failed = False
         assert self._process.stdout is not None  # noqa: S101  # it is a pipe
         for line in self._process.stdout:
             self._log.write(line)
-            if line.startswith(_TOLD) and not told:
-                told = not self._take(line.removeprefix(_TOLD))
+            if line.startswith(_PREFIX) and not has_failed:
+                has_failed = not self._take(line.removeprefix(_PREFIX))
             elif line.strip():
                 lines.append(line.strip())
         code = self._process.wait()
         with self._changed:
             self._done = True
-            if code and not told:
+            if code and not has_failed:
                 said = next((line for line in reversed(lines) if "Error" in line), lines[-1] if lines else "")
                 self._error = f"Blender ended with {code}{said and f': {said}'}"
             self._changed.notify_all()

@@ -31,8 +31,8 @@ class SceneError(Exception):
     """The scene cannot be rendered so; the text says why and what to do."""
 
 
-def tell(**content: object) -> None:
-    """Print one line for the process that reads."""
+def report(**content: object) -> None:
+    """Print one line for the parent process."""
     print(LINE + json.dumps(content), flush=True)
 
 
@@ -56,14 +56,14 @@ def main(settings: dict[str, Any]) -> None:
     display_size = set_size(scene, settings["display_size"], settings["scale"])
     set_output(scene)
     first, last = settings["frames"] or own_range(scene)
-    tell(scene=facts(scene, layer, display_size))
+    report(scene=facts(scene, layer, display_size))
     numbers, jitter = range(first + settings["complete"], last + 1), settings["jitter"]
     shift, moved = CameraShift(scene, numbers), MovedObjects(scene)
     for number in numbers:
         own_shift = shift.set(number, jitter[(number - first) % len(jitter)])
         moved.warn()
         path = render(scene, Path(settings["folder"]), number)
-        tell(frame=number, file=path, shift=own_shift, camera=camera_matrix(scene))
+        report(frame=number, file=path, shift=own_shift, camera=camera_matrix(scene))
 
 
 def own_range(scene: Any) -> tuple[int, int]:
@@ -131,10 +131,10 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
         )
     if scene.render.use_motion_blur:
         scene.render.use_motion_blur = False
-        tell(note="motion blur is off: it blurs what the history must follow")
+        report(note="motion blur is off: it blurs what the history must follow")
     if scene.camera.data.dof.use_dof:
         scene.camera.data.dof.use_dof = False
-        tell(note="depth of field is off: blurred depth and motion belong to no place")
+        report(note="depth of field is off: blurred depth and motion belong to no place")
 
 
 def choose_engine(scene: Any, engine: str) -> None:
@@ -164,7 +164,7 @@ def set_passes(scene: Any) -> str:
     for other in layers[1:]:
         other.use = False
     if layers[1:]:
-        tell(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
+        report(note=f"view layer {layers[0].name!r} is rendered, not {named(layers[1:])}")
     return str(layers[0].name)
 
 
@@ -178,7 +178,7 @@ def set_size(scene: Any, display_size: list[int] | None, scale: float) -> tuple[
     width, height = display_size or own
     if render.use_border:
         render.use_border = False
-        tell(note="the render border is off: whole frames are rendered")
+        report(note="the render border is off: whole frames are rendered")
     render.resolution_x, render.resolution_y = max(4, round(width / scale)), max(4, round(height / scale))
     render.resolution_percentage = 100
     return width, height
@@ -192,15 +192,15 @@ def set_output(scene: Any) -> None:
     image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
     render.use_file_extension, render.use_overwrite, render.use_placeholder = True, True, False
     if render.use_compositing and (getattr(scene, "compositing_node_group", None) or scene.use_nodes):
-        tell(note="compositing is off: the upscaled frames are to be composited")
+        report(note="compositing is off: the upscaled frames are to be composited")
     editor = scene.sequence_editor
     strips = editor and (getattr(editor, "strips", None) or getattr(editor, "sequences", None))
     if render.use_sequencer and strips:
-        tell(note="the sequencer is off: the scene itself is rendered")
+        report(note="the sequencer is off: the scene itself is rendered")
     render.use_sequencer = render.use_compositing = False
     if getattr(render, "use_multiview", False):
         render.use_multiview = False
-        tell(note="stereoscopy is off: one view is rendered")
+        report(note="stereoscopy is off: one view is rendered")
 
 
 class CameraShift:
@@ -264,7 +264,7 @@ class MovedObjects:
         self.before: dict[str, Any] | None = None  # matrices of the previous frame
         self.wanted = scene.render.engine == "BLENDER_WORKBENCH"
         if self.wanted:
-            tell(note="Workbench writes no Vector pass: only the camera's motion is known")
+            report(note="Workbench writes no Vector pass: only the camera's motion is known")
 
     def warn(self) -> None:
         """Compare the present frame with the previous one; at most one warning."""
@@ -274,8 +274,8 @@ class MovedObjects:
         moved = [name for name in now if self.before and self.before.get(name) not in (None, now[name])]
         self.before = now
         if moved:
-            tell(
-                note=f"objects move, and will leave trails: {', '.join(moved[:8])}; --engine eevee knows how"
+            report(
+                note=f"objects move, and will blur: {', '.join(moved[:8])}; --engine eevee has their motion"
             )
             self.wanted = False
 
@@ -335,5 +335,5 @@ if __name__ == "__main__":
     try:
         main(json.loads(Path(sys.argv[-1]).read_text(encoding="utf-8")))
     except (SceneError, RuntimeError) as error:  # Blender's operators raise RuntimeError
-        tell(error=" ".join(str(error).split()))
+        report(error=" ".join(str(error).split()))
         sys.exit(1)
