@@ -22,7 +22,7 @@ from supersampler_bench.stress.scenario import (
 from supersampler_bench.stress.scenes import PERIOD, still
 
 CLEAN = 30
-"""Frames that follow the hostile one."""
+"""Number of clean frames after the hostile one."""
 LEAST_BOUND = Difference(mean=0.1 / 255.0, most=4.0 / 255.0)
 """Smallest bound of the difference in the last clean frame: 0.1 steps of an 8-bit image in the mean, and 4 at
 99.9 % of the values."""
