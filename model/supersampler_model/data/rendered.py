@@ -132,7 +132,7 @@ class Rendered:
 
 
 def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
-    """Return the labels of a frame. Both frames are compared at its exposure: it does not change the light."""
+    """Return a frame's labels. Both frames are compared at its exposure, which does not change the light."""
     previous = None if before is None else before.evidence(now.exposure)
     return label(now.evidence(now.exposure), previous, thresholds)
 
