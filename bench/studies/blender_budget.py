@@ -1,216 +1,297 @@
 """Blender's Cycles at equal cost: full-size frames, with OIDN and without, against small ones, upscaled.
 
-A budget is a number of samples of a full-size pixel; a small render gets `scale` squared times as many, so
-that both trace as many rays. All are compared with a reference of many samples, by a box filter of one pixel,
-after the display transform, without motion blur and depth of field.
-    python bench/studies/blender_budget.py kitchen.blend --blender PATH --display-size 640x360 --json FILE
+Reads what blender_renders.py has rendered. All are compared with references of many samples, by a box filter of
+one pixel, after the display transform, without motion blur and depth of field.
+    python bench/studies/blender_budget.py out/budget --blender PATH --figure docs/images/blender-budget.png \\
+        --json bench/results/studies/blender-budget.json --update docs/tutorials/blender.md
 """
 
 import json
-import os
 import subprocess
 import tempfile
+import time
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 import numpy as np
 import typer
+from blender_renders import BUDGETS, COMPARED, DISPLAY, REFERENCE, REGIONS, SCALE, Job, jobs
+from matplotlib.figure import Figure
 
-from supersampler.cli.arguments import parse_size
-from supersampler.frame import Float32, Size
-from supersampler.integrations.blender.process import find_blender
-from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
+from supersampler.frame import Float32, Frame
+from supersampler.io.atomic import replacing
 from supersampler.io.display import auto_exposure, decibels, display_transform
-from supersampler.io.images import read_exr, read_exr_metadata
+from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot
+from supersampler.io.shot.blender_render import import_render
 from supersampler.upscaler import Upscaler
+from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, publish
 from supersampler_bench.markdown_table import figure, size_text, table
-from supersampler_bench.record import setting, write_json
+from supersampler_bench.record import Record, setting
 
-METHODS = ("bicubic", "classifier")
-FULL_SIZE = """
-import json, sys
-import bpy
-wanted = json.loads(sys.argv[-1])
-bpy.ops.wm.open_mainfile(filepath=wanted["blend"])
-scene = bpy.context.scene
-render, cycles = scene.render, scene.cycles
-render.engine = "CYCLES"
-cycles.samples, cycles.use_denoising = wanted["samples"], wanted["denoise"]
-cycles.use_adaptive_sampling = False
-cycles.pixel_filter_type, cycles.filter_width, cycles.use_animated_seed = "BOX", 1.0, True
-cycles.seed += wanted["seed"]
-render.use_motion_blur = scene.camera.data.dof.use_dof = False
-render.use_compositing = render.use_sequencer = False
-render.resolution_x, render.resolution_y = wanted["size"]
-render.resolution_percentage = 100
-render.image_settings.file_format, render.image_settings.color_depth = "OPEN_EXR", "32"
-for number in wanted["frames"]:
-    scene.frame_set(number)
-    render.filepath = f"{wanted['folder']}/{number:04d}.exr"
-    bpy.ops.render.render(write_still=True)
-"""
+BLOCK = "study blender budget"
+WAYS = {
+    "native": "full size",
+    "native + OIDN": "full size, OIDN",
+    "bicubic": "bicubic",
+    "bicubic, OIDN": "bicubic, OIDN",
+    "upscaled": "upscaled",
+    "OIDN before": "upscaled, OIDN before",
+    "OIDN after": "upscaled, OIDN after",
+}
+"""Headings by name of what is compared."""
+OURS, NATIVE = ("upscaled", "OIDN before", "OIDN after"), ("native", "native + OIDN")
+Images = dict[int, Float32]
+"""(H, W, 3) linear RGB by the frame's number."""
 
 
-def main(
-    blend: Annotated[Path, typer.Argument(help="A scene for Cycles whose camera or objects move.")],
-    blender: Annotated[str | None, typer.Option(help="Blender, or a Python that has bpy.")] = None,
-    display_size: Annotated[str, typer.Option(help="Of the images.")] = "640x360",
-    scale: Annotated[float, typer.Option(help="Display over render size.")] = 2.0,
-    frames: Annotated[str, typer.Option(help="Frames of the sequence.")] = "1-24",
-    compared: Annotated[int, typer.Option(help="Number of frames, the last ones, to compare.")] = 3,
-    budgets: Annotated[str, typer.Option(help="Samples of a full-size pixel.")] = "1,4,16,64",
-    reference_samples: Annotated[int, typer.Option(help="Of the references.")] = 1024,
-    output: Annotated[Path | None, typer.Option("--json", help="File of the record.")] = None,
-) -> None:
-    """Measure one scene and print the table."""
-    size, (first, last) = parse_size(display_size), frame_range(frames)
-    numbers, program = list(range(last - compared + 1, last + 1)), find_blender(blender)
-    with tempfile.TemporaryDirectory() as folder:
-        truth, _ = full_size(program, blend, size, numbers, reference_samples, Path(folder), seed=1000)
-        rows = []
-        for budget in map(int, budgets.split(",")):
-            small = round(budget * scale**2)
-            for denoise in (False, True):
-                images, seconds = full_size(
-                    program, blend, size, numbers, budget, Path(folder), denoise=denoise
-                )
-                rows.append(row(f"full size, {budget}", denoise, psnr(images, truth), seconds, 0.0))
-                request = RenderRequest(
-                    blend=blend,
-                    frames=(first, last),
-                    display_size=size,
-                    scale=scale,
-                    samples=small,
-                    denoise=denoise,
-                    engine="cycles",
-                    program=program,
-                )
-                place = Path(folder) / f"small{small}{denoise}"
-                with rendering(request, place, note=lambda _: None) as render:
-                    results = {method: upscaled(render.shot, size, method, numbers) for method in METHODS}
-                    times = [render_seconds(render.shot, index) for index in range(len(render.shot))]
-                for method, (images, step) in results.items():
-                    rows.append(
-                        row(f"{method}, {small}", denoise, psnr(images, truth), float(np.mean(times)), step)
-                    )
-    record = {
-        "bench": "blender_budget",
-        **setting(),
-        "scene": blend.name,
-        "display_size": size,
-        "scale": scale,
-        "frames": [first, last],
-        "compared": numbers,
-        "reference_samples": reference_samples,
-        "rows": rows,
-    }
-    print(markdown(record))
-    if output is not None:
-        write_json(record, output)
+def measure_budgets(work: Path, blender: str) -> list[dict[str, Any]]:
+    """Return PSNR (dB) and cost (CPU seconds of a frame) of each way at each budget of each scene."""
+    found = {job.name for job in jobs() if is_complete(work, job)}
+    rows = []
+    with counted("budgets", len(REGIONS) * len(BUDGETS)) as advance:
+        for scene in REGIONS:
+            truth = {
+                number: colors(work / job.name, number)
+                for job in jobs()
+                if job.reference and job.scene == scene and job.name in found
+                for number in [job.frames[0]]
+            }
+            for budget in BUDGETS:
+                here = [j for j in jobs() if j.scene == scene and not j.reference and samples_of(j) == budget]
+                if truth and found.issuperset(job.name for job in here):
+                    ways = measure_budget(work, here, list(truth), blender)
+                    rows += [
+                        {
+                            "scene": scene,
+                            "budget": budget,
+                            "way": way,
+                            "psnr": psnr(images, truth, scene),
+                            "seconds": cost,
+                        }
+                        for way, (images, cost) in ways.items()
+                    ]
+                advance()
+    return rows
 
 
-def full_size(
-    program: str,
-    blend: Path,
-    size: Size,
-    numbers: list[int],
-    samples: int,
-    folder: Path,
-    *,
-    denoise: bool = False,
-    seed: int = 0,
-) -> tuple[dict[int, Float32], float]:
-    """Render frames at display size; return them by number, and seconds a frame."""
-    place, script = folder / f"full{samples}{denoise}{seed}", folder / "full_size.py"
-    place.mkdir()
-    script.write_text(FULL_SIZE, encoding="utf-8")
-    wanted = {
-        "blend": str(blend.resolve()),
-        "size": size,
-        "frames": numbers,
-        "samples": samples,
-        "denoise": denoise,
-        "seed": seed,
-        "folder": str(place),
-    }
-    python = Path(program).stem.startswith("python")
-    options = [] if python else ["--background", "--python-exit-code", "1", "--python"]
-    command = [program, *options, str(script), *([] if python else ["--"]), json.dumps(wanted)]
-    environment = {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}
-    subprocess.run(command, check=True, capture_output=True, env=environment)  # noqa: S603  # the user names it
-    paths = {number: place / f"{number:04d}.exr" for number in numbers}
-    seconds = [seconds_of(read_exr_metadata(path)) for path in paths.values()]
-    return {number: color(path) for number, path in paths.items()}, float(np.mean(seconds))
+def measure_budget(
+    work: Path, here: list[Job], numbers: list[int], blender: str
+) -> dict[str, tuple[Images, float]]:
+    """Return images and cost of each way, of the jobs of one scene and one budget."""
+    small = next(job for job in here if job.small and job.denoise)
+    plain = {job.small: cost(work / job.name) for job in here if not job.denoise}
+    full = [job for job in here if job.denoise and not job.small and job.frames[0] in numbers]
+    denoised = float(np.mean([cost(work / job.name) for job in full]))
+    shot = import_render(work / small.name / "frames")
+    ways = {}
+    for way, kind in (("native", "Noisy Image"), ("native + OIDN", "Combined")):
+        images = {job.frames[0]: colors(work / job.name, job.frames[0], kind) for job in full}
+        ways[way] = images, denoised if kind == "Combined" else plain[False]
+    for method, names in (("bicubic", ("bicubic", "bicubic, OIDN")), ("classifier", OURS[:2])):
+        for is_denoised, way in enumerate(names):
+            images, step = upscaled(shot, method, numbers, noisy=not is_denoised)
+            ways[way] = images, step + (cost(work / small.name) if is_denoised else plain[True])
+    images, step, filtering = denoised_after(shot, numbers, blender)
+    return {**ways, "OIDN after": (images, step + filtering + plain[True])}
 
 
-def upscaled(shot: Shot, size: Size, method: str, numbers: list[int]) -> tuple[dict[int, Float32], float]:
-    """Return the upscaled frames by number, and seconds of a step."""
-    images: dict[int, Float32] = {}
-    with Upscaler(method, display_size=size, render_size=shot.render_size) as upscaler:
+def upscaled(shot: Shot, method: str, numbers: list[int], *, noisy: bool) -> tuple[Images, float]:
+    """Return the upscaled frames that are compared, and CPU seconds of a step."""
+    images = {}
+    with Upscaler(method, display_size=DISPLAY, render_size=shot.render_size, threads=1) as upscaler:
         upscaler.warm_up()
-        for item in shot:
-            image, number = upscaler.step(item.frame), shot.first_number + item.index
+        spent = 0.0
+        for number, frame in frames(shot, noisy=noisy):
+            before = time.process_time()
+            image = upscaler.step(frame)
+            spent += time.process_time() - before
             if number in numbers:
                 images[number] = image
-        return images, upscaler.stats.seconds / upscaler.stats.frames
+        return images, spent / len(shot)
 
 
-def render_seconds(shot: Shot, index: int) -> float:
-    """Return the seconds that Blender says it rendered a frame."""
-    return seconds_of(shot.read_metadata(index))
+def denoised_after(shot: Shot, numbers: list[int], blender: str) -> tuple[Images, float, float]:
+    """Return noisy frames upscaled and then denoised, and CPU seconds of a step and of OIDN.
+
+    OIDN gets albedo and normals that are upscaled by the same weights.
+    """
+    spent, names = 0.0, {"albedo": "RGB", "normal": ("X", "Y", "Z")}
+    with (
+        tempfile.TemporaryDirectory() as folder,
+        Upscaler(display_size=DISPLAY, render_size=shot.render_size, threads=1) as upscaler,
+    ):
+        for number, frame in frames(shot, noisy=True):
+            guides = np.concatenate([frame.gbuffer[name] for name in ("base_color", "normal")], axis=-1)
+            guided, before = replace(frame, aovs=guides.astype(np.float32)), time.process_time()
+            result = upscaler.step(guided, outputs=("aovs",))
+            spent += time.process_time() - before
+            if number in numbers:
+                write_exr(Path(folder) / f"{number}-image.exr", result.image, list("RGB"))
+                for place, name in enumerate(names):
+                    pixels = np.ascontiguousarray(result.aovs[..., 3 * place : 3 * place + 3])
+                    write_exr(Path(folder) / f"{number}-{name}.exr", pixels, list("RGB"))
+        pairs = [[f"{folder}/{number}-{{}}.exr", f"{folder}/{number}.exr"] for number in numbers]
+        script = Path(__file__).resolve().with_name("blender_denoise.py")
+        command = [blender, str(script), json.dumps(pairs)]
+        said = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603  # by the user
+        seconds = [float(line.split()[1]) for line in said.stdout.splitlines() if line.startswith("seconds ")]
+        images = {}
+        for number in numbers:
+            channels = read_exr(Path(folder) / f"{number}.exr", only="RGB")
+            images[number] = np.stack([channels[axis] for axis in "RGB"], axis=-1).astype(np.float32)
+    return images, spent / len(shot), min(seconds)
 
 
-def seconds_of(metadata: Mapping[str, Any]) -> float:
-    """Return Blender's RenderTime, such as "01:02.50", in seconds."""
-    total = 0.0
-    for part in str(metadata["RenderTime"]).split(":"):
-        total = total * 60 + float(part)
-    return total
-
-
-def color(path: Path) -> Float32:
-    """Read (h, w, 3) linear RGB."""
-    channels = read_exr(path, only="RGB")
-    return np.stack([channels[axis] for axis in "RGB"], axis=-1).astype(np.float32)
-
-
-def psnr(images: Mapping[int, Float32], truth: Mapping[int, Float32]) -> float:
-    """Return the mean PSNR (dB) after the display transform, with the references' exposure."""
+def frames(shot: Shot, *, noisy: bool) -> list[tuple[int, Frame]]:
+    """Return the frames with their numbers: as they were denoised, or before that."""
     found = []
-    for number, image in images.items():
-        exposure = auto_exposure(truth[number])
-        shown = [display_transform(each, exposure).astype(np.float64) for each in (image, truth[number])]
-        found.append(decibels(float(np.square(shown[0] - shown[1]).mean())))
+    for item in shot:
+        number, frame = shot.first_number + item.index, replace(item.frame, aovs=None)
+        if noisy:
+            frame = replace(frame, color=colors(shot.source.parent, number, "Noisy Image"))
+        found.append((number, frame))
+    return found
+
+
+def samples_of(job: Job) -> int:
+    """Return the budget of a job: samples of a full-size pixel."""
+    return round(job.samples / SCALE**2) if job.small else job.samples
+
+
+def is_complete(work: Path, job: Job) -> bool:
+    """Tell whether all frames of a job are there."""
+    numbers = range(job.frames[0], job.frames[1] + 1)
+    return all((work / job.name / "frames" / f"{number:04d}.exr").exists() for number in numbers)
+
+
+def cost(folder: Path) -> float:
+    """Return CPU seconds of rendering a frame of a job."""
+    lines = (folder / "costs.jsonl").read_text(encoding="utf-8").splitlines()
+    return float(np.mean([json.loads(line)["seconds"] for line in lines]))
+
+
+def colors(folder: Path, number: int, kind: Literal["Combined", "Noisy Image"] = "Combined") -> Float32:
+    """Read (h, w, 3) linear RGB of a frame of a job."""
+    names = [f"ViewLayer.{kind}.{axis}" for axis in "RGB"]
+    channels = read_exr(folder / "frames" / f"{number:04d}.exr", only=names)
+    return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
+
+
+def psnr(images: Mapping[int, Float32], truth: Mapping[int, Float32], scene: str) -> float:
+    """Return the mean PSNR (dB) of the scene's region after the display transform, by the references' exposure."""
+    (width, height), (x0, x1, y0, y1) = DISPLAY, REGIONS[scene]
+    rows = slice(round((1 - y1) * height) + 1, round((1 - y0) * height) - 1)
+    region = rows, slice(round(x0 * width) + 1, round(x1 * width) - 1)
+    found = []
+    for number, reference in truth.items():
+        exposure = auto_exposure(reference[region])
+        pair = [
+            display_transform(each[region], exposure).astype(np.float64)
+            for each in (images[number], reference)
+        ]
+        found.append(decibels(float(np.square(pair[0] - pair[1]).mean())))
     return float(np.mean(found))
 
 
-def row(name: str, denoise: bool, decibel: float, render: float, step: float) -> dict[str, Any]:
-    """Return one row of the record."""
-    return {"name": name, "denoise": denoise, "psnr": decibel, "render_seconds": render, "step_seconds": step}
+def gains(record: Record, scene: str, budget: int) -> tuple[float, float]:
+    """Return by how many dB the best of ours is above bicubic, and above full-size frames of equal cost.
+
+    Full-size frames of any cost between two budgets are taken as on the line between them, over the cost's
+    logarithm; NaN where the cheapest is dearer or the dearest is cheaper.
+    """
+    rows = [row for row in record["rows"] if row["scene"] == scene]
+    here = {row["way"]: row for row in rows if row["budget"] == budget}
+    best = max((here[way] for way in OURS), key=lambda row: row["psnr"])
+    native = [math_nan := float("nan")]
+    for way in NATIVE:
+        points = sorted((row["seconds"], row["psnr"]) for row in rows if row["way"] == way)
+        if points[0][0] <= best["seconds"] <= points[-1][0]:
+            costs, values = zip(*points, strict=True)
+            native.append(float(np.interp(np.log(best["seconds"]), np.log(costs), values)))
+    bicubic = max(here["bicubic"]["psnr"], here["bicubic, OIDN"]["psnr"])
+    return best["psnr"] - bicubic, best["psnr"] - (np.nanmax(native) if native[1:] else math_nan)
 
 
-def markdown(record: Mapping[str, Any]) -> str:
-    """Return the table of a record."""
-    headings = ["image, samples a pixel", "OIDN", "PSNR dB:", "render s:", "step s:"]
-    cells = [
-        [
-            item["name"],
-            "yes" if item["denoise"] else "no",
-            figure(item["psnr"], 2),
-            figure(item["render_seconds"], 2),
-            figure(item["step_seconds"], 3) if item["step_seconds"] else "–",
-        ]
-        for item in record["rows"]
+def markdown_table(record: Record) -> str:
+    """Return the table: PSNR and cost of each way at each budget of each scene."""
+    found = {(row["scene"], row["budget"], row["way"]): row for row in record["rows"]}
+    lines = []
+    for scene, budget in dict.fromkeys(key[:2] for key in found):
+        cells = [found[scene, budget, way] for way in WAYS]
+        best = max(row["psnr"] for row in cells)
+        texts = [f"{figure(row['psnr'], 1)} / {figure(row['seconds'], 1)}" for row in cells]
+        marked = [f"**{t}**" if row["psnr"] == best else t for t, row in zip(texts, cells, strict=True)]
+        more = [f"{gain:+.1f}" if np.isfinite(gain) else "–" for gain in gains(record, scene, budget)]
+        lines.append([scene, budget, *marked, *more])
+    headings = [
+        "scene",
+        "budget:",
+        *(f"{heading}:" for heading in WAYS.values()),
+        "over bicubic:",
+        "over full size:",
     ]
-    first, last = record["frames"]
     caption = (
-        f"{record['scene']}, frames {first} to {last}, the last {len(record['compared'])} compared, "
-        f"{size_text(record['display_size'])} at scale {record['scale']:g}; "
-        f"references of {record['reference_samples']} samples. Seconds a frame; render: Blender's own figure."
+        f"PSNR in dB / CPU seconds of a frame (user and system, all threads), rendering and upscaling; "
+        f"Cycles of Blender {record['blender']}, {size_text(record['display_size'])}. A budget is a number of "
+        f"samples of a full-size pixel; small frames (scale {record['scale']:g}) have "
+        f"{record['scale'] ** 2:g} times as many. Against references of {record['reference_samples']} samples in a "
+        f"part of frames {' and '.join(map(str, record['compared']))} of {record['frames'][1]}. The last two "
+        f"columns: the best upscaled image above the best bicubic one, and above the best full-size one of the "
+        f"same cost (between budgets: interpolated; – where there is none)."
     )
-    return table(headings, cells, caption)
+    return table(headings, lines, caption)
+
+
+def draw(record: Record, path: Path) -> None:
+    """Draw error over cost, one panel a scene."""
+    scenes = list(dict.fromkeys(row["scene"] for row in record["rows"]))
+    sheet = Figure(figsize=(4.2 * len(scenes), 3.8), layout="constrained")
+    for axes, scene in zip(np.atleast_1d(sheet.subplots(1, len(scenes))), scenes, strict=True):
+        for index, (way, heading) in enumerate(WAYS.items()):
+            points = sorted(
+                (row["seconds"], row["psnr"])
+                for row in record["rows"]
+                if row["scene"] == scene and row["way"] == way
+            )
+            style = "--" if way in NATIVE else ":" if way.startswith("bicubic") else "-"
+            axes.plot(
+                *zip(*points, strict=True), style, marker="o", markersize=3, color=f"C{index}", label=heading
+            )
+        axes.set(title=scene, xscale="log", xlabel="CPU seconds of a frame", ylabel="PSNR, dB")
+        axes.grid(alpha=0.3, which="both")
+    axes.legend(fontsize=7)
+    with replacing(path) as partial:
+        sheet.savefig(partial, format="png", dpi=110)
+
+
+def main(
+    work: Annotated[Path, typer.Argument(help="Folder of blender_renders.py.")],
+    blender: Annotated[str, typer.Option(help="A Python that has bpy.")],
+    picture: Annotated[Path | None, typer.Option("--figure", help="PNG file of the curves.")] = None,
+    json: JSON = None,
+    update: UPDATE = None,
+) -> None:
+    """Measure error and cost of what is rendered, and write table and figure."""
+    tables = {BLOCK: markdown_table}
+    check_page(update, tables)
+    scene = import_render(work / next(job.name for job in jobs() if job.small) / "frames")
+    record = {
+        "bench": "blender_budget",
+        **setting(),
+        "blender": str(scene.read_metadata(0).get("Software", "4.5")),
+        "display_size": DISPLAY,
+        "scale": SCALE,
+        "frames": [1, 24],
+        "compared": sorted(COMPARED),
+        "reference_samples": REFERENCE,
+        "rows": measure_budgets(work, blender),
+    }
+    publish(record, tables, json, update)
+    if picture is not None:
+        draw(record, picture)
 
 
 if __name__ == "__main__":

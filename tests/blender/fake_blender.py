@@ -3,7 +3,8 @@
     fake_blender.py --background --python-exit-code 1 --python SCRIPT -- settings.json
 
 plan.json beside the scene's file says what goes wrong: "error" or "crash" before the first frame; "error at",
-"crash at" or "hang at" a frame's number; "wait at" a number "for" a file. It prints "Fra:7" for each frame,
+"crash at" or "hang at" a frame's number; "wait at" a number "for" a file. "ocio" is the file of the
+view transform. A video is its settings. It prints "Fra:7" for each frame,
 as Blender does.
 """
 
@@ -28,6 +29,9 @@ def stop(error: str) -> None:
 
 def main() -> None:
     settings = json.loads(Path(sys.argv[-1]).read_text())
+    if Path(sys.argv[-3]).name == "encode_video.py":
+        Path(settings["video"]).write_text(json.dumps(settings))
+        return
     record = json.loads((RECORDED / "render.json").read_text())
     plan = json.loads(Path(settings["blend"]).with_name("plan.json").read_text())
     print("Blender 4.5.15 LTS")
@@ -37,7 +41,7 @@ def main() -> None:
         print("Writing: /tmp/scene.crash.txt", flush=True)
         os.abort()
     tell(note="motion blur is off: it blurs what the history must follow")
-    tell(scene=record["scene"])
+    tell(scene=record["scene"] | ({"ocio": plan["ocio"]} if "ocio" in plan else {}))
     first, last = settings["frames"] or record["scene"]["numbers"]
     for number in range(first + settings["complete"], last + 1):
         if number == plan.get("error at"):

@@ -1,4 +1,4 @@
-"""Build a small scene in Blender and save it: python make_scene.py FILE.blend '{"orthographic": true}'.
+"""Build a small scene in Blender and save it: python make_scene.py FILE.blend '{"camera_type": "ORTHO"}'.
 
 A camera that turns, walks and shifts its lens above a floor, before a sky; a cube that moves. Options: see
 `DEFAULTS`; `properties` are set as they are, such as {"scene.frame_step": 2}.
@@ -12,13 +12,14 @@ from typing import Any
 import bpy
 
 DEFAULTS: dict[str, Any] = {
-    "orthographic": False,
+    "camera_type": "PERSP",
     "size": [96, 64],
     "percentage": 100,
     "camera": True,
     "sensor_fit": "AUTO",
     "shift": [[0.02, -0.03], [0.12, 0.07]],  # of the lens, at the first and the last frame
     "lens": [35.0, 35.0],  # mm, likewise
+    "markers": [],  # [frame, camera]; another camera is there besides, "Other"
     "still": False,  # nothing moves, not even the camera
     "properties": {},
 }
@@ -52,6 +53,8 @@ def build(options: dict[str, Any]) -> None:
     scene.collection.objects.link(light)
     if options["camera"]:
         add_camera(scene, options)
+    if options["markers"]:
+        add_markers(scene, options["markers"])
     if not options["still"]:
         move(bpy.data.objects["Cube.003"], "location", [(1.0, -2.0, 0.3), (2.0, -1.5, 0.5)])
     for name, value in options["properties"].items():
@@ -71,7 +74,7 @@ def paint(item: Any, color: tuple[float, ...]) -> None:
 
 def add_camera(scene: Any, options: dict[str, Any]) -> None:
     data = bpy.data.cameras.new("Camera")
-    data.type = "ORTHO" if options["orthographic"] else "PERSP"
+    data.type = options["camera_type"]
     data.ortho_scale, data.sensor_fit = 11.0, options["sensor_fit"]
     camera = bpy.data.objects.new("Camera", data)
     scene.collection.objects.link(camera)
@@ -86,6 +89,13 @@ def add_camera(scene: Any, options: dict[str, Any]) -> None:
         return
     move(data, "shift_x", [first[0], last[0]])
     move(data, "shift_y", [first[1], last[1]])
+
+
+def add_markers(scene: Any, markers: list[Any]) -> None:
+    other = bpy.data.objects.new("Other", bpy.data.cameras.new("Other"))
+    scene.collection.objects.link(other)
+    for frame, name in markers:
+        scene.timeline_markers.new(name, frame=frame).camera = bpy.data.objects[name]
 
 
 def move(item: Any, name: str, values: list[Any]) -> None:

@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from OpenImageIO import UINT8, ImageBuf
 from typer.testing import CliRunner, Result
 
 import supersampler
@@ -96,8 +97,20 @@ def test_jitter_moves_the_samples_by_as_much_as_it_says(tmp_path: Path) -> None:
     assert detection.motion.margin > 1.2
 
 
+@pytest.mark.parametrize("engine", ["cycles", "eevee"])
+def test_each_pixel_is_one_place_whatever_the_number_of_samples(tmp_path: Path, engine: str) -> None:
+    done = render(tmp_path, "--samples", 16, "--engine", engine, "--method", "bilinear", size=[320, 192])
+    if done.exit_code and "GPU" in done.stderr:
+        pytest.skip(f"no GPU, not even in software: {done.stderr}")
+    assert done.exit_code == 0, done.output
+    gbuffer = rendered(tmp_path)[0].read(0).frame.gbuffer
+    assert gbuffer is not None
+    colors = np.unique(np.round(gbuffer["base_color"].astype(np.float32), 2).reshape(-1, 3), axis=0)
+    assert len(colors) <= 16  # of 14 cubes, floor and sky: none is mixed
+
+
 def test_an_orthographic_camera_is_jittered_likewise(tmp_path: Path) -> None:
-    done = render(tmp_path, "--samples", 4, "--method", "bilinear", orthographic=True, size=[320, 192])
+    done = render(tmp_path, "--samples", 4, "--method", "bilinear", camera_type="ORTHO", size=[320, 192])
     assert done.exit_code == 0, done.output
     detection = detect_conventions(rendered(tmp_path)[0])
     assert detection.agrees, detection.summary()
@@ -206,7 +219,13 @@ def test_png_frames_are_as_blender_shows_them(tmp_path: Path) -> None:
         ({"camera": False}, (), "has no active camera: add one"),
         ({}, ("--camera", "Other"), "no camera is named 'Other'; there are Camera"),
         ({}, ("--scene", "Other"), "no scene is named 'Other'; there are Scene"),
-        ({"orthographic": True}, ("--engine", "workbench"), "no motion of an orthographic camera"),
+        ({"camera_type": "ORTHO"}, ("--engine", "workbench"), "no motion of an orthographic camera"),
+        (
+            {"markers": [[5, "Camera"], [7, "Other"]]},
+            (),
+            "markers switch cameras (Camera, Other): render each part",
+        ),
+        ({"camera_type": "PANO"}, (), "a panoramic camera cannot be jittered"),
     ],
 )
 def test_a_scene_that_will_not_do_is_one_line(
@@ -216,6 +235,70 @@ def test_a_scene_that_will_not_do_is_one_line(
     assert done.exit_code == 1
     assert message in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path: Path) -> None:
+    for name in ("marked", "plain"):
+        (tmp_path / name).mkdir()
+        markers = [[5, "Camera"], [7, "Other"]] if name == "marked" else []
+        options = ("--samples", 1, "--camera", "Camera", "--method", "bilinear")
+        done = render(tmp_path / name, *options, markers=markers)
+        assert done.exit_code == 0, done.output
+    for marked, plain in zip(*(rendered(tmp_path / n)[1].cameras for n in ("marked", "plain")), strict=True):
+        np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
+
+
+def test_an_engine_that_is_not_supported_is_one_line(tmp_path: Path) -> None:
+    blend, script = make_scene(tmp_path), tmp_path / "script.py"
+    script.write_text(OTHER_ENGINE)
+    run_in_blender(script, str(blend))
+    command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
+    done = CliRunner().invoke(app, [str(word) for word in command])
+    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
+    assert "engine HYDRA_STORM is not supported; give --engine cycles, eevee or workbench" in done.stderr
+
+
+OTHER_ENGINE = """
+import sys
+import bpy
+
+bpy.ops.preferences.addon_enable(module="hydra_storm")
+bpy.ops.wm.open_mainfile(filepath=sys.argv[-1])
+bpy.context.scene.render.engine = "HYDRA_STORM"
+bpy.ops.wm.save_mainfile()
+"""
+
+
+def test_a_video_shows_the_frames_as_blender_does(tmp_path: Path) -> None:
+    done = render(
+        tmp_path, "--samples", 1, "--format", "png", "--video", "--method", "bilinear", size=[95, 63]
+    )
+    assert done.exit_code == 0, done.output
+    script, still = tmp_path / "script.py", tmp_path / "still.png"
+    script.write_text(DECODE)
+    said = run_in_blender(script, str(tmp_path / "out" / "video.mp4"), str(still))
+    assert "found (94, 62) 3 24.0" in said
+    shown, frame = (ImageBuf(str(path)).get_pixels(UINT8) for path in (still, tmp_path / "out" / "0006.png"))
+    wrong = np.abs(shown[..., :3].astype(int) - frame[:62, :94])
+    assert wrong.mean() < 4  # of 255: mp4 has half the colours
+
+
+DECODE = """
+import sys
+import bpy
+
+video, still = sys.argv[-2:]
+bpy.ops.wm.read_factory_settings(use_empty=True)
+clip, scene = bpy.data.movieclips.load(video), bpy.context.scene
+print("found", tuple(clip.size), clip.frame_duration, round(clip.fps, 3))
+editor = scene.sequence_editor_create()
+strips = getattr(editor, "strips", None) or editor.sequences
+strips.new_movie("movie", video, 1, 1, fit_method="ORIGINAL")
+scene.view_settings.view_transform = "Standard"
+scene.render.resolution_x, scene.render.resolution_y = clip.size
+scene.render.image_settings.file_format, scene.render.filepath = "PNG", still
+bpy.ops.render.render(write_still=True)
+"""
 
 
 def test_each_other_frame_is_refused_as_motion_leads_to_the_one_before(tmp_path: Path) -> None:

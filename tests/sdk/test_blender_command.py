@@ -1,5 +1,6 @@
 """Tests of `supersampler blender` with a recorded render: resuming, errors, frames upscaled meanwhile."""
 
+import json
 import os
 import re
 import signal
@@ -160,6 +161,75 @@ def test_a_program_that_is_no_blender_is_named(tmp_path: Path) -> None:
     other = fake_blender(tmp_path)
     other.write_text("#!/bin/sh\n")
     assert "before the first frame: Blender said nothing of why" in one_line(blender(tmp_path, program=other))
+
+
+OCIO = """
+ocio_profile_version: 2
+roles: {scene_linear: linear, default: linear}
+file_rules: [!<Rule> {name: Default, colorspace: default}]
+displays: {sRGB: [!<View> {name: AgX, colorspace: linear}]}
+colorspaces: [!<ColorSpace> {name: linear}]
+"""
+
+
+@pytest.fixture
+def view(tmp_path: Path) -> dict[str, str]:
+    """The plan of a scene that can be shown."""
+    path = tmp_path / "config.ocio"
+    path.write_text(OCIO)
+    return {"ocio": str(path)}
+
+
+def test_a_video_is_of_the_png_files_and_made_again_with_new_ones(
+    tmp_path: Path, view: dict[str, str]
+) -> None:
+    wrong = one_line(blender(tmp_path, "--video"))
+    assert "--video is without PNG files; want --format png besides" in wrong
+    options, video = ("--format", "png", "--video"), tmp_path / "out" / "video.mp4"
+    video.parent.mkdir()
+    video.write_bytes(b"mine")
+    assert "video.mp4: is there already" in one_line(blender(tmp_path, *options, **view))
+    assert video.read_bytes() == b"mine"
+    video.unlink()
+    for frames, numbers in (("5-6", [5, 6]), ("5-8", [5, 6, 7, 8])):
+        done = blender(tmp_path, *options, "--frames", frames, **view)
+        assert done.exit_code == 0, done.output
+        said = json.loads(video.read_text())
+        assert [Path(name) for name in said["images"]] == [tmp_path / f"out/{n:04d}.png" for n in numbers]
+        assert (said["size"], said["frame_rate"]) == ([96, 64], 24.0)
+    again = blender(tmp_path, *options, program="nowhere", **view)
+    assert again.exit_code == 0, again.output  # it is there, and newer than its images
+
+
+def test_a_blender_that_writes_no_video_is_one_line_and_the_frames_stay(
+    tmp_path: Path, view: dict[str, str]
+) -> None:
+    program = fake_blender(tmp_path)
+    fails = 'case "$*" in *encode_video*) echo "no codec"; exit 1; esac; exec'
+    program.write_text(program.read_text().replace("exec", fails))
+    line = one_line(blender(tmp_path, "--format", "png", "--video", program=program, **view))
+    assert "video.mp4: Blender wrote no video; it said: no codec. Has it FFmpeg?" in line
+    assert len(list((tmp_path / "out").glob("*.png"))) == 4
+    assert not (tmp_path / "out" / "video.mp4").exists()
+
+
+def test_a_locked_scene_and_a_folder_that_cannot_be_written_are_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "out").write_bytes(b"no folder")
+    assert "out/render: cannot be written" in one_line(blender(tmp_path))
+    path_open = Path.open
+
+    def locked(path: Path, *arguments: Any, **options: Any) -> Any:  # root may read everything
+        if path.name == "scene.blend" and "w" not in arguments:
+            raise PermissionError(13, "Permission denied")
+        return path_open(path, *arguments, **options)
+
+    scene_file(tmp_path)
+    monkeypatch.setattr(Path, "open", locked)
+    command = ["blender", tmp_path / "scene.blend", "-o", tmp_path / "other", "--blender", sys.executable]
+    line = one_line(CliRunner().invoke(app, [str(word) for word in command]))
+    assert "scene.blend: cannot be read ([Errno 13] Permission denied)" in line
 
 
 def test_no_blender_at_all_is_an_error_that_says_where_to_get_one(monkeypatch: pytest.MonkeyPatch) -> None:

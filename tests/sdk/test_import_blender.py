@@ -18,8 +18,8 @@ from imported_scene import (
 )
 from supersampler import ArgumentError, ShotError
 from supersampler.cli import app
-from supersampler.io.images import write_exr
-from supersampler.io.shot import copy_shot, import_blender
+from supersampler.io.images import read_exr, read_exr_metadata, write_exr
+from supersampler.io.shot import Shot, copy_shot, import_blender
 
 
 @pytest.mark.parametrize(
@@ -45,6 +45,36 @@ def test_blender_frames_come_out_as_ours(tmp_path: Path, layer: str, names: dict
     assert (aovs == 0.5).all()
     np.testing.assert_array_equal(gbuffer["normal"][0, 0], [0, 1, 2])
     np.testing.assert_array_equal(gbuffer["base_color"][0, 0], [0, 0.25, 0.5])
+
+
+def test_passes_of_the_light_and_metadata_stay_with_a_copy_and_its_results(tmp_path: Path) -> None:
+    names = ["A", "DiffDir.R", "DiffDir.G", "DiffDir.B", "Sparks.R", "Sparks.G", "Sparks.B"]
+    write_blender(tmp_path / "renders", "V")
+    for index, path in enumerate(sorted((tmp_path / "renders").glob("*.exr"))):
+        extra = [name for name in names if "." in name] + ["CryptoObject00.R", "Mist.Z", "Noisy Image.R"]
+        channels = read_exr(path)
+        channels |= {f"V.{name}": channels["V.Combined.R"] * np.float32(0.5) for name in extra}
+        write_exr(path, channels, metadata={"Camera": "Main", "Frame": f"{index:02d}"})
+    shot = import_blender(tmp_path / "renders")
+    copied = copy_shot(shot, tmp_path / "shot")
+    assert list(copied.info.aov_names) == names
+    changed = (tmp_path / "shot" / "shot.json").read_text().replace('"Sparks.B"', '"Sparks.B", "More"')
+    (tmp_path / "shot" / "more.json").write_text(changed)
+    with pytest.raises(ShotError, match=r"0000\.exr: has 7 AOVs; the shot names 8"):
+        Shot.open(tmp_path / "shot" / "more.json").read(0)
+    assert copied.read_metadata(1) == shot.read_metadata(1) == {"Camera": "Main", "Frame": "01"}
+    for source, out in (
+        (tmp_path / "renders", tmp_path / "direct"),
+        (tmp_path / "shot", tmp_path / "copied"),
+    ):
+        command = ["upscale", str(source), "-o", str(out), "--method", "bilinear", "--scale", "2"]
+        done = CliRunner().invoke(app, command)
+        assert done.exit_code == 0, done.output
+        channels = read_exr(out / "0009.exr")
+        assert channels.keys() == {"R", "G", "B", *names}
+        light, color = channels["Sparks.G"].astype(np.float32), channels["R"].astype(np.float32)
+        assert light.mean() == pytest.approx(color.mean() * 0.5, rel=0.01)
+        assert read_exr_metadata(out / "0009.exr") == {"Camera": "Main", "Frame": "01"}
 
 
 def test_of_several_complete_layers_one_must_be_chosen(tmp_path: Path) -> None:

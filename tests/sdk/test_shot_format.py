@@ -23,6 +23,7 @@ INFO = ShotInfo(
     conventions=Conventions.unreal(),
     license="CC0 1.0",
     attribution=("Ann", "Bob"),
+    aov_names=("A", "Emit.R"),
 )
 ENTRIES = [
     FrameEntry(
@@ -65,6 +66,9 @@ def test_what_is_written_is_read(tmp_path: Path, display_size: tuple[int, int] |
         ({"display_size": [8.5, 3]}, r"display_size is \[8.5, 3\]"),
         ({"frame_rate": 0}, r"frame_rate is 0; want frames a second, > 0"),
         ({"attribution": [1]}, r"attribution is .*; want a list of texts"),
+        ({"aov_names": ["A", "A"]}, r"aov_names is .*; want names that differ, and are not R, G or B"),
+        ({"aov_names": ["G"]}, r"aov_names is .*; want names that differ"),
+        ({"aov_names": [""]}, r"aov_names\[0\] is ''; want printable text"),
         ({"conventions": {"no_such": 1}}, '"conventions" is not valid: '),
         ({"frames": {}}, r"frames is {}; want a list"),
         ({"frames": [3]}, r"frames\[0\] is 3; want an object"),

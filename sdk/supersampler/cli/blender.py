@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 import typer
 
 from supersampler.cli.arguments import Format, parse_size
+from supersampler.errors import ArgumentError
 
 Engine = Literal["cycles", "eevee", "workbench"]
 
@@ -45,6 +46,10 @@ def blender(
             show_default="exr",
         ),
     ] = None,
+    video: Annotated[
+        bool,
+        typer.Option("--video", help="Also write video.mp4 of the PNG files; Blender encodes it (H.264)."),
+    ] = False,
     compare: Annotated[
         bool, typer.Option("--compare", help="Also write compare.html (last 64 frames).")
     ] = False,
@@ -67,9 +72,15 @@ def blender(
     from rich.console import Console
 
     from supersampler.cli.run import UpscaleJob, run_job
+    from supersampler.cli.run_record import VIDEO
+    from supersampler.integrations.blender.process import find_blender
     from supersampler.integrations.blender.render import RenderRequest, frame_range, rendering
+    from supersampler.integrations.blender.video import write_video
     from supersampler.io.view_transform import ViewTransform
 
+    formats = sorted({item.value for item in format or [Format.exr]})
+    if video and "png" not in formats:
+        raise ArgumentError("--video", got="without PNG files", want="--format png besides")
     console = Console(stderr=True, highlight=False)
     request = RenderRequest(
         blend=scene_file,
@@ -88,12 +99,17 @@ def blender(
             shot=render.shot,
             output=output,
             model=method,
-            formats=tuple(sorted({item.value for item in format or [Format.exr]})),
+            formats=formats,
             compare=compare,
             overwrite=overwrite,
             holds_shot=True,
             view=ViewTransform(config=render.scene.ocio, **render.scene.view),
+            video=video,
             console=console,
         )
-        run_job(job)
+        results = run_job(job)
+        if video and not results.is_newest(VIDEO):
+            images, size = results.images("png", len(render.shot)), render.scene.display_size
+            path = results.begin_file(VIDEO)
+            write_video(find_blender(blender), images, size, render.scene.frame_rate, path)
     typer.echo(f"Frames: {output}")

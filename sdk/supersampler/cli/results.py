@@ -3,7 +3,7 @@
 import json
 import os
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from supersampler import __version__
 from supersampler.cli.run_record import (
     FILE_NAME,
-    PAGE,
     RECORDED,
+    SINGLE,
     RunRecord,
     foreign,
     frame_path,
@@ -30,7 +30,7 @@ from supersampler.io.shot.frame_files import COLOR, aov_channels
 from supersampler.io.view_transform import ViewTransform
 from supersampler.model import Model
 
-_NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{re.escape(FILE_NAME)}|{re.escape(PAGE)}")
+_NAMES = re.compile(rf"\d{{4,}}\.(exr|png)|{'|'.join(map(re.escape, (FILE_NAME, *SINGLE)))}")
 _LARGEST_HALF = 65504.0
 
 
@@ -53,7 +53,7 @@ class Results:
         frame_count: int | None,
         *,
         overwrite: bool,
-        page: bool = False,
+        single: Collection[str] = (),
         recording: Path | None = None,
     ) -> int:
         """Prepare the folder, and return the index of the first incomplete frame.
@@ -62,7 +62,7 @@ class Results:
             settings: all that the images depend on; JSON values.
             frame_count: number of frames; None where it is not known.
             overwrite: whether to remove the files of an earlier run instead of continuing it.
-            page: whether a page will be written.
+            single: names of SINGLE that will be written.
             recording: the folder that the run will record to; if it exists, it must be an earlier run's.
 
         Raises:
@@ -75,7 +75,7 @@ class Results:
         first = RunRecord(settings).first
         if earlier is not None and not overwrite:
             self._check_same(earlier.settings, settings)
-        self._check_free(first, frame_count, page=page)
+        self._check_free(first, frame_count, single)
         self._check_recording(recording)
         if overwrite:
             remove_files(own)
@@ -131,17 +131,23 @@ class Results:
                 view = self._view
                 write_png(path, to_uint8(view.show(image) if view else display_transform(image, exposure)))
 
-    def begin_page(self) -> Path:
-        """List the page in upscale.json and return its path; ShotError if it is another program's."""
-        if not self._record.files.get(PAGE):
-            self._check_free(0, 0, page=True)
-            self._save(replace(self._record, files={**self._record.files, PAGE: 1}))
-        return self.folder / PAGE
+    def begin_file(self, name: str) -> Path:
+        """List a file of SINGLE in upscale.json and return its path; ShotError if it is another program's."""
+        if not self._record.files.get(name):
+            self._check_free(0, 0, [name])
+            self._save(replace(self._record, files={**self._record.files, name: 1}))
+        return self.folder / name
 
-    def is_page_newest(self) -> bool:
-        """Tell whether the page exists and no image is newer."""
+    def is_newest(self, name: str) -> bool:
+        """Tell whether a file of SINGLE exists and no image is newer."""
         times = {path: path.stat().st_mtime_ns for path in self._record.own_files(self.folder)}
-        return times.get(self.folder / PAGE) == max(times.values(), default=0)
+        images = [time for path, time in times.items() if path.name not in SINGLE]
+        return self.folder / name in times and times[self.folder / name] >= max(images, default=0)
+
+    def images(self, extension: str, count: int) -> list[Path]:
+        """Return the files of a format of the first `count` frames."""
+        numbers = range(self._record.first, self._record.first + count)
+        return [frame_path(self.place(extension), f"####.{extension}", number) for number in numbers]
 
     def place(self, extension: str) -> Path:
         """Return the folder of the files of a format."""
@@ -167,10 +173,11 @@ class Results:
         record.write(self.folder)
         self._record = record
 
-    def _check_free(self, first: int, frame_count: int | None, *, page: bool) -> None:
+    def _check_free(self, first: int, frame_count: int | None, single: Collection[str]) -> None:
         """Raise ShotError where an unlisted file has the name of one that will be written."""
-        if page and not self._record.files.get(PAGE) and is_there(self.folder / PAGE):
-            raise foreign(self.folder / PAGE)
+        for name in single:
+            if not self._record.files.get(name) and is_there(self.folder / name):
+                raise foreign(self.folder / name)
         unknown = frame_count is None
         for pattern in self._patterns() + (self._patterns(f"{RECORDED}/") if unknown else []):
             for number, path in sorted(numbered(self.folder, pattern)):

@@ -24,7 +24,7 @@ from supersampler.aux_outputs import LEGENDS, aux_output_layers
 from supersampler.cli.arguments import size_text
 from supersampler.cli.frame_warnings import frame_warnings
 from supersampler.cli.results import Results, model_settings
-from supersampler.cli.run_record import FIRST
+from supersampler.cli.run_record import FIRST, PAGE, VIDEO
 from supersampler.errors import FrameError, ShotError
 from supersampler.frame import Frame, Size
 from supersampler.history import StepResult
@@ -57,7 +57,8 @@ class UpscaleJob:
     `extrapolation` is the name or folder of the model for unshaded frames. Without `display_size` and `scale`
     the images have the shot's display size; without one, the model's only ratio, or 2x. `record` is a folder
     to record all frames to; the recording of an earlier run into `output` is replaced. With `holds_shot`
-    the shot may be in a subfolder of `output` of its own. `view` is what PNG files show.
+    the shot may be in a subfolder of `output` of its own. `view` is what PNG files show. With
+    `video` the caller writes one of them.
     """
 
     shot: Shot
@@ -79,7 +80,13 @@ class UpscaleJob:
     overwrite: bool = False
     holds_shot: bool = False
     view: ViewTransform | None = None
+    video: bool = False
     console: Console = field(default_factory=lambda: Console(stderr=True, highlight=False))
+
+    @property
+    def single(self) -> list[str]:
+        """Names of the files of SINGLE that the run writes."""
+        return [name for name, wanted in ((PAGE, self.compare), (VIDEO, self.video)) if wanted]
 
 
 def run_job(job: UpscaleJob) -> Results:
@@ -97,11 +104,11 @@ def run_job(job: UpscaleJob) -> Results:
         upscaler = stack.enter_context(_open_upscaler(job))
         upscaler.warm_up()  # raises for an unusable model or ratio before files are overwritten
         first = results.begin(
-            _settings(job, upscaler), count, overwrite=job.overwrite, page=job.compare, recording=job.record
+            _settings(job, upscaler), count, overwrite=job.overwrite, single=job.single, recording=job.record
         )
         if job.record is not None:
             upscaler = stack.enter_context(_recording_upscaler(job, upscaler))
-        page_is_there = not job.compare or results.is_page_newest()
+        page_is_there = not job.compare or results.is_newest(PAGE)
         if first == count and page_is_there and job.record is None:
             job.console.print(f"All {count} frames are there already.")
             return results
@@ -238,7 +245,7 @@ def _page(
         legends={"error": ERROR_LEGEND, **LEGENDS},
         notes=[*_NOTES, *([f"Shot: {sources}."] if sources else []), versions()],
     )
-    return compare_page(results.begin_page(), about)
+    return compare_page(results.begin_file(PAGE), about)
 
 
 class _FramesPerSecond(ProgressColumn):

@@ -19,7 +19,8 @@ from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import LARGEST_NUMBER
 
 FILE_NAME = "upscale.json"
-PAGE = "compare.html"
+PAGE, VIDEO = "compare.html", "video.mp4"
+SINGLE = (PAGE, VIDEO)
 FIRST = "first frame"
 """Setting: the number of the first frame in the names of files; 0 where it is missing."""
 RECORDED = "recorded"
@@ -42,7 +43,8 @@ class RunRecord:
 
     Attributes:
         settings: all that the images depend on; JSON values.
-        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for PAGE.
+        files: number of files, from the first frame on, by pattern such as `exr/####.exr`; 1 for those of
+            SINGLE.
         recording: the folder that the run records to, or None.
     """
 
@@ -66,9 +68,9 @@ class RunRecord:
 
     def own_files(self, folder: Path) -> list[Path]:
         """Return the listed files that exist; ShotError where a link or folder has the name of one."""
-        found = [folder / PAGE] if self.files.get(PAGE) and is_there(folder / PAGE) else []
+        found = [folder / name for name in SINGLE if self.files.get(name) and is_there(folder / name)]
         for pattern in self.files:
-            if pattern != PAGE:
+            if pattern not in SINGLE:
                 found += sorted(path for n, path in numbered(folder, pattern) if self.lists(pattern, n))
         for path in found:
             if not is_regular(path):
@@ -89,7 +91,7 @@ def read_run_record(folder: Path) -> RunRecord | None:
         problem = "does not list the files of its run: it is of an earlier version, or of something else"
         raise ShotError(path, problem, _START_OVER)
     for pattern, count in files.items():
-        most = 1 if pattern == PAGE else _MAX_FILES if pattern in _FRAMES else -1
+        most = 1 if pattern in SINGLE else _MAX_FILES if pattern in _FRAMES else -1
         if type(count) is not int or not 0 <= count <= most:
             raise ShotError(path, f"lists {pattern!r}: {count!r}, which no run writes", _START_OVER)
     first = content.get(FIRST, 0)

@@ -98,13 +98,13 @@ class BlenderRender:
         file.write_text(json.dumps(own, indent=1), encoding="utf-8")
         self._log = (folder / "blender.log").open("w", encoding="utf-8")
         self._process = subprocess.Popen(  # noqa: S603  # the user names the program
-            _command(program, file),
+            blender_command(program, _SCRIPT, file),
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
             encoding="utf-8",
             errors="replace",
-            env={name: value for name, value in os.environ.items() if not name.startswith("PYTHON")},
+            env=blender_environment(),
         )
         self._reader = Thread(target=self._read, name="blender", daemon=True)
         self._reader.start()
@@ -192,7 +192,13 @@ class BlenderRender:
         return ShotError(self._blend, f"the render ended {when}: {self._error.rstrip('.')}", hint)
 
 
-def _command(program: str, settings: Path) -> list[str]:
+def blender_command(program: str, script: Path, settings: Path) -> list[str]:
+    """Return the command that runs a script in Blender with a file of settings."""
     if Path(program).stem.lower().startswith("python"):
-        return [program, str(_SCRIPT), str(settings)]
-    return [program, "--background", "--python-exit-code", "1", "--python", str(_SCRIPT), "--", str(settings)]
+        return [program, str(script), str(settings)]
+    return [program, "--background", "--python-exit-code", "1", "--python", str(script), "--", str(settings)]
+
+
+def blender_environment() -> dict[str, str]:
+    """Return the environment without what would lead Blender's Python to the packages of this one."""
+    return {name: value for name, value in os.environ.items() if not name.startswith("PYTHON")}

@@ -24,7 +24,7 @@ except ImportError as error:
 
 OLDEST = (3, 6)  # Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
-EXACT_FILTER = 0.01  # of a pixel: each is one place, and depth and motion belong to it
+EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # pixels: each is one place. The width of BOX is always 1.
 
 
 class SceneError(Exception):
@@ -98,11 +98,12 @@ def choose_camera(scene: Any, name: str | None) -> None:
         raise SceneError(f"scene {scene.name!r} has no active camera: {hint}")
     if scene.camera.data.type == "PANO":
         raise SceneError("a panoramic camera cannot be jittered; take a perspective or orthographic one")
-    markers = [marker.camera.name for marker in scene.timeline_markers if marker.camera]
-    if len(set(markers)) > 1:
-        raise SceneError(
-            f"markers switch cameras ({', '.join(markers)}): render each part by --frames, --camera"
-        )
+    markers = [marker for marker in scene.timeline_markers if marker.camera]
+    if name is None and len({marker.camera.name for marker in markers}) > 1:
+        found = named([marker.camera for marker in markers])
+        raise SceneError(f"markers switch cameras ({found}): render each part by --frames, --camera")
+    for marker in markers if name is not None else ():
+        marker.camera = None  # it would take the place of the one that is named
 
 
 def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
@@ -110,7 +111,7 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
     if engine is not None:
         choose_engine(scene, engine)
     if scene.render.engine == "CYCLES":
-        scene.cycles.pixel_filter_type, scene.cycles.filter_width = "BOX", EXACT_FILTER
+        scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
         scene.cycles.use_animated_seed = True  # the history averages noise that changes
         if samples is not None:
             scene.cycles.samples = samples

@@ -30,9 +30,10 @@ def import_blender(
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass, and its alpha an AOV; depth is Depth (or Z), motion is Vector X and Y; Normal
-    and DiffCol are G-buffers, where they exist. Jitter the camera by `shift_x = x / max(w, h)`,
-    `shift_y = -y / max(w, h)`, and render with a box filter 0.01 pixels wide: one sample at that point.
+    Colour is the Combined pass; its alpha and the passes of the light (DiffDir, Emit) are AOVs. Depth is Depth
+    or Z, motion is Vector X and Y; Normal and DiffCol are G-buffers, where they exist. Jitter the camera by
+    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris filter 0.01
+    pixels wide: one sample at that point.
 
     Args:
         folder: folder of the frames.
@@ -56,9 +57,11 @@ def import_blender(
     if reference is not None:
         image = next(iter(numbered_files(folder, reference).values()))
         channel_map["reference"] = [f"{reference}:{channel}" for channel in _reference_channels(image)]
+    layer = channel_map["color"][0].removesuffix(".Combined.R")
     return import_channels(
         folder,
         channel_map,
+        aov_names=aov_names(channel_map.get("aovs", ()), layer),
         conventions=Conventions.blender() if conventions is None else conventions,
         display_size=display_size,
         frame_rate=frame_rate,
@@ -102,16 +105,21 @@ def layer_map(
         "color": [f"{layer}.Combined.{axis}" for axis in "RGB"],
         "depth": [f"{layer}.{depth}"],
         "motion": [f"{layer}.Vector.{axis}" for axis in "XY"],
-        "aovs": [f"{layer}.Combined.A"],
+        "aovs": [name for name in (f"{layer}.Combined.A",) if name in channels] + _light(channels, layer),
         "normal": [f"{layer}.Normal.{axis}" for axis in "XYZ"],
         "base_color": [f"{layer}.DiffCol.{axis}" for axis in "RGB"],
     }
     if f"{layer}.Diffuse Color.R" in channels:  # of Blender 5
         found["base_color"] = [f"{layer}.Diffuse Color.{axis}" for axis in "RGB"]
-    return {name: names for name, names in found.items() if names[0] in channels}
+    return {name: names for name, names in found.items() if names and names[0] in channels}
 
 
-def light_passes(channels: Iterable[str], layer: str) -> list[str]:
+def aov_names(channels: Iterable[str], layer: str) -> list[str]:
+    """Return the names of AOVs in files of results: A is alpha, GlossDir.R a pass of the light."""
+    return [name.removeprefix(f"{layer}.").removeprefix("Combined.") for name in channels]
+
+
+def _light(channels: Iterable[str], layer: str) -> list[str]:
     """Return the colour channels of a view layer but those of Combined, Diffuse Color, noise and ids."""
     begin = f"{layer}."
     names = [name for name in channels if name.startswith(begin) and name.rpartition(".")[2] in "RGB"]

@@ -10,7 +10,7 @@ from supersampler.conventions import Conventions, RawFrame, camera_motion, jitte
 from supersampler.errors import ShotError
 from supersampler.frame import GBUFFER_CHANNELS, Array, Float32, Size
 from supersampler.io.images import read_exr, read_exr_channels
-from supersampler.io.shot.blender import layer_map, light_passes
+from supersampler.io.shot.blender import aov_names, layer_map
 from supersampler.io.shot.format import FrameEntry, ShotInfo
 from supersampler.io.shot.frame_files import check_size, take
 from supersampler.io.shot.render_record import (
@@ -77,7 +77,7 @@ def rendered_shot(
     def read_raw(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         now, before = camera_of(index), None if index == 0 else camera_of(index - 1)
         path = folder / entries[index].file
-        arrays, aov_names = _arrays(path, scene, gbuffers)
+        arrays, names = _arrays(path, scene, gbuffers)
         jitters = entries[index].jitter, entries[max(0, index - 1)].jitter
         motion = None if before is None else _motion(arrays, scene.engine, (now, before), jitters)
         return RawFrame(
@@ -88,7 +88,7 @@ def rendered_shot(
             reset=entries[index].reset,
             gbuffer={name: arrays[name] for name in GBUFFER_CHANNELS if name in arrays} or None,
             aovs=arrays.get("aovs"),
-            aov_names=aov_names,
+            aov_names=names,
         )
 
     return Shot(folder, info, entries, read_raw, _no_reference, stop_waiting=stop_waiting)
@@ -109,9 +109,7 @@ def _arrays(
     """Read the arrays of a frame; also return the names of its AOVs: alpha, and the passes of the light."""
     there = read_exr_channels(path)
     names = layer_map(path, there, scene.layer, motion=False)
-    aovs = [*names.get("aovs", ()), *light_passes(there, scene.layer)]
-    if aovs:
-        names["aovs"] = aovs
+    aovs = names.get("aovs", [])
     wanted = {
         name: channels
         for name, channels in names.items()
@@ -123,7 +121,7 @@ def _arrays(
     arrays["depth"] = arrays["depth"].astype(np.float32, copy=False)
     if len(aovs) == 1:
         arrays["aovs"] = arrays["aovs"][..., None]
-    return arrays, [name.removeprefix(f"{scene.layer}.").removeprefix("Combined.") for name in aovs]
+    return arrays, aov_names(aovs, scene.layer)
 
 
 def _motion(

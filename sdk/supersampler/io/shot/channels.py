@@ -1,7 +1,7 @@
 """Import EXR sequences in any layout, by a map from our names to their channels."""
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -32,6 +32,7 @@ def import_channels(
     jitter: Jitter | None = None,
     cuts: Sequence[int] = (),
     name: str | None = None,
+    aov_names: Sequence[str] = (),
 ) -> Shot:
     """Open a folder of EXR frames with other channel names and conventions as a Shot.
 
@@ -55,6 +56,7 @@ def import_channels(
             it exists, otherwise no jitter.
         cuts: indices of the first frames after cuts; frame 0 is always one.
         name: name of the shot; by default the folder's.
+        aov_names: names of the AOVs in files of results; by default they are numbered.
 
     Raises:
         ShotError: files or channels are missing, or differ in number or size.
@@ -77,12 +79,14 @@ def import_channels(
         frame_rate=float(frame_rate),
         conventions=conventions,
         first_number=files.numbers[0] if files.numbers[-1] <= LARGEST_NUMBER else 0,
+        aov_names=tuple(aov_names),
     )
     entries = [files.entry(i, offset, reset=i == 0 or i in cuts) for i, offset in enumerate(offsets)]
 
     def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
         jitter, reset = entries[index].jitter, entries[index].reset
-        return files.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
+        raw = files.read_raw(index, jitter, reset=reset, render_size=info.render_size, gbuffers=gbuffers)
+        return replace(raw, aov_names=info.aov_names or None)
 
     def reference(index: int) -> Float32:
         return files.read_reference(index, info.display_size)

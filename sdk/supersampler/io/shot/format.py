@@ -10,7 +10,7 @@ from supersampler.conventions import Conventions
 from supersampler.errors import ArgumentError, ShotError
 from supersampler.frame import Size
 from supersampler.io.json_fields import Field, read_json
-from supersampler.io.limits import SHOT_FRAMES
+from supersampler.io.limits import IMAGE_CHANNELS, SHOT_FRAMES
 
 FORMAT_VERSION = 1
 FILE_NAME = "shot.json"
@@ -34,6 +34,7 @@ class ShotInfo:
         attribution: names to credit where the images are shown, one line each.
         first_number: number of the first frame in the program that rendered it, 0 to LARGEST_NUMBER; images
             of the shot's frames are named by it and the numbers after it.
+        aov_names: names of the AOVs' channels in files of results; empty: they are numbered.
     """
 
     name: str
@@ -44,6 +45,7 @@ class ShotInfo:
     license: str = ""
     attribution: tuple[str, ...] = ()
     first_number: int = 0
+    aov_names: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,6 +103,7 @@ def load_shot_json(path: Path) -> tuple[ShotInfo, list[FrameEntry]]:
         license=header.read("license", lambda text: text.of(str), ""),
         attribution=header.read("attribution", Field.texts, ()),
         first_number=header.read("first_number", lambda n: n.whole(0, LARGEST_NUMBER), 0),
+        aov_names=header.read("aov_names", _aov_names, ()),
     )
     entries = [frame_entry(item) for item in header["frames"].items(SHOT_FRAMES)]
     if not entries:
@@ -144,6 +147,13 @@ def frame_entry(data: Field) -> FrameEntry:
         render_size=data.read("render_size", Field.size, None),
         shaded=data.read("shaded", Field.flag, default=True),
     )
+
+
+def _aov_names(data: Field) -> tuple[str, ...]:
+    names = tuple(item.text(_LONGEST) for item in data.items(IMAGE_CHANNELS))
+    if len({*names, *"RGB"}) != len(names) + 3:
+        data.refuse("names that differ, and are not R, G or B")
+    return names
 
 
 def _file(data: Field) -> str:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from supersampler.conventions import RawFrame
 from supersampler.errors import ShotError
 from supersampler.frame import Array, Float32, Size
-from supersampler.io.images import Channel, read_exr, read_exr_channels, write_exr
+from supersampler.io.images import Channel, Metadata, read_exr, read_exr_channels, write_exr
 from supersampler.io.shot.format import FrameEntry
 
 COLOR = ("R", "G", "B")
@@ -48,6 +48,8 @@ def read_frame(
     render_size: Size,
     display_size: Size | None,
     gbuffers: Collection[str] | None = None,
+    *,
+    aov_names: Sequence[str] = (),
 ) -> RawFrame:
     """Read one frame as it was stored.
 
@@ -57,9 +59,11 @@ def read_frame(
         render_size: required (width, height) of the render-size file.
         display_size: required (width, height) of the display-size file; None accepts any.
         gbuffers: G-buffers to read, by their names in `ModelInfo.gbuffers`; None reads all.
+        aov_names: names of the AOVs in files of results; empty: they are numbered.
 
     Raises:
-        ShotError: a file is missing, damaged, of another size, or lacks a channel.
+        ShotError: a file is missing, damaged, of another size, or lacks a channel; or it has another number
+            of AOVs than there are names.
     """
     path = folder / entry.file
     channels = read_exr(path, without=_unwanted("gbuffer", GBUFFER, gbuffers))
@@ -68,7 +72,9 @@ def read_frame(
     unwanted = _unwanted("gbuffer_display", _GBUFFER_DISPLAY, gbuffers)
     display = {} if entry.display_file is None else read_exr(display_path, without=unwanted)
     check_size(display_path, display, display_size)
-    motion_of_display = MOTION[0] in display
+    motion_of_display, aovs = MOTION[0] in display, take_aovs(path, channels)
+    if aovs is not None and aov_names and len(aov_names) != aovs.shape[2]:
+        raise ShotError(path, f"has {aovs.shape[2]} AOVs; the shot names {len(aov_names)}")
     return RawFrame(
         color=take(path, channels, COLOR) if entry.shaded else None,
         depth=take(path, channels, DEPTH).astype(np.float32, copy=False),
@@ -78,7 +84,8 @@ def read_frame(
         exposure=entry.exposure,
         gbuffer=_take_gbuffer(path, channels, GBUFFER),
         gbuffer_display=_take_gbuffer(display_path, display, _GBUFFER_DISPLAY),
-        aovs=take_aovs(path, channels),
+        aovs=aovs,
+        aov_names=aov_names or None,
     )
 
 
@@ -117,7 +124,13 @@ def has_display_file(raw: RawFrame) -> bool:
 
 
 def write_frame(
-    folder: Path, entry: FrameEntry, raw: RawFrame, compression: str, *, display: bool = True
+    folder: Path,
+    entry: FrameEntry,
+    raw: RawFrame,
+    compression: str,
+    *,
+    display: bool = True,
+    metadata: Metadata | None = None,
 ) -> None:
     """Write the render-size file, and the display-size file where `entry` names one and `display` is True.
 
@@ -136,7 +149,7 @@ def write_frame(
     large = motion
     for name, array in (raw.gbuffer_display or {}).items():
         large |= _named(_GBUFFER_DISPLAY[name], array)
-    write_exr(folder / entry.file, render, compression=compression)
+    write_exr(folder / entry.file, render, compression=compression, metadata=metadata)
     if display and entry.display_file is not None:
         write_exr(folder / entry.display_file, large, compression=compression)
 

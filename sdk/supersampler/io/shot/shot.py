@@ -82,7 +82,9 @@ class Shot:
 
         def raw_frame(index: int, gbuffers: Collection[str] | None) -> RawFrame:
             size = entries[index].render_size or info.render_size
-            return read_frame(folder, entries[index], size, info.display_size, gbuffers)
+            return read_frame(
+                folder, entries[index], size, info.display_size, gbuffers, aov_names=info.aov_names
+            )
 
         def reference(index: int) -> Float32:
             return read_reference(folder / str(entries[index].reference), info.display_size)

@@ -25,6 +25,7 @@ from supersampler.io.atomic import (
     remove_partial_files,
     write_text,
 )
+from supersampler.io.images import Metadata
 from supersampler.io.json_fields import read_json
 from supersampler.io.shot.format import FILE_NAME, FrameEntry, ShotInfo, files_of, load_shot_json, shot_json
 from supersampler.io.shot.frame_files import ClassMaps, has_display_file, write_frame, write_reference
@@ -116,14 +117,17 @@ class ShotWriter:
         reference: Array | None = None,
         classes: ClassMaps | None = None,
         shared: bool = False,
+        metadata: Metadata | None = None,
     ) -> None:
         """Write the next frame.
 
         Args:
-            frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them.
+            frame: a RawFrame in the shot's conventions, or a Frame, which is converted to them. The names of
+                the first one's AOVs are those of all.
             reference: (H, W, 3) display size, linear RGB: the ideal output.
             classes: class maps of the reference.
             shared: the display-size file and the reference exist, written by another variant.
+            metadata: entries of the frame file's header.
 
         Raises:
             ShotError: the disk refused, or an array is float64. After any error the shot is unchanged.
@@ -138,7 +142,7 @@ class ShotWriter:
             raw = frame
             converter.to_frame(raw)  # raises where it could not be read again
         height, width = raw.depth.shape
-        info = self._info if self._entries else replace(self._info, render_size=(width, height))
+        info = self._info if self._entries else self._info_of(raw)
         self._check_display(raw, reference, classes)
         number = f"{len(self._entries):04d}.exr"
         entry = FrameEntry(
@@ -152,11 +156,15 @@ class ShotWriter:
             shaded=raw.color is not None,
         )
         with self._writing([entry.file] if shared else files_of(entry)):
-            write_frame(self.path, entry, raw, self._compression, display=not shared)
+            write_frame(self.path, entry, raw, self._compression, display=not shared, metadata=metadata)
             if reference is not None and not shared:
                 path = self.path / str(entry.reference)
                 write_reference(path, reference, classes, self._reference_compression)
             self._publish(info, [*self._entries, entry])
+
+    def _info_of(self, first: RawFrame) -> ShotInfo:
+        height, width = first.depth.shape
+        return replace(self._info, render_size=(width, height), aov_names=tuple(first.aov_names or ()))
 
     def _publish(self, info: ShotInfo, entries: list[FrameEntry]) -> None:
         """List the frames in shot.json: they are then part of the shot."""
@@ -248,7 +256,7 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
     >>> copy_shot(import_blender("renders/kitchen"), "shots/kitchen")
 
     Args:
-        shot: the source; conventions and pixels are kept as they are.
+        shot: the source; conventions, pixels and the metadata of EXR files are kept as they are.
         path: the folder to write.
         resume: continue after the frames that an earlier run wrote.
 
@@ -259,9 +267,11 @@ def copy_shot(shot: Shot, path: Path | str, *, resume: bool = False) -> Shot:
         ShotError: the folder is, contains or lies in the source; see also `ShotWriter` and `Shot.read`.
     """
     check_apart(Path(path), shot.source)
-    info = {name: getattr(shot.info, name) for name in ShotInfo.__slots__ if name != "render_size"}
+    of_frames = ("render_size", "aov_names")  # the first frame has them
+    info = {name: getattr(shot.info, name) for name in ShotInfo.__slots__ if name not in of_frames}
     writer = ShotWriter(path, **info, resume=resume)
     for index in range(len(writer), len(shot)):
         reference, classes = shot.read_reference(index), shot.read_classes(index)
-        writer.write(shot.read_raw(index), reference=reference, classes=classes)
+        metadata = shot.read_metadata(index)
+        writer.write(shot.read_raw(index), reference=reference, classes=classes, metadata=metadata)
     return Shot.open(path)

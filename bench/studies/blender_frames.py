@@ -1,0 +1,55 @@
+"""Render in Blender what blender_budget.py asks for: as `supersampler blender` does, and write what it cost.
+
+$SUPERSAMPLER_STUDY is JSON: "script": render_frames.py; "costs": file that gets a line of JSON per frame, with
+the CPU seconds of its render; "filter": kind and width in pixels, null for the
+command's own; "jitter": whether there is any;
+"seed": added to the scene's; "region": part of the frame to render, [left, right, bottom, top] from 0 to 1, or
+null; "noisy": whether the image before OIDN is kept, too.
+"""
+
+import importlib.util
+import json
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+
+
+def main(settings: dict[str, Any], wanted: dict[str, Any]) -> None:
+    """Render the frames of `settings`, with `wanted`, the environment's, besides."""
+    spec = importlib.util.spec_from_file_location("render_frames", wanted["script"])
+    assert spec is not None and spec.loader is not None  # noqa: S101, PT018  # for the checker of types
+    script: Any = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    set_output, render = script.set_output, script.render
+    script.EXACT_FILTER = wanted["filter"] or script.EXACT_FILTER
+
+    def set_more(scene: Any) -> None:
+        set_output(scene)
+        scene.cycles.seed += wanted["seed"]
+        for layer in scene.view_layers:
+            layer.cycles.denoising_store_passes = wanted["noisy"]
+        if wanted["region"]:
+            area = scene.render
+            area.use_border, area.use_crop_to_border = True, False
+            area.border_min_x, area.border_max_x, area.border_min_y, area.border_max_y = wanted["region"]
+
+    def timed_render(scene: Any, folder: Path, number: int) -> str:
+        before = time.process_time()  # of all threads
+        path: str = render(scene, folder, number)
+        with Path(wanted["costs"]).open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"frame": number, "seconds": time.process_time() - before}) + "\n")
+        return path
+
+    script.set_output, script.render = set_more, timed_render
+    script.main(settings if wanted["jitter"] else {**settings, "jitter": [[0.0, 0.0]]})
+
+
+if __name__ == "__main__":
+    main(
+        json.loads(Path(sys.argv[-1]).read_text(encoding="utf-8")),
+        json.loads(os.environ["SUPERSAMPLER_STUDY"]),
+    )
