@@ -1,31 +1,32 @@
 """Blender's Cycles at equal cost: full-size frames, with OIDN and without, against small ones, upscaled.
 
-Reads what blender_renders.py has rendered. All are compared with references of many samples, by a box filter of
-one pixel, after the display transform, without motion blur and depth of field.
-    python bench/studies/blender_budget.py out/budget --blender PATH --figure docs/images/blender-budget.png \\
-        --json bench/results/studies/blender-budget.json --update docs/tutorials/blender.md
+Reads what blender_renders.py has rendered. All are compared with references of many samples, by a box filter
+of one pixel, after the display transform, without motion blur and depth of field.
+    python bench/studies/blender_budget.py out/budget --blender PATH --figure docs/images/blender-budget.png
 """
 
 import json
 import subprocess
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
 import typer
-from blender_renders import BUDGETS, COMPARED, DISPLAY, REFERENCE, REGIONS, SCALE, Job, jobs
 from matplotlib.figure import Figure
 
+from studies.blender_renders import BUDGETS, COMPARED, DISPLAY, REFERENCE, REGIONS, SCALE, Job, jobs
+from supersampler.errors import ArgumentError
 from supersampler.frame import Float32, Frame
 from supersampler.io.atomic import replacing
 from supersampler.io.display import auto_exposure, decibels, display_transform
 from supersampler.io.images import read_exr, write_exr
 from supersampler.io.shot import Shot
 from supersampler.io.shot.blender_render import import_render
+from supersampler.io.shot.render_record import read_render_record
 from supersampler.upscaler import Upscaler
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, publish
 from supersampler_bench.markdown_table import figure, size_text, table
@@ -124,11 +125,12 @@ def denoised_after(shot: Shot, numbers: list[int], blender: str) -> tuple[Images
         Upscaler(display_size=DISPLAY, render_size=shot.render_size, threads=1) as upscaler,
     ):
         for number, frame in frames(shot, noisy=True):
+            assert frame.gbuffer is not None  # noqa: S101  # it is rendered
             guides = np.concatenate([frame.gbuffer[name] for name in ("base_color", "normal")], axis=-1)
             guided, before = replace(frame, aovs=guides.astype(np.float32)), time.process_time()
             result = upscaler.step(guided, outputs=("aovs",))
             spent += time.process_time() - before
-            if number in numbers:
+            if number in numbers and result.aovs is not None:
                 write_exr(Path(folder) / f"{number}-image.exr", result.image, list("RGB"))
                 for place, name in enumerate(names):
                     pixels = np.ascontiguousarray(result.aovs[..., 3 * place : 3 * place + 3])
@@ -158,7 +160,7 @@ def frames(shot: Shot, *, noisy: bool) -> list[tuple[int, Frame]]:
 
 def samples_of(job: Job) -> int:
     """Return the budget of a job: samples of a full-size pixel."""
-    return round(job.samples / SCALE**2) if job.small else job.samples
+    return int(job.samples / SCALE**2) if job.small else job.samples
 
 
 def is_complete(work: Path, job: Job) -> bool:
@@ -173,46 +175,48 @@ def cost(folder: Path) -> float:
     return float(np.mean([json.loads(line)["seconds"] for line in lines]))
 
 
-def colors(folder: Path, number: int, kind: Literal["Combined", "Noisy Image"] = "Combined") -> Float32:
-    """Read (h, w, 3) linear RGB of a frame of a job."""
+def colors(folder: Path, number: int, kind: str = "Combined") -> Float32:
+    """Read (h, w, 3) linear RGB of a frame: "Combined", or "Noisy Image", what it was before OIDN."""
     names = [f"ViewLayer.{kind}.{axis}" for axis in "RGB"]
     channels = read_exr(folder / "frames" / f"{number:04d}.exr", only=names)
     return np.stack([channels[name] for name in names], axis=-1).astype(np.float32)
 
 
 def psnr(images: Mapping[int, Float32], truth: Mapping[int, Float32], scene: str) -> float:
-    """Return the mean PSNR (dB) of the scene's region after the display transform, by the references' exposure."""
+    """Return the mean PSNR (dB) of the scene's region after the display transform."""
     (width, height), (x0, x1, y0, y1) = DISPLAY, REGIONS[scene]
     rows = slice(round((1 - y1) * height) + 1, round((1 - y0) * height) - 1)
     region = rows, slice(round(x0 * width) + 1, round(x1 * width) - 1)
     found = []
     for number, reference in truth.items():
         exposure = auto_exposure(reference[region])
-        pair = [
-            display_transform(each[region], exposure).astype(np.float64)
-            for each in (images[number], reference)
-        ]
+        both = images[number][region], reference[region]
+        pair = [display_transform(each, exposure).astype(np.float64) for each in both]
         found.append(decibels(float(np.square(pair[0] - pair[1]).mean())))
     return float(np.mean(found))
 
 
-def gains(record: Record, scene: str, budget: int) -> tuple[float, float]:
-    """Return by how many dB the best of ours is above bicubic, and above full-size frames of equal cost.
+def gain(record: Record, row: Mapping[str, Any], way: str) -> float:
+    """Return by how many dB a row is above what `way` reaches in the scene for the same cost.
 
-    Full-size frames of any cost between two budgets are taken as on the line between them, over the cost's
-    logarithm; NaN where the cheapest is dearer or the dearest is cheaper.
+    Between two budgets it is taken as on the line over the cost's logarithm; NaN below the cheapest and above
+    the dearest.
     """
-    rows = [row for row in record["rows"] if row["scene"] == scene]
-    here = {row["way"]: row for row in rows if row["budget"] == budget}
-    best = max((here[way] for way in OURS), key=lambda row: row["psnr"])
-    native = [math_nan := float("nan")]
-    for way in NATIVE:
-        points = sorted((row["seconds"], row["psnr"]) for row in rows if row["way"] == way)
-        if points[0][0] <= best["seconds"] <= points[-1][0]:
-            costs, values = zip(*points, strict=True)
-            native.append(float(np.interp(np.log(best["seconds"]), np.log(costs), values)))
-    bicubic = max(here["bicubic"]["psnr"], here["bicubic, OIDN"]["psnr"])
-    return best["psnr"] - bicubic, best["psnr"] - (np.nanmax(native) if native[1:] else math_nan)
+    points = sorted(
+        (other["seconds"], other["psnr"])
+        for other in record["rows"]
+        if other["scene"] == row["scene"] and other["way"] == way
+    )
+    costs, values = zip(*points, strict=True)
+    if not costs[0] <= row["seconds"] <= costs[-1]:
+        return float("nan")
+    return float(row["psnr"] - np.interp(np.log(row["seconds"]), np.log(costs), values))
+
+
+def best_text(gains: Sequence[float]) -> str:
+    """Return the largest of some gains in dB; a dash where none is known."""
+    known = [gain for gain in gains if not np.isnan(gain)]
+    return f"{max(known):+.1f}" if known else "–"
 
 
 def markdown_table(record: Record) -> str:
@@ -224,23 +228,28 @@ def markdown_table(record: Record) -> str:
         best = max(row["psnr"] for row in cells)
         texts = [f"{figure(row['psnr'], 1)} / {figure(row['seconds'], 1)}" for row in cells]
         marked = [f"**{t}**" if row["psnr"] == best else t for t, row in zip(texts, cells, strict=True)]
-        more = [f"{gain:+.1f}" if np.isfinite(gain) else "–" for gain in gains(record, scene, budget)]
-        lines.append([scene, budget, *marked, *more])
+        bicubic = max(found[scene, budget, way]["psnr"] for way in ("bicubic", "bicubic, OIDN"))
+        ours = [found[scene, budget, way] for way in OURS]
+        gains = [[row["psnr"] - bicubic for row in ours]]
+        gains += [[gain(record, row, way) for row in ours] for way in NATIVE]
+        lines.append([scene, budget, *marked, *map(best_text, gains)])
     headings = [
         "scene",
         "budget:",
         *(f"{heading}:" for heading in WAYS.values()),
         "over bicubic:",
         "over full size:",
+        "over full size, OIDN:",
     ]
+    size, scale, last = size_text(record["display_size"]), record["scale"], record["frames"][1]
     caption = (
         f"PSNR in dB / CPU seconds of a frame (user and system, all threads), rendering and upscaling; "
-        f"Cycles of Blender {record['blender']}, {size_text(record['display_size'])}. A budget is a number of "
-        f"samples of a full-size pixel; small frames (scale {record['scale']:g}) have "
-        f"{record['scale'] ** 2:g} times as many. Against references of {record['reference_samples']} samples in a "
-        f"part of frames {' and '.join(map(str, record['compared']))} of {record['frames'][1]}. The last two "
-        f"columns: the best upscaled image above the best bicubic one, and above the best full-size one of the "
-        f"same cost (between budgets: interpolated; – where there is none)."
+        f"Cycles of Blender {record['blender']}, {size}. A budget is a number of samples of a full-size pixel; "
+        f"small frames (scale {scale:g}) have {scale**2:g} times as many. Against references of "
+        f"{record['reference_samples']} samples in a part of frame {record['compared'][0]} of {last}. The "
+        f"last three columns: the best upscaled image above the best bicubic one of its budget, and above "
+        f"full-size ones of the same cost (between budgets: interpolated; – where no budget is as cheap, or "
+        f"as dear)."
     )
     return table(headings, lines, caption)
 
@@ -257,9 +266,8 @@ def draw(record: Record, path: Path) -> None:
                 if row["scene"] == scene and row["way"] == way
             )
             style = "--" if way in NATIVE else ":" if way.startswith("bicubic") else "-"
-            axes.plot(
-                *zip(*points, strict=True), style, marker="o", markersize=3, color=f"C{index}", label=heading
-            )
+            look = {"marker": "o", "markersize": 3, "color": f"C{index}", "label": heading}
+            axes.plot(*zip(*points, strict=True), style, **look)
         axes.set(title=scene, xscale="log", xlabel="CPU seconds of a frame", ylabel="PSNR, dB")
         axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=7)
@@ -277,11 +285,14 @@ def main(
     """Measure error and cost of what is rendered, and write table and figure."""
     tables = {BLOCK: markdown_table}
     check_page(update, tables)
-    scene = import_render(work / next(job.name for job in jobs() if job.small) / "frames")
+    first = work / next(job.name for job in jobs() if job.small) / "frames"
+    scene = read_render_record(first).scene
+    if scene is None:
+        raise ArgumentError("work", got=f"{first} without frames", want="a folder of blender_renders.py")
     record = {
         "bench": "blender_budget",
         **setting(),
-        "blender": str(scene.read_metadata(0).get("Software", "4.5")),
+        "blender": scene.blender,
         "display_size": DISPLAY,
         "scale": SCALE,
         "frames": [1, 24],

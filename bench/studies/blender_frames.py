@@ -1,10 +1,13 @@
-"""Render in Blender what blender_budget.py asks for: as `supersampler blender` does, and write what it cost.
+"""Render in Blender what blender_renders.py asks for, as `supersampler blender` does; write what it cost.
 
-$SUPERSAMPLER_STUDY is JSON: "script": render_frames.py; "costs": file that gets a line of JSON per frame, with
-the CPU seconds of its render; "filter": kind and width in pixels, null for the
-command's own; "jitter": whether there is any;
-"seed": added to the scene's; "region": part of the frame to render, [left, right, bottom, top] from 0 to 1, or
-null; "noisy": whether the image before OIDN is kept, too.
+$SUPERSAMPLER_STUDY is JSON:
+    "script": render_frames.py;
+    "costs": file that gets a line of JSON per frame, with its number and the CPU seconds of its render;
+    "filter": kind and width in pixels, null for the command's own;
+    "jitter": whether there is any;
+    "seed": added to the scene's;
+    "region": part of the frame to render, [left, right, bottom, top] from 0 to 1, or null;
+    "noisy": whether the image before OIDN is kept, too.
 """
 
 import importlib.util
@@ -14,8 +17,6 @@ import sys
 import time
 from pathlib import Path
 from typing import Any
-
-import bpy
 
 
 def main(settings: dict[str, Any], wanted: dict[str, Any]) -> None:

@@ -54,8 +54,8 @@ class Job:
         suffix = f"-{self.frames[0]}" if self.frames[0] == self.frames[1] else ""
         return f"{self.scene}-{kind}-{self.samples}{'-oidn' if self.denoise else ''}{suffix}"
 
-    def extra(self, folder: Path) -> dict[str, Any]:
-        """Return what blender_frames.py wants to know besides."""
+    def orders(self, folder: Path) -> dict[str, Any]:
+        """Return what blender_frames.py wants in $SUPERSAMPLER_STUDY."""
         return {
             "script": str(Path(process.__file__).with_name("render_frames.py")),
             "costs": str((folder / "costs.jsonl").resolve()),
@@ -74,7 +74,7 @@ def jobs() -> Iterator[Job]:
     """
     yield from _references(COMPARED[0])
     for budget in (4, 1, 2, 8):
-        for scene in REGIONS:
+        for scene in sorted(REGIONS, key="courtyard shelf room".index):  # the dearest one comes last
             small = round(budget * SCALE**2)
             yield Job(scene=scene, frames=FRAMES, samples=small, denoise=True, small=True)
             yield Job(scene=scene, frames=(1, 2), samples=small, small=True)
@@ -105,7 +105,7 @@ def main(
     for job in jobs():
         folder = work / job.name
         folder.mkdir(exist_ok=True)
-        os.environ["SUPERSAMPLER_STUDY"] = json.dumps(job.extra(folder))
+        os.environ["SUPERSAMPLER_STUDY"] = json.dumps(job.orders(folder))
         request = RenderRequest(
             blend=work / f"{job.scene}.blend",
             frames=job.frames,

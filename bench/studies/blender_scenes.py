@@ -1,8 +1,8 @@
 """Build a scene in Blender and save it: python blender_scenes.py courtyard FILE.blend 640x360.
 
-Three scenes of 24 frames for Cycles, with a camera and objects that move. `courtyard`: sun and sky, thin bars,
-patterns; hardly any noise. `room`: light of a window and a lamp from wall to wall; much noise. `shelf`: metal
-and glass under small lamps; reflections, which move otherwise than their surfaces.
+Three scenes of 24 frames for Cycles, with a camera and objects that move. `courtyard`: sun and sky, thin
+bars, patterns; hardly any noise. `room`: light of a window and a lamp from wall to wall; much noise. `shelf`:
+metal and glass under small lamps; reflections, which move otherwise than their surfaces.
 """
 
 import math
@@ -27,7 +27,7 @@ def build(name: str, path: str, size: tuple[int, int]) -> None:
     scene.render.resolution_x, scene.render.resolution_y = size
     scene.world = bpy.data.worlds.new("World")
     scene.world.use_nodes = True
-    SCENES[name](random.Random(7))
+    SCENES[name](random.Random(7))  # noqa: S311  # no secret
     bpy.ops.wm.save_as_mainfile(filepath=path)
 
 
@@ -44,7 +44,7 @@ def courtyard(chance: random.Random) -> None:
         box((-3.6 + 0.2 * index, 2.2, 0.6), (0.03, 0.03, 1.2), iron)
     for height in (0.25, 1.1):
         box((0, 2.2, height), (7.4, 0.03, 0.05), iron)
-    for index in range(14):
+    for _ in range(14):
         side, place = chance.uniform(0.3, 0.8), (chance.uniform(-4.5, 5), chance.uniform(2.6, 5.4))
         box((*place, side / 2), (side, side, side), paint(color(chance)))
     cart = box(
@@ -72,13 +72,14 @@ def room(chance: random.Random) -> None:
     box((0, 4, 1.5), (8, 0.1, 3), pattern("ShaderNodeTexChecker", (0.7, 0.68, 0.6), (0.6, 0.62, 0.66), 24))
     box((0, -4, 1.5), (8, 0.1, 3), wall)
     box((4, 0, 1.5), (0.1, 8, 3), wall)
-    for place, size in (  # around the window
+    parts: list[tuple[Vector, Vector]] = [  # around the window
         ((-4, -2.5, 1.5), (0.1, 3, 3)),
         ((-4, 3, 1.5), (0.1, 2, 3)),
         ((-4, 0.5, 0.4), (0.1, 3, 0.8)),
         ((-4, 0.5, 2.8), (0.1, 3, 0.5)),
         ((-4, 0.5, 1.6), (0.08, 0.06, 1.8)),
-    ):
+    ]
+    for place, size in parts:
         box(place, size, wall)
     lamp("AREA", (-3.9, 0.5, 1.7), 160, rotation=(0, -math.pi / 2, 0), size=1.8)
     lamp("POINT", (2.4, 2.6, 1.7), 60, color=(1.0, 0.7, 0.4), size=0.1)
@@ -123,7 +124,7 @@ def shelf(chance: random.Random) -> None:
         (0, 0, 0),
         pattern("ShaderNodeTexChecker", (0.5, 0.5, 0.52), (0.16, 0.16, 0.2), 40, roughness=0.25),
     )
-    for index in range(5):
+    for _ in range(5):
         place = (chance.uniform(-3, 3), chance.uniform(-1, 3), chance.uniform(2.4, 3.2))
         lamp("POINT", place, 60, color=(1.0, chance.uniform(0.6, 1), chance.uniform(0.4, 1)), size=0.12)
     lamp("AREA", (0, -2, 4), 120, size=2.0)
@@ -154,15 +155,18 @@ SCENES: dict[str, Callable[[random.Random], None]] = {"courtyard": courtyard, "r
 
 
 def color(chance: random.Random) -> Vector:
+    """Return a random colour, linear RGB."""
     return [chance.uniform(0.08, 0.8) for _ in range(3)]
 
 
 def sky(light: Vector, strength: float) -> None:
+    """Set the light of the world."""
     background = bpy.context.scene.world.node_tree.nodes["Background"].inputs
     background["Color"].default_value, background["Strength"].default_value = (*light, 1.0), strength
 
 
 def paint(base: Vector, *, metallic: float = 0.0, roughness: float = 0.6, transmission: float = 0.0) -> Any:
+    """Return a material of one colour."""
     material = bpy.data.materials.new("Paint")
     material.use_nodes = True
     inputs = material.node_tree.nodes["Principled BSDF"].inputs
@@ -173,6 +177,7 @@ def paint(base: Vector, *, metallic: float = 0.0, roughness: float = 0.6, transm
 
 
 def pattern(kind: str, first: Vector, second: Vector, scale: float, *, roughness: float = 0.7) -> Any:
+    """Return a material of two colours in a pattern: a texture node of this kind."""
     material = paint(first, roughness=roughness)
     tree = material.node_tree
     texture, coordinates = tree.nodes.new(kind), tree.nodes.new("ShaderNodeTexCoord")
@@ -185,17 +190,20 @@ def pattern(kind: str, first: Vector, second: Vector, scale: float, *, roughness
 
 
 def plane(size: float, place: Vector, material: Any) -> None:
+    """Add a level square."""
     bpy.ops.mesh.primitive_plane_add(size=size, location=place)
     bpy.context.object.data.materials.append(material)
 
 
 def box(place: Vector, size: Vector, material: Any) -> Any:
+    """Add a box, its middle at `place`, and return it."""
     bpy.ops.mesh.primitive_cube_add(size=1, location=place, scale=size)
     bpy.context.object.data.materials.append(material)
     return bpy.context.object
 
 
 def ball(place: Vector, radius: float, material: Any) -> Any:
+    """Add a sphere, and return it."""
     bpy.ops.mesh.primitive_uv_sphere_add(radius=radius, location=place, segments=48, ring_count=24)
     bpy.ops.object.shade_smooth()
     bpy.context.object.data.materials.append(material)
@@ -211,6 +219,7 @@ def lamp(
     rotation: Vector = (0, 0, 0),
     color: Vector = (1, 1, 1),
 ) -> None:
+    """Add a light: SUN, AREA or POINT."""
     data = bpy.data.lights.new("Lamp", kind)
     data.energy, data.color = energy, color
     setattr(data, {"SUN": "angle", "AREA": "size", "POINT": "shadow_soft_size"}[kind], size)
@@ -220,6 +229,7 @@ def lamp(
 
 
 def camera(start: tuple[Vector, Vector], end: tuple[Vector, Vector], lens: float) -> None:
+    """Add the camera, from (place, rotation) to (place, rotation)."""
     data = bpy.data.cameras.new("Camera")
     data.lens = lens
     item = bpy.data.objects.new("Camera", data)

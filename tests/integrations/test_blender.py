@@ -105,8 +105,11 @@ def test_each_pixel_is_one_place_whatever_the_number_of_samples(tmp_path: Path, 
     assert done.exit_code == 0, done.output
     gbuffer = rendered(tmp_path)[0].read(0).frame.gbuffer
     assert gbuffer is not None
-    colors = np.unique(np.round(gbuffer["base_color"].astype(np.float32), 2).reshape(-1, 3), axis=0)
-    assert len(colors) <= 16  # of 14 cubes, floor and sky: none is mixed
+    axis = np.abs(gbuffer["normal"].astype(np.float32)).max(
+        axis=-1
+    )  # of cubes and a floor, none of them turned
+    mixed = (axis > 1e-3) & (axis < 0.99)  # the sky has none
+    assert mixed.mean() < 0.002
 
 
 def test_an_orthographic_camera_is_jittered_likewise(tmp_path: Path) -> None:
@@ -248,27 +251,6 @@ def test_the_camera_that_is_named_is_rendered_whatever_the_markers_say(tmp_path:
         np.testing.assert_allclose(marked.matrix, plain.matrix, atol=1e-6)
 
 
-def test_an_engine_that_is_not_supported_is_one_line(tmp_path: Path) -> None:
-    blend, script = make_scene(tmp_path), tmp_path / "script.py"
-    script.write_text(OTHER_ENGINE)
-    run_in_blender(script, str(blend))
-    command = ["blender", blend, "-o", tmp_path / "out", "--blender", PROGRAM]
-    done = CliRunner().invoke(app, [str(word) for word in command])
-    assert (done.exit_code, done.stderr.count("\n")) == (1, 1)
-    assert "engine HYDRA_STORM is not supported; give --engine cycles, eevee or workbench" in done.stderr
-
-
-OTHER_ENGINE = """
-import sys
-import bpy
-
-bpy.ops.preferences.addon_enable(module="hydra_storm")
-bpy.ops.wm.open_mainfile(filepath=sys.argv[-1])
-bpy.context.scene.render.engine = "HYDRA_STORM"
-bpy.ops.wm.save_mainfile()
-"""
-
-
 def test_a_video_shows_the_frames_as_blender_does(tmp_path: Path) -> None:
     done = render(
         tmp_path, "--samples", 1, "--format", "png", "--video", "--method", "bilinear", size=[95, 63]
@@ -278,8 +260,9 @@ def test_a_video_shows_the_frames_as_blender_does(tmp_path: Path) -> None:
     script.write_text(DECODE)
     said = run_in_blender(script, str(tmp_path / "out" / "video.mp4"), str(still))
     assert "found (94, 62) 3 24.0" in said
-    shown, frame = (ImageBuf(str(path)).get_pixels(UINT8) for path in (still, tmp_path / "out" / "0006.png"))
-    wrong = np.abs(shown[..., :3].astype(int) - frame[:62, :94])
+    images = (ImageBuf(str(path)).get_pixels(UINT8) for path in (still, tmp_path / "out" / "0006.png"))
+    shown, frame = (np.asarray(image)[:62, :94, :3].astype(int) for image in images)
+    wrong = np.abs(shown - frame)
     assert wrong.mean() < 4  # of 255: mp4 has half the colours
 
 

@@ -1,14 +1,18 @@
 """Tests of the shot that `supersampler blender` renders: motion, sky, jitter, and its render.json."""
 
+import importlib.util
 import json
 import shutil
+import sys
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+import supersampler
 from blender_files import NUMBERS, RECORDED
 from blender_motion import camera_motion_of
 from supersampler import ShotError
@@ -100,6 +104,21 @@ def test_without_a_vector_pass_motion_is_the_cameras(folder: Path) -> None:
     with_engine(folder, "BLENDER_WORKBENCH")
     shot = open_source(folder)
     np.testing.assert_allclose(shot.read(3).frame.motion, camera_motion_of(shot, record, 3), atol=1e-4)
+
+
+def test_an_engine_that_is_not_supported_is_refused_in_one_line(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "bpy", SimpleNamespace())
+    path = Path(supersampler.__file__).parent / "integrations" / "blender" / "render_frames.py"
+    spec = importlib.util.spec_from_file_location("render_frames", path)
+    assert spec is not None
+    assert spec.loader is not None
+    script = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(script)
+    scene = SimpleNamespace(render=SimpleNamespace(engine="LUXCORE"))
+    with pytest.raises(
+        script.SceneError, match=r"^engine LUXCORE is not supported; give --engine cycles, .*$"
+    ):
+        script.set_engine(scene, None, None, None)
 
 
 def test_a_record_is_read_as_it_was_written(folder: Path) -> None:

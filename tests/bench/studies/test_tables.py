@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from studies import ablation, older_processors, oracle, precision, stage_breakdown
+from studies import ablation, blender_budget, older_processors, oracle, precision, stage_breakdown
 from studies import extrapolated_colors as colors
 from supersampler_bench.markdown_blocks import find_block
 from supersampler_bench.record import Record, read_record
@@ -34,6 +34,7 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "speed avx-vnni", "speed-avx-vnni", older_processors.markdown_table),
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
+        ("tutorials/blender", "blender budget", "blender-budget", blender_budget.markdown_table),
     ],
 )
 def test_the_table_of_a_study_is_what_its_record_says(

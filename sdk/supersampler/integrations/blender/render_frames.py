@@ -100,8 +100,8 @@ def choose_camera(scene: Any, name: str | None) -> None:
         raise SceneError("a panoramic camera cannot be jittered; take a perspective or orthographic one")
     markers = [marker for marker in scene.timeline_markers if marker.camera]
     if name is None and len({marker.camera.name for marker in markers}) > 1:
-        found = named([marker.camera for marker in markers])
-        raise SceneError(f"markers switch cameras ({found}): render each part by --frames, --camera")
+        switched = named([marker.camera for marker in markers])
+        raise SceneError(f"markers switch cameras ({switched}): render each part by --frames, --camera")
     for marker in markers if name is not None else ():
         marker.camera = None  # it would take the place of the one that is named
 

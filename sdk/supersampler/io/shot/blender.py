@@ -30,10 +30,10 @@ def import_blender(
 ) -> Shot:
     """Open a folder of Blender's OpenEXR MultiLayer frames as a Shot.
 
-    Colour is the Combined pass; its alpha and the passes of the light (DiffDir, Emit) are AOVs. Depth is Depth
-    or Z, motion is Vector X and Y; Normal and DiffCol are G-buffers, where they exist. Jitter the camera by
-    `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris filter 0.01
-    pixels wide: one sample at that point.
+    Colour is the Combined pass; its alpha and the passes of the light (DiffDir, Emit) are AOVs. Depth is
+    Depth or Z, motion is Vector X and Y; Normal and DiffCol are G-buffers, where they exist. Jitter the
+    camera by `shift_x = x / max(w, h)`, `shift_y = -y / max(w, h)`, and render with a Blackman-Harris
+    filter 0.01 pixels wide: one sample at that point.
 
     Args:
         folder: folder of the frames.
