@@ -23,11 +23,14 @@ def blender(
     ] = None,
     scale: Annotated[float, typer.Option(help="Display over render size, 1.0 to 4.0.")] = 2.0,
     samples: Annotated[
-        int | None, typer.Option(min=1, help="Samples of a render pixel.", show_default="the scene's")
+        int | None,
+        typer.Option(min=1, help="Samples of a render pixel.", show_default="16 in Cycles, else the scene's"),
     ] = None,
     denoise: Annotated[
         bool | None,
-        typer.Option("--denoise/--no-denoise", help="Denoise in Cycles.", show_default="as the scene does"),
+        typer.Option(
+            "--denoise/--no-denoise", help="Denoise in Cycles, before upscaling.", show_default="on"
+        ),
     ] = None,
     engine: Annotated[Engine | None, typer.Option(help="Render engine.", show_default="the scene's")] = None,
     blender: Annotated[

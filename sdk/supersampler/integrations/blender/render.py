@@ -46,8 +46,8 @@ class RenderRequest:
         frames: numbers of the first and the last frame.
         display_size: (width, height) of the upscaled images.
         scale: display over render size, >= 1.
-        samples: of a render pixel.
-        denoise: whether Cycles denoises.
+        samples: of a render pixel; None is 16 in Cycles.
+        denoise: whether Cycles denoises; None does.
         engine: of the render.
         camera, scene: names in the file.
         program: Blender, or a Python that has bpy; None looks for Blender.

@@ -24,6 +24,7 @@ except ImportError as error:
 
 OLDEST = (3, 6)  # Blender
 PASSES = ("use_pass_combined", "use_pass_z", "use_pass_vector", "use_pass_normal", "use_pass_diffuse_color")
+SAMPLES = 16  # of a pixel in Cycles, denoised: bench/studies/blender_budget.py compares
 EXACT_FILTER = ("BLACKMAN_HARRIS", 0.01)  # pixels: each is one place. The width of BOX is always 1.
 
 
@@ -44,7 +45,8 @@ def main(settings: dict[str, Any]) -> None:
             null for the scene's; "scale": display over render size; "frames": numbers of the first and the
             last, null for the scene's; "complete": how many of them, from the first on, are not to be
             rendered again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down,
-            which then repeat; "engine", "samples", "denoise", "scene", "camera": null for the scene's own.
+            which then repeat; "engine", "scene", "camera": null for the scene's own; "samples", "denoise": null
+            for SAMPLES and OIDN in Cycles, the scene's own elsewhere.
     """
     if bpy.app.version < OLDEST:
         raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
@@ -113,11 +115,12 @@ def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: boo
     if scene.render.engine == "CYCLES":
         scene.cycles.pixel_filter_type, scene.cycles.filter_width = EXACT_FILTER
         scene.cycles.use_animated_seed = True  # the history averages noise that changes
-        if samples is not None:
-            scene.cycles.samples = samples
-            scene.cycles.use_adaptive_sampling = False
-        if denoise is not None:
-            scene.cycles.use_denoising = denoise
+        scene.cycles.use_adaptive_sampling = False
+        scene.cycles.samples = SAMPLES if samples is None else samples
+        scene.cycles.use_denoising = denoise is None or denoise
+        if samples is None or denoise is None:
+            what = f"{scene.cycles.samples} samples, {'' if scene.cycles.use_denoising else 'not '}denoised"
+            report(note=f"Cycles renders {what}; --samples and --no-denoise change it")
     elif scene.render.engine.startswith("BLENDER_EEVEE"):
         scene.render.filter_size = 0.0
         if samples is not None:

@@ -36,7 +36,10 @@ class SupersamplerSettings(bpy.types.PropertyGroup):
         name="Scale", description="Size of the results over the size of the render", default=2, min=1, max=4
     )
     samples: bpy.props.IntProperty(  # type: ignore[valid-type]
-        name="Samples", description="Of a render pixel; 0 takes the scene's", default=0, min=0
+        name="Samples",
+        description="Of a render pixel; 0: 16 in Cycles, the scene's elsewhere",
+        default=0,
+        min=0,
     )
     image_format: bpy.props.EnumProperty(  # type: ignore[valid-type]
         name="Format",

@@ -96,7 +96,7 @@ def render_command(
     image_format: str = "exr",
     overwrite: bool = False,
 ) -> list[str]:
-    """Return `supersampler blender ...`; samples of 0 are the scene's own."""
+    """Return `supersampler blender ...`; samples of 0 are the command's own."""
     command = [program, "blender", blend, "-o", str(output), "--blender", blender, "--scene", scene]
     command += ["--frames", f"{frames[0]}-{frames[1]}", "--scale", f"{scale:g}", "--format", image_format]
     command += ["--samples", str(samples)] if samples else []
