@@ -17,6 +17,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from studies.blender_renders import BUDGETS, COMPARED, DISPLAY, REFERENCE, REGIONS, SCALE, Job, jobs
 from supersampler.errors import ArgumentError
@@ -44,6 +45,8 @@ WAYS = {
 }
 """Headings by name of what is compared."""
 OURS, NATIVE = ("upscaled", "OIDN before", "OIDN after"), ("native", "native + OIDN")
+NEAR = 0.1
+"""Costs that differ by less are equal."""
 Images = dict[int, Float32]
 """(H, W, 3) linear RGB by the frame's number."""
 
@@ -199,8 +202,8 @@ def psnr(images: Mapping[int, Float32], truth: Mapping[int, Float32], scene: str
 def gain(record: Record, row: Mapping[str, Any], way: str) -> float:
     """Return by how many dB a row is above what `way` reaches in the scene for the same cost.
 
-    Between two budgets it is taken as on the line over the cost's logarithm; NaN below the cheapest and above
-    the dearest.
+    Between two budgets it is taken as on the line over the cost's logarithm; NaN more than `NEAR` below the
+    cheapest or above the dearest.
     """
     points = sorted(
         (other["seconds"], other["psnr"])
@@ -208,7 +211,7 @@ def gain(record: Record, row: Mapping[str, Any], way: str) -> float:
         if other["scene"] == row["scene"] and other["way"] == way
     )
     costs, values = zip(*points, strict=True)
-    if not costs[0] <= row["seconds"] <= costs[-1]:
+    if not costs[0] * (1 - NEAR) <= row["seconds"] <= costs[-1] * (1 + NEAR):
         return float("nan")
     return float(row["psnr"] - np.interp(np.log(row["seconds"]), np.log(costs), values))
 
@@ -269,6 +272,9 @@ def draw(record: Record, path: Path) -> None:
             look = {"marker": "o", "markersize": 3, "color": f"C{index}", "label": heading}
             axes.plot(*zip(*points, strict=True), style, **look)
         axes.set(title=scene, xscale="log", xlabel="CPU seconds of a frame", ylabel="PSNR, dB")
+        axes.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
+        axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+        axes.xaxis.set_minor_formatter(NullFormatter())
         axes.grid(alpha=0.3, which="both")
     axes.legend(fontsize=7)
     with replacing(path) as partial:

@@ -1,7 +1,7 @@
 """Runs in Blender's own Python and writes images as a video: `python encode_video.py settings.json`.
 
 Blender's ffmpeg encodes H.264 in mp4. Colours stay as the images have them. H.264 wants an even size: of an
-odd one the last column or row is cut off.
+odd one the last column or the first row is cut off.
 """
 
 import json
@@ -29,7 +29,6 @@ def main(settings: dict[str, Any]) -> None:
     for path in images[1:]:
         strip.elements.append(path.name)
     width, height = settings["size"]
-    strip.transform.offset_x, strip.transform.offset_y = width % 2 / 2, -(height % 2) / 2  # it is centred
     scene.frame_start, scene.frame_end = 1, len(images)
     scene.view_settings.view_transform = "Standard"
     render, rate = scene.render, settings["frame_rate"]

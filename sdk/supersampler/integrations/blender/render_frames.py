@@ -45,8 +45,8 @@ def main(settings: dict[str, Any]) -> None:
             null for the scene's; "scale": display over render size; "frames": numbers of the first and the
             last, null for the scene's; "complete": how many of them, from the first on, are not to be
             rendered again; "jitter": [[x, y], ...] of the first frames, in render pixels, x right, y down,
-            which then repeat; "engine", "scene", "camera": null for the scene's own; "samples", "denoise": null
-            for SAMPLES and OIDN in Cycles, the scene's own elsewhere.
+            which then repeat; "engine", "scene", "camera": null for the scene's own; "samples", "denoise":
+            null for SAMPLES and OIDN in Cycles, the scene's own elsewhere.
     """
     if bpy.app.version < OLDEST:
         raise SceneError(f"Blender {bpy.app.version_string} is too old: 3.6 and later will do")
