@@ -90,22 +90,22 @@ def chosen_scene(name: str | None) -> Any:
 def choose_camera(scene: Any, name: str | None) -> None:
     """Make the camera of that name the scene's; check that it can be jittered."""
     cameras = [item for item in scene.objects if item.type == "CAMERA"]
+    markers = [marker for marker in scene.timeline_markers if marker.camera]
     if name is not None:
         found = [item for item in cameras if item.name == name]
         if not found:
             raise SceneError(f"no camera is named {name!r}; there are {named(cameras)}")
-        scene.camera = found[0]
+        for marker in markers:
+            marker.camera = None  # it would take the place of the one that is named
+        scene.camera = found[0]  # last: each change of a marker chooses a camera
     if scene.camera is None:
         hint = f"give --camera, one of {named(cameras)}" if cameras else "add one"
         raise SceneError(f"scene {scene.name!r} has no active camera: {hint}")
     if scene.camera.data.type == "PANO":
         raise SceneError("a panoramic camera cannot be jittered; take a perspective or orthographic one")
-    markers = [marker for marker in scene.timeline_markers if marker.camera]
     if name is None and len({marker.camera.name for marker in markers}) > 1:
         switched = named([marker.camera for marker in markers])
         raise SceneError(f"markers switch cameras ({switched}): render each part by --frames, --camera")
-    for marker in markers if name is not None else ():
-        marker.camera = None  # it would take the place of the one that is named
 
 
 def set_engine(scene: Any, engine: str | None, samples: int | None, denoise: bool | None) -> None:
