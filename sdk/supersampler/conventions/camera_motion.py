@@ -1,17 +1,16 @@
 """Motion vectors of a static scene under a moving camera, for renderers that write none."""
 
-from functools import cache
 from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from supersampler.arguments import as_number, checked_choice
-from supersampler.backends.cpu.kernel_loader import Call, load_kernels
+from supersampler.backends.cpu.kernel_loader import kernel_if_possible
 from supersampler.backends.cpu.structs import pack
 from supersampler.conventions.jitter import checked_jitter, checked_matrix
 from supersampler.conventions.kernels import MotionTables, write_motion_numpy
-from supersampler.errors import ArgumentError, KernelError, shown
+from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
 Matrix = NDArray[np.float64]
@@ -64,22 +63,12 @@ def camera_motion(
     to_clip, far_depth = _to_clip_space(current, near)
     to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
     tables = _tables(buffer, previous @ _inverse(current) @ to_clip, checked_jitter(jitter), far_depth)
-    kernel = _kernel()
+    kernel = kernel_if_possible("conventions.kernels.write_motion")
     if kernel is None:
         write_motion_numpy(tables)
     else:
         kernel(pack(tables))
     return tables.motion
-
-
-@cache
-def _kernel() -> Call | None:
-    """Return the compiled kernel; None where there is no compiler."""
-    name = "conventions.kernels.write_motion"
-    try:
-        return load_kernels(name)[name]
-    except KernelError:
-        return None
 
 
 def _checked_depth(depth: Array) -> Float32:
