@@ -59,7 +59,7 @@ def main() -> None:
         image = upscaler.step(frame)
         upscaling.append(perf_counter() - rendered)
         rendering.append(rendered - began)
-        squares = frame.color.repeat(SCALE, axis=0).repeat(SCALE, axis=1)
+        squares = np.asarray(frame.color).repeat(SCALE, axis=0).repeat(SCALE, axis=1)
         both = np.concatenate([squares, image], axis=1)
         write_png(options.output / f"{index:04d}.png", to_uint8(srgb_encoded(np.clip(both, 0.0, 1.0))))
     print(f"{options.frames} images: {options.output}")

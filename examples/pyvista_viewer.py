@@ -1,10 +1,10 @@
-"""A PyVista viewer renders at half size and shows upscaled images: a frog, segmented into its organs.
+"""A PyVista viewer renders at half size and shows upscaled images of a data set that comes with PyVista.
 
     pip install . pyvista
     python examples/pyvista_viewer.py --frames 48 -o out/viewer
 
-The camera turns, a ring scans the frog, and in the middle of the sequence the camera jumps. The data set
-comes with PyVista. Images are written; without -o a window shows them. OpenGL in software will do.
+The camera turns, a ring scans the data, and in the middle of the sequence the camera jumps. Images are
+written; without -o a window shows them. OpenGL in software will do.
 """
 
 import argparse
@@ -19,10 +19,13 @@ import pyvista as pv
 from supersampler.cli.arguments import parse_size
 from supersampler.integrations.pyvista import enable_supersampling
 
+DATA = {"frog": "organs of a frog, segmented", "channels": "channels of a river, with the edges of cells"}
+
 
 def main() -> None:
     """Render the sequence."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
+    parser.add_argument("--data", choices=list(DATA), default="frog", help=f"{DATA}")
     parser.add_argument("--frames", type=int, default=48)
     parser.add_argument("--size", type=parse_size, default=(1280, 720), help="of the window, as 1280x720")
     parser.add_argument("--scale", type=float, default=2.0, help="window size over render size")
@@ -30,7 +33,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, help="folder of the images; else a window shows them")
     options = parser.parse_args()
 
-    plotter = scene(frog(), options.size, off_screen=options.output is not None)
+    plotter = scene(options.data, options.size, off_screen=options.output is not None)
     window = enable_supersampling(plotter, scale=options.scale, model=options.model)  # all that is needed
     if options.output is None:
         plotter.show(interactive_update=True)
@@ -54,17 +57,18 @@ def main() -> None:
     plotter.close()
 
 
-def frog() -> Any:
-    """Return the surfaces of the organs, 1.5 million triangles."""
-    return pv.examples.load_frog_tissues().contour_labels()
-
-
-def scene(mesh: Any, size: tuple[int, int], *, off_screen: bool) -> Any:
-    """Return a plotter that shows the mesh, and a ring around it."""
+def scene(data: str, size: tuple[int, int], *, off_screen: bool) -> Any:
+    """Return a plotter that shows a data set, and a ring around it."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background("white")
-    plotter.add_mesh(mesh, cmap="tab20", show_scalar_bar=False)
-    ring = pv.Disc(center=mesh.center, inner=130.0, outer=136.0, normal=(0, 1, 0), c_res=90)
+    if data == "frog":
+        mesh = pv.examples.load_frog_tissues().contour_labels()
+        plotter.add_mesh(mesh, cmap="tab20", show_scalar_bar=False)
+    else:
+        mesh = pv.examples.load_channels().threshold([0.9, 1.1]).extract_surface(algorithm="dataset_surface")
+        plotter.add_mesh(mesh, color="tan", show_edges=True)
+    radius = 0.2 * mesh.length
+    ring = pv.Disc(center=mesh.center, inner=radius, outer=1.05 * radius, normal=(0, 1, 0), c_res=90)
     plotter.add_mesh(ring, color="black", lighting=False, name="ring")
     pose(plotter, 0, angle=0.0)
     plotter.show(auto_close=False, interactive_update=True)
@@ -72,12 +76,13 @@ def scene(mesh: Any, size: tuple[int, int], *, off_screen: bool) -> Any:
 
 
 def pose(plotter: Any, index: int, *, angle: float) -> None:
-    """Place camera and ring of a frame; the angle, in degrees, is around the frog."""
-    turned, (x, y, z) = np.radians(45.0 + angle), plotter.meshes[0].center
-    plotter.camera.position = x + 650.0 * np.cos(turned), y + 650.0 * np.sin(turned), z + 450.0
-    plotter.camera.focal_point, plotter.camera.up = (x, y, z), (0.0, 0.0, 1.0)
+    """Place camera and ring of a frame; the angle, in degrees, is around the data."""
+    mesh, turned = plotter.meshes[0], np.radians(45.0 + angle)
+    toward = np.array([np.cos(turned), np.sin(turned), 0.7])
+    plotter.camera.position = tuple(mesh.center + 0.95 * mesh.length * toward)
+    plotter.camera.focal_point, plotter.camera.up = mesh.center, (0.0, 0.0, 1.0)
     plotter.renderer.ResetCameraClippingRange()
-    plotter.actors["ring"].SetPosition(0.0, 4.0 * (index % 60) - 120.0, 0.0)
+    plotter.actors["ring"].SetPosition(0.0, mesh.length * (0.006 * (index % 60) - 0.18), 0.0)
 
 
 if __name__ == "__main__":

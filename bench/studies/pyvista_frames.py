@@ -1,7 +1,6 @@
 """A PyVista viewer, supersampled: time of a frame and error against MSAA and SSAA, side by side in one run.
 
-    python bench/studies/pyvista_frames.py --json bench/results/studies/pyvista.json \
-        --image docs/images/pyvista.jpg --update docs/tutorials/pyvista.md
+    python bench/studies/pyvista_frames.py --data frog --json FILE --image FILE --update PAGE
 
 The scene is that of examples/pyvista_viewer.py: the camera turns and a ring moves. Each frame is rendered in
 every way, one after the other, so that all share what else the machine does. The error is that of display
@@ -44,8 +43,8 @@ class Viewer:
     reading colour and depth, motion, showing the image and what comes on top.
     """
 
-    def __init__(self, mesh: Any, size: Size, way: str, scale: float) -> None:
-        self.plotter = EXAMPLE["scene"](mesh, size, off_screen=True)
+    def __init__(self, data: str, size: Size, way: str, scale: float) -> None:
+        self.plotter = EXAMPLE["scene"](data, size, off_screen=True)
         self.plotter.disable_anti_aliasing()
         self.plotter.render_window.SetMultiSamples(0)
         self.seconds: list[float] = []
@@ -117,12 +116,12 @@ def reference(viewer: Viewer, size: Size, index: int) -> Float32:
 
 
 def measure(
-    size: Size, scale: float, models: list[str], frames: int, compared: int
+    data: str, size: Size, scale: float, models: list[str], frames: int, compared: int
 ) -> tuple[dict[str, Any], dict[str, Float32]]:
     """Return the record, and the last frame of each way and of the reference."""
-    mesh, ways = EXAMPLE["frog"](), [*WAYS, "bicubic", *models]
-    viewers = {way: Viewer(mesh, size, way, scale) for way in ways}
-    truth = Viewer(mesh, (FINER * size[0], FINER * size[1]), "none", scale)
+    ways = [*WAYS, "bicubic", *models]
+    viewers = {way: Viewer(data, size, way, scale) for way in ways}
+    truth = Viewer(data, (FINER * size[0], FINER * size[1]), "none", scale)
     errors: dict[str, list[float]] = {way: [] for way in ways}
     images: dict[str, Float32] = {}
     with counted("frames", frames) as on_frame:
@@ -156,7 +155,8 @@ def measure(
         "frames": frames,
         "warm_up": warm,
         "compared": compared,
-        "triangles": mesh.n_cells,
+        "data": data,
+        "cells": truth.plotter.meshes[0].n_cells,
         "msaa_samples": window.GetMultiSamples(),
         "opengl": opengl(window),
         "pyvista": pv.__version__,
@@ -190,12 +190,12 @@ def markdown_table(record: Record) -> str:
         )
     headings = ["anti-aliasing", "ms a frame:", "of MSAA's:", "step ms:", "glue ms:", "PSNR dB:"]
     caption = (
-        f"A frog of {record['triangles']:,} triangles, the camera turns by {TURN:g} degrees a frame, a ring "
-        f"moves; {size_text(record['display_size'])}. Medians of {record['frames'] - record['warm_up']} "
-        f"frames, with the least and the most; all ways take turns. MSAA of {record['msaa_samples']} "
-        f"samples. PSNR of the last {record['compared']} frames against 64 samples a pixel, of display "
-        f"values. Glue is what is neither the small render nor the method's step. {record['opengl']}; "
-        f"VTK {record['vtk']}; {machine_name(record)}."
+        f"{EXAMPLE['DATA'][record['data']].capitalize()}: {record['cells']:,} cells. The camera turns by "
+        f"{TURN:g} degrees a frame, a ring moves; {size_text(record['display_size'])}. Medians of "
+        f"{record['frames'] - record['warm_up']} frames, with the least and the most; all ways take turns. "
+        f"MSAA of {record['msaa_samples']} samples. PSNR of the last {record['compared']} frames against 64 "
+        f"samples a pixel, of display values. Glue is what is neither the small render nor the method's "
+        f"step. {record['opengl']}; VTK {record['vtk']}; {machine_name(record)}."
     )
     return table(headings, cells, caption)
 
@@ -210,12 +210,13 @@ def side_by_side(images: dict[str, Float32], ways: list[str]) -> bytes:
     parts = []
     for way in ways:
         part = images[way][row * height : (row + 1) * height, column * width : (column + 1) * width]
-        part = to_uint8(part).repeat(ZOOM, axis=0).repeat(ZOOM, axis=1)
-        parts.append(np.pad(part, ((0, GAP), (0, GAP), (0, 0)), constant_values=255))
+        pixels = to_uint8(part).repeat(ZOOM, axis=0).repeat(ZOOM, axis=1)
+        parts.append(np.pad(pixels, ((0, GAP), (0, GAP), (0, 0)), constant_values=255))
     return encode_jpeg(np.concatenate(parts, axis=1), quality=90)
 
 
 def main(
+    data: Annotated[str, typer.Option(help="frog or channels.")] = "frog",
     models: Annotated[str, typer.Option(help="Models, with commas between.")] = "classifier,taau",
     display_size: Annotated[str, typer.Option(help="Of the window.")] = "1280x720",
     scale: Annotated[float, typer.Option(min=1.0, help="Window over render size.")] = 2.0,
@@ -226,9 +227,9 @@ def main(
     update: UPDATE = None,
 ) -> None:
     """Time a PyVista viewer with MSAA, SSAA and models."""
-    tables = {"study pyvista": markdown_table}
+    tables = {f"study pyvista {data}": markdown_table}
     check_page(update, tables)
-    record, images = measure(parse_size(display_size), scale, listed(models), frames, compared)
+    record, images = measure(data, parse_size(display_size), scale, listed(models), frames, compared)
     publish(record, tables, json, update)
     if image is not None:
         with replacing(image) as partial:

@@ -32,7 +32,8 @@ class WindowPixels:
         width, height = size
         self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._color, 0)
         pixels = vtk_to_numpy(self._color).reshape(height, width, 3)[::-1]  # VTK's row 0 is at the bottom
-        return np.multiply(pixels, np.float32(1.0 / 255.0), dtype=np.float32)
+        color: Float32 = np.multiply(pixels, np.float32(1.0 / 255.0), dtype=np.float32)
+        return color
 
     def read_depth(self, size: Size) -> Float32:
         """Return (h, w) of the depth buffer: 0 at the near plane, 1 at the far plane and the background."""
