@@ -1,10 +1,10 @@
-"""A PyVista viewer renders at half size and shows upscaled images of a data set that comes with PyVista.
+"""A PyVista viewer renders at half size and shows upscaled images: a frog, segmented into its organs.
 
     pip install . pyvista
     python examples/pyvista_viewer.py --frames 48 -o out/viewer
 
-The camera turns, a ring scans the data, and in the middle of the sequence the camera jumps. Images are
-written; without -o a window shows them. OpenGL in software will do.
+The camera turns, a ring scans the frog, and in the middle of the sequence the camera jumps. The data set
+comes with PyVista. Images are written; without -o a window shows them. OpenGL in software will do.
 """
 
 import argparse
@@ -19,13 +19,10 @@ import pyvista as pv
 from supersampler.cli.arguments import parse_size
 from supersampler.integrations.pyvista import enable_supersampling
 
-DATA = {"frog": "organs of a frog, segmented", "channels": "channels of a river, with the edges of cells"}
-
 
 def main() -> None:
     """Render the sequence."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0])
-    parser.add_argument("--data", choices=list(DATA), default="frog", help=f"{DATA}")
     parser.add_argument("--frames", type=int, default=48)
     parser.add_argument("--size", type=parse_size, default=(1280, 720), help="of the window, as 1280x720")
     parser.add_argument("--scale", type=float, default=2.0, help="window size over render size")
@@ -33,7 +30,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, help="folder of the images; else a window shows them")
     options = parser.parse_args()
 
-    plotter = scene(options.data, options.size, off_screen=options.output is not None)
+    plotter = scene(options.size, off_screen=options.output is not None)
     window = enable_supersampling(plotter, scale=options.scale, model=options.model)  # all that is needed
     if options.output is None:
         plotter.show(interactive_update=True)
@@ -57,16 +54,12 @@ def main() -> None:
     plotter.close()
 
 
-def scene(data: str, size: tuple[int, int], *, off_screen: bool) -> Any:
-    """Return a plotter that shows a data set, and a ring around it."""
+def scene(size: tuple[int, int], *, off_screen: bool) -> Any:
+    """Return a plotter that shows the organs, 1.5 million triangles, and a ring."""
     plotter = pv.Plotter(off_screen=off_screen, window_size=list(size))
     plotter.set_background("white")
-    if data == "frog":
-        mesh = pv.examples.load_frog_tissues().contour_labels()
-        plotter.add_mesh(mesh, cmap="tab20", show_scalar_bar=False)
-    else:
-        mesh = pv.examples.load_channels().threshold([0.9, 1.1]).extract_surface(algorithm="dataset_surface")
-        plotter.add_mesh(mesh, color="tan", show_edges=True)
+    mesh = pv.examples.load_frog_tissues().contour_labels()
+    plotter.add_mesh(mesh, cmap="tab20", show_scalar_bar=False)
     radius = 0.2 * mesh.length
     ring = pv.Disc(center=mesh.center, inner=radius, outer=1.05 * radius, normal=(0, 1, 0), c_res=90)
     plotter.add_mesh(ring, color="black", lighting=False, name="ring")
@@ -76,7 +69,7 @@ def scene(data: str, size: tuple[int, int], *, off_screen: bool) -> Any:
 
 
 def pose(plotter: Any, index: int, *, angle: float) -> None:
-    """Place camera and ring of a frame; the angle, in degrees, is around the data."""
+    """Place camera and ring of a frame; the angle, in degrees, is around the frog."""
     mesh, turned = plotter.meshes[0], np.radians(45.0 + angle)
     toward = np.array([np.cos(turned), np.sin(turned), 0.7])
     plotter.camera.position = tuple(mesh.center + 0.95 * mesh.length * toward)

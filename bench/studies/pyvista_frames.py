@@ -1,6 +1,6 @@
 """A PyVista viewer, supersampled: time of a frame and error against MSAA and SSAA, side by side in one run.
 
-    python bench/studies/pyvista_frames.py --data frog --json FILE --image FILE --update PAGE
+    python bench/studies/pyvista_frames.py --json FILE --image FILE --update PAGE
 
 The scene is that of examples/pyvista_viewer.py: the camera turns and a ring moves. Each frame is rendered in
 every way, one after the other, so that all share what else the machine does. The error is that of display
@@ -9,7 +9,6 @@ values, against images of 64 samples a pixel. Wants `pip install . pyvista`.
 
 import runpy
 from pathlib import Path
-from statistics import median
 from time import perf_counter
 from typing import Annotated, Any
 
@@ -18,6 +17,7 @@ import pyvista as pv
 import typer
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
 
+from studies.pyvista_table import WAYS, markdown_table
 from supersampler.cli.arguments import parse_size
 from supersampler.frame import Float32, Size
 from supersampler.integrations.pyvista import enable_supersampling
@@ -25,13 +25,10 @@ from supersampler.io.atomic import replacing
 from supersampler.io.display import decibels, to_uint8
 from supersampler.io.images import encode_jpeg
 from supersampler_bench.cli.options import JSON, UPDATE, check_page, counted, listed, publish
-from supersampler_bench.markdown_table import figure, size_text, table
-from supersampler_bench.record import Record, machine_name
 
 EXAMPLE = runpy.run_path(str(Path(__file__).parents[2] / "examples" / "pyvista_viewer.py"))
-WAYS = {"none": "none", "msaa": "MSAA", "ssaa": "SSAA"}
-"""PyVista's own ways, by name; others are models of `enable_supersampling`."""
 TURN = 0.5  # degrees a frame
+REST = 32  # frames of the last view, for the error at rest
 FINER, SHIFTS = 4, (-0.25, 0.25)  # of references: larger windows, and shifts in their pixels
 ZOOM, CROP, GAP = 2, (240, 200), 8  # of the figure: width and height of a crop, in image pixels
 
@@ -43,8 +40,8 @@ class Viewer:
     reading colour and depth, motion, showing the image and what comes on top.
     """
 
-    def __init__(self, data: str, size: Size, way: str, scale: float) -> None:
-        self.plotter = EXAMPLE["scene"](data, size, off_screen=True)
+    def __init__(self, size: Size, way: str, scale: float) -> None:
+        self.plotter = EXAMPLE["scene"](size, off_screen=True)
         self.plotter.disable_anti_aliasing()
         self.plotter.render_window.SetMultiSamples(0)
         self.seconds: list[float] = []
@@ -116,12 +113,12 @@ def reference(viewer: Viewer, size: Size, index: int) -> Float32:
 
 
 def measure(
-    data: str, size: Size, scale: float, models: list[str], frames: int, compared: int
+    size: Size, scale: float, models: list[str], frames: int, compared: int
 ) -> tuple[dict[str, Any], dict[str, Float32]]:
     """Return the record, and the last frame of each way and of the reference."""
     ways = [*WAYS, "bicubic", *models]
-    viewers = {way: Viewer(data, size, way, scale) for way in ways}
-    truth = Viewer(data, (FINER * size[0], FINER * size[1]), "none", scale)
+    viewers = {way: Viewer(size, way, scale) for way in ways}
+    truth = Viewer((FINER * size[0], FINER * size[1]), "none", scale)
     errors: dict[str, list[float]] = {way: [] for way in ways}
     images: dict[str, Float32] = {}
     with counted("frames", frames) as on_frame:
@@ -136,14 +133,21 @@ def measure(
                         float(np.square(images[way] - images["reference"], dtype=np.float64).mean())
                     )
             on_frame()
+    rest = {way: errors[way][-1] for way in ways}
+    for way in ways:
+        if way not in WAYS:  # the others would render the same image again
+            for _ in range(REST):
+                viewers[way].render(frames - 1)
+            rest[way] = float(np.square(viewers[way].image() - images["reference"], dtype=np.float64).mean())
     warm = min(4, frames - 1)  # these compile and allocate
     rows = [
         {
             "way": way,
-            "seconds": viewer.seconds[warm:],
-            "glue": viewer.glue[warm:],
-            "step": viewer.steps[warm:],
+            "seconds": viewer.seconds[warm:frames],
+            "glue": viewer.glue[warm:frames],
+            "step": viewer.steps[warm:frames],
             "psnr": decibels(float(np.mean(errors[way]))),
+            "psnr_at_rest": decibels(rest[way]),
         }
         for way, viewer in viewers.items()
     ]
@@ -155,7 +159,8 @@ def measure(
         "frames": frames,
         "warm_up": warm,
         "compared": compared,
-        "data": data,
+        "rest": REST,
+        "turn": TURN,
         "cells": truth.plotter.meshes[0].n_cells,
         "msaa_samples": window.GetMultiSamples(),
         "opengl": opengl(window),
@@ -170,34 +175,6 @@ def opengl(window: Any) -> str:
     """Return the name of the renderer of a window."""
     lines = window.ReportCapabilities().splitlines()
     return next((line.partition(":")[2].strip() for line in lines if "renderer string" in line), "unknown")
-
-
-def markdown_table(record: Record) -> str:
-    """Return the table of a record, with its caption."""
-    (msaa,) = (median(row["seconds"]) for row in record["rows"] if row["way"] == "msaa")
-    cells = []
-    for row in record["rows"]:
-        seconds = row["seconds"]
-        cells.append(
-            [
-                WAYS.get(row["way"], f"`{row['way']}`, half size" if record["scale"] == 2 else row["way"]),
-                f"{1000 * median(seconds):.0f} ({1000 * min(seconds):.0f} to {1000 * max(seconds):.0f})",
-                figure(median(seconds) / msaa, 2),
-                figure(1000 * median(row["step"]), 1) if row["step"] else "–",
-                figure(1000 * median(row["glue"]), 1) if row["glue"] else "–",
-                figure(row["psnr"], 2),
-            ]
-        )
-    headings = ["anti-aliasing", "ms a frame:", "of MSAA's:", "step ms:", "glue ms:", "PSNR dB:"]
-    caption = (
-        f"{EXAMPLE['DATA'][record['data']].capitalize()}: {record['cells']:,} cells. The camera turns by "
-        f"{TURN:g} degrees a frame, a ring moves; {size_text(record['display_size'])}. Medians of "
-        f"{record['frames'] - record['warm_up']} frames, with the least and the most; all ways take turns. "
-        f"MSAA of {record['msaa_samples']} samples. PSNR of the last {record['compared']} frames against 64 "
-        f"samples a pixel, of display values. Glue is what is neither the small render nor the method's "
-        f"step. {record['opengl']}; VTK {record['vtk']}; {machine_name(record)}."
-    )
-    return table(headings, cells, caption)
 
 
 def side_by_side(images: dict[str, Float32], ways: list[str]) -> bytes:
@@ -216,7 +193,6 @@ def side_by_side(images: dict[str, Float32], ways: list[str]) -> bytes:
 
 
 def main(
-    data: Annotated[str, typer.Option(help="frog or channels.")] = "frog",
     models: Annotated[str, typer.Option(help="Models, with commas between.")] = "classifier,taau",
     display_size: Annotated[str, typer.Option(help="Of the window.")] = "1280x720",
     scale: Annotated[float, typer.Option(min=1.0, help="Window over render size.")] = 2.0,
@@ -227,9 +203,9 @@ def main(
     update: UPDATE = None,
 ) -> None:
     """Time a PyVista viewer with MSAA, SSAA and models."""
-    tables = {f"study pyvista {data}": markdown_table}
+    tables = {"study pyvista": markdown_table}
     check_page(update, tables)
-    record, images = measure(data, parse_size(display_size), scale, listed(models), frames, compared)
+    record, images = measure(parse_size(display_size), scale, listed(models), frames, compared)
     publish(record, tables, json, update)
     if image is not None:
         with replacing(image) as partial:
