@@ -28,8 +28,8 @@ def markdown_table(record: Record) -> str:
         )
     headings = ["anti-aliasing", "ms a frame:", "of MSAA's:", "step ms:", "glue ms:", "PSNR dB:", "at rest:"]
     caption = (
-        f"A frog of {record['cells']:,} cells; the camera turns by {record['turn']:g} degrees a frame, a ring "
-        f"moves; {size_text(record['display_size'])}. Medians of {record['frames'] - record['warm_up']} "
+        f"A frog of {record['cells']:,} cells; the camera turns by {record['turn']:g} degrees a frame, a "
+        f"ring moves; {size_text(record['display_size'])}. Medians of {record['frames'] - record['warm_up']} "
         f"frames, with the least and the most; all ways take turns. MSAA of {record['msaa_samples']} "
         f"samples. PSNR of the last {record['compared']} frames against 64 samples a pixel, of display "
         f"values; at rest after {record['rest']} more of the last view. Glue is what is neither the small "
