@@ -11,6 +11,7 @@ from studies import (
     oracle,
     path_tracing_noise,
     precision,
+    pyvista_table,
     stage_breakdown,
 )
 from studies import extrapolated_colors as colors
@@ -42,6 +43,7 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
         ("tutorials/shot", "path tracing noise", "path-tracing-noise", path_tracing_noise.markdown_table),
+        ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
 )
 def test_the_table_of_a_study_is_what_its_record_says(
