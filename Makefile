@@ -5,11 +5,12 @@
 # make hashes compare every image of every method with bench/results/today/hashes.json, bit for bit
 # make fuzz   what is tested by chance, at length: SUPERSAMPLER_FUZZ cases of each kind of file and argument
 # make mutation   changes of one place that no test notices: MUTATIONS=300 of them, MINUTES=60 at most, SEED=0
-# make test-integrations   `supersampler blender` with a real Blender, PyVista, Mitsuba: each where it can be had
+# make test-integrations   `supersampler blender` with a real Blender, PyVista, Panda3D, Mitsuba: each where it can be had
 # make extension   the extension for Blender 4.2 and later: dist/supersampler_blender.zip
 # make blender   the first of them: bpy from PyPI, for Python 3.11; SUPERSAMPLER_BLENDER=/path/of/blender is taken instead
 # make pyvista   the second: PyVista from PyPI, OpenGL in software will do
-# make mitsuba   the third: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
+# make panda3d   the third: examples/panda3d_live.py with Panda3D from PyPI, OpenGL in software will do
+# make mitsuba   the fourth: examples/mitsuba_sequence.py with Mitsuba from PyPI, which needs an LLVM of the system
 # PYTHON=python3.12 chooses the interpreter of new environments. On Windows: the pip lines in README.md.
 PYTHON ?= python3
 
@@ -20,7 +21,7 @@ SOURCES := $(shell find sdk model export bench -name '*.py' -o -name '*.html' -o
 
 EXTENSION := sdk/supersampler/integrations/blender/extension
 
-.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista mitsuba
+.PHONY: demo extension test hashes fuzz mutation check docs clean test-integrations blender pyvista panda3d mitsuba
 
 demo: $(RUNTIME)
 	.venv/bin/supersampler demo -o out
@@ -33,7 +34,7 @@ extension:
 	mkdir -p dist
 	cd $(EXTENSION) && $(PYTHON) -m zipfile -c $(CURDIR)/dist/supersampler_blender.zip __init__.py run.py blender_manifest.toml
 
-test-integrations: blender pyvista mitsuba
+test-integrations: blender pyvista panda3d mitsuba
 
 # Blender's own Python, with its numpy: apart from ours. Where bpy cannot be installed, the tests say that they are skipped.
 blender: $(DEVELOPMENT) extension
@@ -50,6 +51,12 @@ pyvista: $(DEVELOPMENT)
 	.venv-pyvista/bin/python -c 'import pyvista, supersampler, pytest' 2>/dev/null \
 	    || .venv-pyvista/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis 'pyvista>=0.45'
 	.venv-pyvista/bin/pytest -q -rs tests/integrations/test_pyvista.py
+
+panda3d: $(DEVELOPMENT)
+	test -d .venv-panda3d || $(PYTHON) -m venv .venv-panda3d
+	.venv-panda3d/bin/python -c 'import panda3d, supersampler, pytest' 2>/dev/null \
+	    || .venv-panda3d/bin/pip install -q --disable-pip-version-check -e . pytest hypothesis panda3d
+	.venv-panda3d/bin/pytest -q -rs tests/integrations/test_panda3d.py
 
 mitsuba: $(DEVELOPMENT)
 	test -d .venv-mitsuba || $(PYTHON) -m venv .venv-mitsuba
@@ -76,7 +83,7 @@ docs: $(DOCS)
 	NO_MKDOCS_2_WARNING=1 .venv-docs/bin/mkdocs build --quiet
 
 clean:
-	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-mitsuba out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
+	rm -rf .venv .venv-dev .venv-docs .venv-blender .venv-pyvista .venv-panda3d .venv-mitsuba out dist build .mypy_cache .pytest_cache .ruff_cache .hypothesis
 
 # A copy of the package as users get it: made anew when a source changes.
 $(RUNTIME): pyproject.toml $(SOURCES)

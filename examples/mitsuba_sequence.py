@@ -12,6 +12,7 @@ a newer one in $DRJIT_LIBLLVM_PATH.
 """
 
 import argparse
+from collections.abc import Iterator
 from typing import Any
 
 import mitsuba as mi
@@ -37,8 +38,17 @@ def main() -> None:
     parser.add_argument("--size", type=int, default=128, help="width and height of the render, pixels")
     parser.add_argument("--reference-samples", type=int, default=1024)
     options = parser.parse_args()
-    large, last = options.size * SCALE, options.frames - 1
-    truth = spread(last, large, options.reference_samples, seed=10**6)
+    for row in measure(options.samples, options.frames, options.size, options.reference_samples):
+        figures = [f"{name} {decibel:.1f} dB" for name, decibel in row["psnr"].items()]
+        print(f"samples {row['samples']}: {', '.join(figures)}")
+
+
+def measure(
+    all_samples: list[int], frames: int, size: int, reference_samples: int
+) -> Iterator[dict[str, Any]]:
+    """Yield the PSNR of each image of the last frame, for each number of samples."""
+    large, last = size * SCALE, frames - 1
+    truth = spread(last, large, reference_samples, seed=10**6)
     exposure = auto_exposure(truth)
     shown = display_transform(truth, exposure)
 
@@ -46,16 +56,15 @@ def main() -> None:
         error = np.square(display_transform(image, exposure) - shown, dtype=np.float64)
         return decibels(float(error.mean()))
 
-    for samples in options.samples:
+    for samples in all_samples:
         upscalers = {name: Upscaler(name, scale=SCALE) for name in ("bicubic", "classifier")}
-        for index in range(options.frames):
-            frame = rendered(index, options.size, samples)
+        for index in range(frames):
+            frame = rendered(index, size, samples)
             images = {name: upscaler.step(frame) for name, upscaler in upscalers.items()}
-        figures = [f"{name} {psnr(image):.1f} dB" for name, image in images.items()]
+        found = {name: psnr(image) for name, image in images.items()}
         if samples >= SCALE**2:
-            same_cost = spread(last, large, samples // SCALE**2, seed=last)
-            figures.append(f"full size with {samples // SCALE**2} {psnr(same_cost):.1f} dB")
-        print(f"samples {samples}: {', '.join(figures)}")
+            found["full size, as many rays"] = psnr(spread(last, large, samples // SCALE**2, seed=last))
+        yield {"samples": samples, "psnr": found}
 
 
 def camera(index: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -2,18 +2,23 @@
 
 import importlib.util
 from collections.abc import Iterator
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from OpenImageIO import ImageBuf
 
-from supersampler import ArgumentError, Frame
+from supersampler import ArgumentError, Conventions, Frame, RawFrame
 from supersampler.frame import Array, Float32
 
 if importlib.util.find_spec("pyvista") is None:
     pytest.skip("pyvista is not installed here", allow_module_level=True)
 
 import pyvista as pv
+from vtkmodules.util.numpy_support import vtk_to_numpy
+from vtkmodules.vtkCommonCore import vtkFloatArray
+from vtkmodules.vtkWebCore import vtkWebApplication
 
 from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.integrations.vtk import SupersampledWindow
@@ -183,6 +188,61 @@ def test_each_render_is_one_frame_and_changes_nothing_of_the_plotter(plotter: An
     assert after == before
     assert window.upscaler.stats.frames == count + 3
     assert all(prop.GetVisibility() for prop in plotter.renderer.GetViewProps())
+
+
+def test_the_server_side_of_trame_and_jupyter_sends_upscaled_images(plotter: Any, tmp_path: Path) -> None:
+    """Both ask `vtkWebApplication`, which comes with VTK, for a JPEG of the window."""
+    window = enable_supersampling(plotter, scale=2)
+    for _ in range(3):
+        plotter.render()
+    assert window.upscaler is not None
+    frames = window.upscaler.stats.frames
+    server = vtkWebApplication()
+    server.SetImageEncoding(0)  # bytes, not base64
+    (tmp_path / "sent.jpg").write_bytes(
+        vtk_to_numpy(server.StillRender(plotter.render_window, 100)).tobytes()
+    )
+    sent = np.asarray(ImageBuf(str(tmp_path / "sent.jpg")).get_pixels("float"))
+    assert window.upscaler.stats.frames == frames + 1
+    image = np.asarray(plotter.screenshot(return_img=True)).astype(np.float32) / 255
+    assert np.abs(sent[..., :3] - image).mean() < 0.01
+    window.disable()
+    assert np.abs(sent[..., :3] - shown(plotter)).mean() > 0.01
+
+
+def test_multi_sampling_that_is_turned_on_again_is_turned_off(plotter: Any) -> None:
+    enable_supersampling(plotter, scale=2, model="bicubic")
+    ours, other = shown(plotter), shown(plotter)  # of two jitters
+    plotter.render_window.SetMultiSamples(8)
+    assert np.abs(shown(plotter) - ours).mean() < 1.5 * np.abs(other - ours).mean()
+    assert plotter.render_window.GetMultiSamples() == 0
+
+
+def test_the_conventions_of_vtk_convert_what_a_window_holds(plotter: Any) -> None:
+    window = enable_supersampling(plotter, scale=2)
+    plotter.render()
+    camera = plotter.camera
+    frame = stepped(window, plotter)
+    window.disable()
+    plotter.window_size = SMALL
+    camera.SetWindowCenter(2.0 * frame.jitter[0] / SMALL[0], -2.0 * frame.jitter[1] / SMALL[1])
+    plotter.render()
+    near, far = camera.GetClippingRange()
+    depth = vtkFloatArray()
+    plotter.render_window.GetZbufferData(0, 0, SMALL[0] - 1, SMALL[1] - 1, depth)
+    raw = RawFrame(
+        depth=vtk_to_numpy(depth).reshape(SMALL[1], SMALL[0]),
+        motion=np.zeros((SMALL[1], SMALL[0], 2), np.float32),
+        jitter=camera.GetWindowCenter(),
+    )
+    found = Conventions.vtk(near=near, far=far).converter().to_frame(raw)
+    assert found.jitter == pytest.approx(frame.jitter)
+    # Both are distances up to a factor.
+    surfaces = (frame.depth > 0) & (found.depth > 0)
+    assert surfaces.mean() > 0.2
+    assert (surfaces == (frame.depth > 0)).all()
+    ratio = found.depth[surfaces] / frame.depth[surfaces]
+    np.testing.assert_allclose(ratio, ratio.mean(), rtol=1e-3)
 
 
 def test_disabled_again_the_window_renders_as_it_did(plotter: Any) -> None:

@@ -1,5 +1,6 @@
 """Motion from depth and two cameras, against points that are projected one by one in double precision."""
 
+from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
@@ -172,6 +173,17 @@ def test_what_was_behind_the_previous_camera_leaves_the_image() -> None:
     columns, rows = np.meshgrid(np.arange(WIDTH) + 0.5, np.arange(HEIGHT) + 0.5)
     assert (columns + motion[..., 0]).max() < 0.0
     assert (rows + motion[..., 1]).max() < 0.0
+
+
+def test_without_a_compiler_the_motion_is_the_same_bit_for_bit(monkeypatch: pytest.MonkeyPatch) -> None:
+    projection = perspective("reversed_infinite")
+    depth = np.random.default_rng(1).random((HEIGHT, WIDTH + 3), np.float32) ** 4  # some of it behind
+    matrices = projection @ CURRENT, projection @ view((0.0, 0.1, -0.5), 0.3)
+    compiled = camera_motion(depth, *matrices, jitter=JITTER)
+    module = import_module("supersampler.conventions.camera_motion")  # a name of its function, too
+    monkeypatch.setattr(module, "kernel_if_possible", lambda _: None)
+    np.testing.assert_array_equal(camera_motion(depth, *matrices, jitter=JITTER), compiled)
+    assert 0 < (compiled[..., 0] == -2 * (WIDTH + 3)).sum() < depth.size
 
 
 @settings(max_examples=30, deadline=None)

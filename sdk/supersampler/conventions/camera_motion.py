@@ -1,20 +1,21 @@
 """Motion vectors of a static scene under a moving camera, for renderers that write none."""
 
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from supersampler.arguments import as_number, checked_choice
+from supersampler.backends.cpu.kernel_loader import kernel_if_possible
+from supersampler.backends.cpu.structs import pack
 from supersampler.conventions.jitter import checked_jitter, checked_matrix
+from supersampler.conventions.kernels import MotionTables, write_motion_numpy
 from supersampler.errors import ArgumentError, shown
 from supersampler.frame import Array, Float32, as_array
 
 Matrix = NDArray[np.float64]
 ClipDepth = Literal["zero_to_one", "minus_one_to_one"]
 
-_BAND_PIXELS = 16384  # of one pass: its temporaries stay in the second-level cache
-_BEHIND = 1e-6  # w of the previous clip space over that of this one
 _PARALLEL = 1e-5  # of the depth row to the w row of a matrix: the rounding of float32 matrices
 
 
@@ -57,22 +58,17 @@ def camera_motion(
     buffer = _checked_depth(depth)
     current = checked_matrix("view_projection", view_projection).astype(np.float64)
     previous = checked_matrix("previous_view_projection", previous_view_projection).astype(np.float64)
-    checked_choice("clip", clip, get_args(ClipDepth))
-    jitter_x, jitter_y = checked_jitter(jitter)
-    to_clip, far_depth = _to_clip_space(current, near, clip)
+    if checked_choice("clip", clip, get_args(ClipDepth)) == "minus_one_to_one":
+        current[2] = (current[2] + current[3]) / 2.0  # as the depth buffer has it; X, Y and W are the same
+    to_clip, far_depth = _to_clip_space(current, near)
     to_clip[2, 3] += to_clip[2, 2] * far_depth  # depth counts from there: far away none of it is rounded
-
-    height, width = buffer.shape
-    x = (np.arange(width) + 0.5 + jitter_x) * (2.0 / width) - 1.0
-    y = 1.0 - (np.arange(height)[:, None] + 0.5 + jitter_y) * (2.0 / height)
-    to_previous = previous @ _inverse(current) @ to_clip
-    motion = np.empty((height, width, 2), np.float32)
-    rows = max(1, _BAND_PIXELS // width)
-    for top in range(0, height, rows):
-        band = slice(top, top + rows)
-        _write_motion(motion[band], buffer[band] - np.float32(far_depth), to_previous, x, y[band])
-        motion[band] *= np.array([width / 2.0, -height / 2.0], np.float32)  # clip y points up, motion y down
-    return motion
+    tables = _tables(buffer, previous @ _inverse(current) @ to_clip, checked_jitter(jitter), far_depth)
+    kernel = kernel_if_possible("conventions.kernels.write_motion")
+    if kernel is None:
+        write_motion_numpy(tables)
+    else:
+        kernel(pack(tables))
+    return tables.motion
 
 
 def _checked_depth(depth: Array) -> Float32:
@@ -81,7 +77,7 @@ def _checked_depth(depth: Array) -> Float32:
         raise ArgumentError("depth", got=f"of shape {array.shape}", want="(h, w), at least one pixel")
     if array.dtype.kind != "f":
         raise ArgumentError("depth", got=array.dtype, want="floats")
-    return array.astype(np.float32, copy=False)
+    return np.ascontiguousarray(array, np.float32)
 
 
 def _inverse(view_projection: Matrix) -> Matrix:
@@ -92,7 +88,7 @@ def _inverse(view_projection: Matrix) -> Matrix:
         raise ArgumentError("view_projection", got=got, want="an invertible matrix") from None
 
 
-def _to_clip_space(matrix: Matrix, near: float | None, clip: ClipDepth) -> tuple[Matrix, float]:
+def _to_clip_space(matrix: Matrix, near: float | None) -> tuple[Matrix, float]:
     """Return the matrix from (x, y, depth, 1) to clip space / w, and the depth of the farthest, 0 or 1."""
     # In a perspective, z / w = far + slope / w: the rows of z and w have parallel directions.
     z, w = matrix[2], matrix[3]
@@ -100,9 +96,7 @@ def _to_clip_space(matrix: Matrix, near: float | None, clip: ClipDepth) -> tuple
     far = float(z[:3] @ w[:3]) / squared if squared > 0.0 else 0.0
     to_clip: Matrix = np.eye(4)
     if near is None:
-        if clip == "minus_one_to_one":
-            to_clip[2, 2:] = 2.0, -1.0
-        return to_clip, float(np.rint(np.clip((far - to_clip[2, 3]) / to_clip[2, 2], 0.0, 1.0)))
+        return to_clip, float(np.rint(np.clip(far, 0.0, 1.0)))
     distance = as_number(near)
     if distance is None or not 0.0 < distance < np.inf:
         raise ArgumentError("near", got=shown(near), want="a distance > 0")
@@ -114,28 +108,21 @@ def _to_clip_space(matrix: Matrix, near: float | None, clip: ClipDepth) -> tuple
     return to_clip, 0.0
 
 
-def _write_motion(motion: Float32, depth: Float32, m: Matrix, x: Matrix, y: Matrix) -> None:
-    """Write previous minus current of some rows in clip units; x is (width,), y (rows, 1) in clip space.
+def _tables(depth: Float32, m: Matrix, jitter: tuple[float, float], far_depth: float) -> MotionTables:
+    """Return the coefficients of the motion, from the matrix to the previous clip space.
 
     With (X, Y, Z, W) = m @ (x, y, depth, 1), the motion is X / W - x = (X - x W) / W. Where the camera hardly
     moves, X / W and x are nearly equal and their difference in single precision is noise; X - x W has its
     differences in the coefficients, which are of double precision.
     """
-    of_depth_x, of_y = m[0, 2] - m[3, 2] * x, m[0, 1] - m[3, 1] * x
-    of_depth_y, of_x = m[1, 2] - m[3, 2] * y, m[1, 0] - m[3, 0] * y
-    rest_x = (m[0, 0] - m[3, 3] - m[3, 0] * x) * x + m[0, 3]
-    rest_y = (m[1, 1] - m[3, 3] - m[3, 1] * y) * y + m[1, 3]
-    x32, y32 = x.astype(np.float32), y.astype(np.float32)
-    w = _linear(depth, m[3, 2], m[3, 0], x32, m[3, 1] * y + m[3, 3])
-    behind = w < _BEHIND
-    w[behind] = 1.0
-    np.divide(_linear(depth, of_depth_x, of_y, y32, rest_x), w, out=motion[..., 0])
-    np.divide(_linear(depth, of_depth_y, of_x, x32, rest_y), w, out=motion[..., 1])
-    motion[behind] = -4.0, 4.0  # two images to the left and above
-
-
-def _linear(depth: Float32, factor: Any, slope: Any, position: Float32, rest: Any) -> Float32:
-    """Return factor * depth + slope * position + rest, broadcast, in single precision."""
-    image: Float32 = np.float32(slope) * position + np.float32(rest)
-    image += np.float32(factor) * depth
-    return image
+    height, width = depth.shape
+    x = (np.arange(width) + 0.5 + jitter[0]) * (2.0 / width) - 1.0
+    y = 1.0 - (np.arange(height) + 0.5 + jitter[1]) * (2.0 / height)
+    x_rest = (m[0, 0] - m[3, 3] - m[3, 0] * x) * x + m[0, 3]
+    y_rest = (m[1, 1] - m[3, 3] - m[3, 1] * y) * y + m[1, 3]
+    of_x = np.stack([m[0, 2] - m[3, 2] * x, m[0, 1] - m[3, 1] * x, x_rest]) * (width / 2.0)
+    of_y = np.stack([m[1, 2] - m[3, 2] * y, m[1, 0] - m[3, 0] * y, y_rest]) * (-height / 2.0)  # y down
+    columns = np.stack([*of_x, x, m[3, 0] * x]).astype(np.float32)
+    rows = np.stack([y, *of_y, m[3, 1] * y + m[3, 3]], axis=1).astype(np.float32)
+    motion = np.empty((height, width, 2), np.float32)
+    return MotionTables(motion, depth, columns, rows, float(m[3, 2]), far_depth, width, height)

@@ -182,3 +182,20 @@ class Conventions(ConventionFields):
         """
         preset = {"motion_direction": "current_minus_previous", "depth": "forward_infinite"}
         return cls._preset(preset, overrides)
+
+    @classmethod
+    def vtk(cls, **overrides: Any) -> Self:
+        """VTK and PyVista: GetZbufferData of a perspective camera, GetPixelData, jitter by SetWindowCenter.
+
+        Rows are bottom-up, those of `motion` too. VTK has no motion vectors: `camera_motion` makes those of
+        the camera, of flipped depth, with clip="minus_one_to_one". Set near and far to the camera's clipping
+        range, which must stay the same between resets; these are VTK's defaults. The jitter is what was added
+        to the window centre: (2 x / w, -2 y / h) samples at the pixel's centre + (x, y).
+
+        Sources: vtkCamera.cxx, ComputeProjectionTransform (the window centre moves the frustum, in units of
+        half the view); vtkOpenGLRenderWindow.cxx, GetZbufferData (z / w of -1 to 1 as 0 to 1).
+        """
+        preset = {
+            "depth": "forward", "near": 0.01, "far": 1000.01, "jitter_unit": "ndc", "bottom_up": True,
+        }  # fmt: skip
+        return cls._preset(preset, overrides)

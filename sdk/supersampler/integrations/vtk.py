@@ -6,19 +6,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from vtkmodules.util.numpy_support import numpy_to_vtk, vtk_to_numpy
-from vtkmodules.vtkCommonCore import vtkFloatArray, vtkUnsignedCharArray
 from vtkmodules.vtkRenderingCore import vtkActor2D
 
 from supersampler.arguments import checked_scale
 from supersampler.conventions import halton_jitter
-from supersampler.frame import Float32, Frame, Size
+from supersampler.frame import Float32, Frame
 from supersampler.integrations.vtk_lines import LineWidths, changed
+from supersampler.integrations.vtk_pixels import WindowPixels
 from supersampler.integrations.vtk_view import View
 from supersampler.model import Model
 from supersampler.upscaler import Upscaler
-
-_ENCODED_ROWS = 64  # of an image, at once: they stay in the cache
 
 
 class SupersampledWindow:
@@ -66,7 +63,7 @@ class SupersampledWindow:
         self._view: View | None = None  # of the last frame; None makes the next one the first
         self._small: tuple[ExitStack, View] | None = None  # while the window renders small
         self._nested = False
-        self._pixels, self._depth = vtkUnsignedCharArray(), vtkFloatArray()
+        self._pixels = WindowPixels(window)
         self._samples = window.GetMultiSamples()
         window.SetMultiSamples(0)
         self._observers = [
@@ -89,6 +86,7 @@ class SupersampledWindow:
         """Make the window render this frame small, jittered, and without what comes on top."""
         if self._nested:
             return
+        self._window.SetMultiSamples(0)  # whoever has turned it on again
         width, height = self._window.GetActualSize()
         if self.upscaler is None or self.upscaler.display_size != (width, height):
             self.upscaler = Upscaler(self._model, display_size=(width, height), validate="off")
@@ -125,14 +123,10 @@ class SupersampledWindow:
             self._nested = False
 
     def _frame(self, view: View) -> Frame:
-        width, height = view.size
-        self._window.GetPixelData(0, 0, width - 1, height - 1, 0, self._pixels, 0)
-        pixels = vtk_to_numpy(self._pixels).reshape(height, width, 3)[::-1]
-        color = np.multiply(pixels, np.float32(1.0 / 255.0), dtype=np.float32)
-        buffer = self._read_depth(view.size)
+        color, buffer = self._pixels.read_color(view.size), self._pixels.read_depth(view.size)
         if self._view is None:
             self._unit, reset = view.near, True
-            motion = np.zeros((height, width, 2), np.float32)
+            motion = np.zeros((*buffer.shape, 2), np.float32)
         else:
             motion = self._motion(view, buffer, self._view)
             reset = view.is_jump(motion, self._view)
@@ -141,28 +135,19 @@ class SupersampledWindow:
 
     def _motion(self, view: View, buffer: Float32, previous: View) -> Float32:
         motion = view.motion(buffer, previous)
+        vectors = motion.view(np.uint64)[
+            ..., 0
+        ]  # copied whole: the two parts one by one take ten times as long
         for props, of_these in view.moved_props(buffer, previous):
             with _hidden(prop for prop in self._props() if prop not in props):
                 self._window.Render()
-                mine = self._read_depth(view.size) == buffer
-            motion[mine] = of_these[mine]
-        motion[buffer == 1.0] = 0.0  # the background belongs to the window
+                mine = self._pixels.read_depth(view.size) == buffer
+            np.copyto(vectors, of_these.view(np.uint64)[..., 0], where=mine)
+        np.copyto(vectors, 0, where=buffer == 1.0)  # the background belongs to the window
         return motion
 
-    def _read_depth(self, size: Size) -> Float32:
-        self._window.GetZbufferData(0, 0, size[0] - 1, size[1] - 1, self._depth)
-        return np.ascontiguousarray(vtk_to_numpy(self._depth).reshape(size[1], size[0])[::-1])
-
     def _show(self, image: Float32) -> None:
-        height, width = image.shape[:2]
-        encoded = np.empty((height, width, 3), np.uint8)
-        for top in range(0, height, _ENCODED_ROWS):
-            rows = np.minimum(image[top : top + _ENCODED_ROWS], np.float32(1.0))
-            rows *= np.float32(255.0)
-            rows += np.float32(0.5)
-            encoded[height - top - len(rows) : height - top] = rows[::-1]  # VTK's row 0 is at the bottom
-        pixels = numpy_to_vtk(encoded.reshape(-1, 3))
-        self._window.SetPixelData(0, 0, width - 1, height - 1, pixels, 0, 0)
+        self._pixels.show(image)
         scene = (prop for prop in self._props() if not isinstance(prop, vtkActor2D))
         with changed(self._renderer, "PreserveColorBuffer", 1), _hidden(scene):
             self._window.Render()

@@ -58,7 +58,9 @@ class View:
             distance = np.float32(unit) / (np.float32(range_) * (buffer + np.float32(0.1)))
             return np.where(buffer < 1.0, distance, np.float32(0.0))
         depth = to_reversed_infinite(buffer, "forward", self.near, self.far)
-        return np.where(buffer < 1.0, depth * np.float32(unit / self.near), np.float32(0.0))
+        depth *= np.float32(unit / self.near)
+        depth *= buffer < 1.0
+        return depth
 
     def motion(self, buffer: Float32, previous: "View") -> Float32:
         """Return `Frame.motion` of what does not move itself."""

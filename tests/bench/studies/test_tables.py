@@ -5,7 +5,16 @@ from pathlib import Path
 
 import pytest
 
-from studies import ablation, blender_budget, older_processors, oracle, precision, stage_breakdown
+from studies import (
+    ablation,
+    blender_budget,
+    older_processors,
+    oracle,
+    path_tracing_noise,
+    precision,
+    pyvista_table,
+    stage_breakdown,
+)
 from studies import extrapolated_colors as colors
 from supersampler_bench.markdown_blocks import find_block
 from supersampler_bench.record import Record, read_record
@@ -35,6 +44,8 @@ ROOT = Path(__file__).parents[3]
         ("results/backends", "speed avx2", "speed-avx2", older_processors.markdown_table),
         ("quality", "oracle test-shots", "oracle", oracle.markdown_table),
         ("tutorials/blender", "blender budget", "blender-budget", blender_budget.markdown_table),
+        ("tutorials/shot", "path tracing noise", "path-tracing-noise", path_tracing_noise.markdown_table),
+        ("tutorials/pyvista", "pyvista", "pyvista", pyvista_table.markdown_table),
     ],
 )
 def test_the_table_of_a_study_is_what_its_record_says(

@@ -5,6 +5,7 @@ import pytest
 from numpy.typing import NDArray
 
 from more_scenes import Cut, Floor, ShadingStep, dots, ripples, thin_lines
+from supersampler.conventions import camera_motion
 from supersampler_bench.quality.metrics import psnr
 from supersampler_model.data.scenes.analytic import (
     EXTENT,
@@ -197,3 +198,18 @@ def test_a_normal_map_changes_nothing_but_the_mapped_normals() -> None:
     assert not bumpy.pixels.normal_spread.any()
     normals = Plane(plain, bumps=ripples).surface(0, *places(RENDER)).normal_mapped
     np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0)
+
+
+def test_camera_motion_is_that_of_a_plane_that_an_analytic_camera_passes() -> None:
+    """A camera that moves along a plane sees it pan; depth is 1 / distance."""
+    velocity, jitter, (width, height) = (0.75, -0.5), (0.25, -0.375), RENDER
+    frame = Plane(zone_plate, velocity).frame(4, RENDER, jitter)
+    projection = np.diag([2.0, 2.0 * width / height, 0.0, 0.0])
+    projection[2, 3], projection[3, 2] = 1.0, -1.0  # reversed, infinite far
+    pan = np.array([-2.0 / width, 2.0 / height]) * frame.motion[0, 0]  # of one frame, in clip space
+    cameras = [np.eye(4), np.eye(4)]
+    for index, camera in enumerate(cameras):
+        camera[:2, 3] = (3 + index) * pan / FAR / np.diag(projection)[:2]
+    motion = camera_motion(frame.depth, projection @ cameras[1], projection @ cameras[0], jitter=jitter)
+    np.testing.assert_allclose(motion, frame.motion, atol=1e-3)
+    assert np.abs(frame.motion).min() > 0.1

@@ -74,6 +74,15 @@ def load_kernels(*names: str) -> dict[str, Call]:
         return {name: _linked[folder, name] for name in names}
 
 
+@cache
+def kernel_if_possible(name: str) -> Call | None:
+    """Return one kernel; None, from then on, where it cannot be compiled. See `load_kernels`."""
+    try:
+        return load_kernels(name)[name]
+    except KernelError:
+        return None
+
+
 def _compile_in_processes(folder: Path, names: Sequence[str]) -> None:
     """Compile kernels to the cache in two processes, one from each end of the list, until one has ended.
 
