@@ -1,0 +1,24 @@
+"""Frames rounded so that they compress well."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from supersampler.frame import Array, Frame
+
+
+def compact(frame: Frame) -> Frame:
+    """Round depth to 12 bits, colour to 7, and motion to 1 / 64 pixel."""
+    assert frame.color is not None
+    motion = np.round(frame.motion * 64.0) / 64.0
+    return replace(
+        frame,
+        color=_rounded(frame.color, 7).astype(np.float16),
+        depth=_rounded(frame.depth, 12),
+        motion=motion.astype(np.float16),
+    )
+
+
+def _rounded(values: Array, bits: int) -> Array:
+    fraction, exponent = np.frexp(values.astype(np.float32))
+    return np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits).astype(np.float32)
