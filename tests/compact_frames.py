@@ -19,6 +19,15 @@ def compact(frame: Frame) -> Frame:
     )
 
 
+def cropped(frame: Frame, width: int, height: int) -> Frame:
+    """Return the middle of the frame, at most this large."""
+    assert frame.color is not None
+    w, h = frame.size
+    top, left = max(0, h - height) // 2, max(0, w - width) // 2
+    part = slice(top, top + height), slice(left, left + width)
+    return replace(frame, color=frame.color[part], depth=frame.depth[part], motion=frame.motion[part])
+
+
 def _rounded(values: Array, bits: int) -> Array:
     fraction, exponent = np.frexp(values.astype(np.float32))
     return np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits).astype(np.float32)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pyvista as pv
 
-from compact_frames import compact
+from compact_frames import compact, cropped
 from supersampler import Frame
 from supersampler.conventions import halton_jitter
 from supersampler.conventions.srgb import srgb_decoded
@@ -19,13 +19,17 @@ from supersampler.integrations import vtk
 from supersampler.integrations.pyvista import enable_supersampling
 from supersampler.io.shot import ShotWriter
 
-SIZE = (192, 108)  # of the window: twice that of the frames
-SHOTS = {"right": (1.0, 0, 4), "half": (0.5, 0, 3), "fixed": (0.0, 0, 3), "filtered": (1.0, 8, 1)}
+SHOTS = {  # fraction of the jitter, samples of a pixel, number of frames
+    "right": (1.0, 0, 4),
+    "half": (0.5, 0, 3),
+    "fixed": (0.0, 0, 3),
+    "filtered": (1.0, 8, 1),
+}
 
 
-def scene() -> tuple[Any, Any]:
+def scene(size: tuple[int, int]) -> tuple[Any, Any]:
     """Boxes and balls on a floor of checks, before a sky; the box that is returned is to be moved."""
-    plotter = pv.Plotter(off_screen=True, window_size=SIZE)
+    plotter = pv.Plotter(off_screen=True, window_size=size)
     plotter.set_background("lightblue")
     floor = pv.Plane(i_size=24, j_size=24, i_resolution=24, j_resolution=24)
     checks = (np.indices((24, 24)).sum(axis=0) % 2).ravel()
@@ -43,7 +47,7 @@ def scene() -> tuple[Any, Any]:
 def record(folder: str, name: str) -> None:
     part, samples, count = SHOTS[name]
     vtk.halton_jitter = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
-    plotter, mover = scene()
+    plotter, mover = scene((480, 270) if samples else (192, 108))  # twice that of the frames
     window = enable_supersampling(plotter, scale=2, model="bilinear")
     plotter.render_window.SetMultiSamples(samples)
     frames: list[Frame] = []
@@ -57,11 +61,12 @@ def record(folder: str, name: str) -> None:
         plotter.camera_position = [eye, (0.1 * index, 0, 0.6), (0, 0, 1)]
         mover.position = (1.0 + 0.24 * index, -3.0, 0.6)
         plotter.render()
-    writer = ShotWriter(f"{folder}/{name}", name=name, display_size=SIZE, frame_rate=30, compression="zip:9")
+    writer = ShotWriter(f"{folder}/{name}", name=name, display_size=None, frame_rate=30, compression="zip:9")
     for index, frame in enumerate(frames):
         color = srgb_decoded(frame.color)
         jitter = halton_jitter(index, 2.0)
-        writer.write(compact(replace(frame, color=color, jitter=jitter, reset=index == 0, exposure=None)))
+        frame = replace(frame, color=color, jitter=jitter, reset=index == 0, exposure=None)
+        writer.write(compact(cropped(frame, 120, 80)))
     plotter.close()
 
 

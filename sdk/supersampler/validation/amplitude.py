@@ -26,22 +26,17 @@ _PLAUSIBLE_MEAN = (0.75, 1.4)  # of both; 0.82 to 1.25
 
 @dataclass(frozen=True, slots=True)
 class Amplitude:
-    """Estimated factors of the jitter's x and y."""
+    """Estimated factors of the jitter's x and y; `none` where the image has no jitter at all."""
 
     x: float
     y: float
-
-    @property
-    def none(self) -> bool:
-        """Whether the image has no jitter at all."""
-        return max(abs(self.x), abs(self.y)) < 0.25
+    none: bool
 
     @property
     def text(self) -> str:
-        """The factors as text: "0.50", or "0.50 in x and 0.90 in y"."""
-        if abs(self.x - self.y) < 0.25:
-            return f"{(self.x + self.y) / 2:.2f}"
-        return f"{self.x:.2f} in x and {self.y:.2f} in y"
+        """The factors as text: "0.50", or "0.70 (0.50 in x, 0.90 in y)"."""
+        mean = f"{(self.x + self.y) / 2:.2f}"
+        return mean if abs(self.x - self.y) < 0.25 else f"{mean} ({self.x:.2f} in x, {self.y:.2f} in y)"
 
 
 def amplitude_errors(pair: FramePair, reading: Conventions) -> dict[tuple[float, float], tuple[float, ...]]:
@@ -66,7 +61,7 @@ def jitter_in_vectors(
 
 def vectors_have_jitter(sums: JitterInVectors) -> bool:
     """Tell whether motion changes with the jitter, by about as much."""
-    return sums[1] > 0 and 0.5 < sums[0] / sums[1]
+    return sums[1] > 0 and 0.5 < sums[0] / sums[1] < 2.0
 
 
 def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
@@ -85,9 +80,12 @@ def wrong_amplitude(errors: AmplitudeErrors, pairs: int) -> Amplitude | None:
         return None
     found = np.linalg.solve(bend, -c[3:5])
     lowest = values.min()
-    if lowest > min((1 - _MIN_GAIN) * stated, _MAX_ERROR * variance) or np.abs(found).max() > 3.0:
+    if lowest > min((1 - _MIN_GAIN) * stated, _MAX_ERROR * variance):
+        return None
+    none = errors[0.0, 0.0][0] == lowest
+    if not none and (found.min() < -0.25 or found.max() > 3.0):
         return None
     off = (found < _PLAUSIBLE[0]) | (found > _PLAUSIBLE[1])
     if off.any() or not _PLAUSIBLE_MEAN[0] <= found.mean() <= _PLAUSIBLE_MEAN[1]:
-        return Amplitude(float(found[0]), float(found[1]))
+        return Amplitude(float(found[0]), float(found[1]), none)
     return None

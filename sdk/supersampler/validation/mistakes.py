@@ -128,7 +128,7 @@ JITTER_TOO_SMALL = Mistake(
     "Try Conventions(jitter_unit='ndc') or 'uv'.")
 JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
 JITTER_NOT_APPLIED = Mistake(
-    "jitter not applied", "jitter", "not in the image, which stays in place", _JITTER,
+    "jitter amplitude", "jitter", "not in the image, which stays in place", _JITTER,
     "Jitter the projection of each frame (jittered_projection), or hand in (0, 0).")
 JITTER_AMPLITUDE = Mistake(
     "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,

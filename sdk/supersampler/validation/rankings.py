@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
-from supersampler.validation.amplitude import jitter_in_vectors
+from supersampler.validation.amplitude import jitter_in_vectors, vectors_have_jitter
 from supersampler.validation.depth_order import ORDERS, DepthOrder, bend, sky_share
 from supersampler.validation.detection import Hypothesis, Verdict, ranked
 from supersampler.validation.evidence import Evidence, grid
@@ -62,7 +62,10 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
 
     hypotheses = []
     with_jitter = replace(stated, motion_jittered=True)
-    have_jitter = {repr(o): _vectors_have_jitter(pairs, replace(stated, **o)) for o in MOTIONS}
+    have_jitter = {
+        repr(o): any(_vectors_have_jitter(pairs, replace(stated, **o, **jitter)) for jitter in jitters)
+        for o in MOTIONS
+    }
     readings = [replace(stated, **jitter, motion_jittered=False) for jitter in jitters]
     for overrides in MOTIONS:
         bare = error(replace(with_jitter, **overrides))
@@ -153,7 +156,7 @@ def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bo
     sums = 0.0, 0.0
     for before, pair in _neighbours(pairs):
         sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)
-    return sums[1] == 0 or abs(sums[0] / sums[1]) > 0.5
+    return sums[1] == 0 or vectors_have_jitter(sums)
 
 
 def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:

@@ -16,7 +16,7 @@ from supersampler.validation.mistakes import Mistake, where
 from supersampler.validation.pixel_filter import mixed_edges
 from supersampler.validation.steps import depth_values, motion_step
 
-_MAX_MIXED = 0.85  # fraction of mixed edges; unfiltered frames had 0.5 at most, denoised ones 0.75
+_MAX_MIXED = 0.55  # fraction of mixed edges; frames of point samples had 0.3 at most, filtered ones 0.65
 _MIN_LEVELS = 16  # distinct values that make whole numbers no accident
 
 
@@ -44,12 +44,12 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
     full = (values == 1.0).sum(axis=1)  # clipped lights are seldom white
-    if np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
-        yield mistakes.COLOR_CLIPPED
     if _are_whole(values) or _are_whole(srgb_encoded(values)):
         yield mistakes.COLOR_BYTES.found(most=np.max(values))
     elif _are_whole(values * 255):
         yield mistakes.COLOR_EIGHT_BIT
+    elif np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
+        yield mistakes.COLOR_CLIPPED
 
 
 def _are_whole(values: Float32) -> bool:

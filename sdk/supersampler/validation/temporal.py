@@ -151,6 +151,8 @@ def _better_reading(seen: FramesSeen) -> str:
     """Return the reading with the smallest error relative to the stated one, if clearly smaller; else ""."""
     visible = _NOISE * seen.pairs
     parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
+    if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
+        return ""  # it may be the motion that is missing
     if seen.pairs < 2 or not vectors_have_jitter(seen.varied):
         parts.pop(repr(_WITH_JITTER), None)  # an image without the stated jitter fits it, too
     best = min(parts, key=lambda call: parts[call], default="")
