@@ -9,7 +9,9 @@ from numpy.typing import NDArray
 from supersampler.conventions import Conventions
 from supersampler.validation.reprojection import FramePair
 
-FACTORS: tuple[tuple[float, float], ...] = tuple((x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.5, 1.0, 1.5))
+FACTORS: tuple[tuple[float, float], ...] = tuple(
+    (x, y) for x in (0.0, 0.5, 1.0, 1.5) for y in (0.0, 0.5, 1.0, 1.5)
+)
 """Factors of the jitter's x and y that are tried."""
 
 AmplitudeErrors = Mapping[tuple[float, float], tuple[float, ...]]

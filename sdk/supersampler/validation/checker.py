@@ -11,8 +11,8 @@ from supersampler.frame import Frame, Size
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
 from supersampler.validation.mistakes import COLOR_UPSIDE_DOWN, RESET_ALWAYS, Mistake
-from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.reprojection import frame_pairs
+from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 
 Validate = Literal["off", "warn", "strict"]
@@ -80,7 +80,11 @@ class FrameChecker:
         """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
         if not frame.reset:
             return 0
-        pairs = [] if self._seen.previous is None else frame_pairs([self._seen.previous, replace(frame, reset=False)])
+        pairs = (
+            []
+            if self._seen.previous is None
+            else frame_pairs([self._seen.previous, replace(frame, reset=False)])
+        )
         return self._resets + 1 if pairs and pairs[0].continues else 1
 
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:

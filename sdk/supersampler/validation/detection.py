@@ -116,7 +116,9 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     best, own = verdict.ranked[0], [h for h in verdict.ranked if _is_stated(h, stated)]
     if own and own[0] is not best and own[0].error < _OVERRULES * best.error:
         margin = own[0].error / max(best.error, 1e-6)
-        return Verdict(name, verdict.ranked, f"'{best.text}' fits only {margin:.2f} times better than as stated")
+        return Verdict(
+            name, verdict.ranked, f"'{best.text}' fits only {margin:.2f} times better than as stated"
+        )
     return verdict
 
 

@@ -11,13 +11,6 @@ from supersampler.errors import ArgumentError, FrameError, shown
 from supersampler.validation.checker import frame_mistakes
 from supersampler.validation.detection import Detection
 from supersampler.validation.evidence import Evidence
-from supersampler.validation.rankings import (
-    jitters_in_the_pixel,
-    rank_depth,
-    rank_jitter,
-    rank_motion,
-    swapped_axes,
-)
 from supersampler.validation.mistakes import (
     DEPTH_NOT_REVERSED,
     JITTER_CONSTANT,
@@ -26,6 +19,13 @@ from supersampler.validation.mistakes import (
     MOTION_MISREAD,
     RESET_ALWAYS,
     Mistake,
+)
+from supersampler.validation.rankings import (
+    jitters_in_the_pixel,
+    rank_depth,
+    rank_jitter,
+    rank_motion,
+    swapped_axes,
 )
 from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.temporal import FramesSeen
@@ -80,7 +80,8 @@ def detect_conventions(
         kind = found.depth.removesuffix("_infinite")
         notes.append(f"A far plane cannot be seen; where there is one, depth='{kind}' with near and far.")
     flips = "motion_flip_y", "jitter_flip_y"
-    if all(getattr(found, name) != getattr(stated, name) for name in flips):
+    likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
+    if all(getattr(likely, name) != getattr(stated, name) for name in flips):
         own = {name: getattr(stated, name) for name in flips}
         others = ", ".join(f"{name}={not value}" for name, value in own.items())
         notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")

@@ -75,7 +75,11 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
     if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
-        return Verdict("motion", verdict.ranked, "too little moves: no reading explains the image much better than no motion")
+        return Verdict(
+            "motion",
+            verdict.ranked,
+            "too little moves: no reading explains the image much better than no motion",
+        )
     return verdict
 
 
@@ -117,7 +121,10 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Co
         error = without_planes[order] + _share(bent, bends, least=1e-4)
         hypotheses.append(Hypothesis(_DEPTH_TEXT[order], _depth_overrides(order, frames, found), error))
     verdict = ranked("depth", hypotheses, found)
-    best, own = (next(o for o in ORDERS if kind.startswith(o)) for kind in (verdict.ranked[0].overrides["depth"], found.depth))
+    best, own = (
+        next(o for o in ORDERS if kind.startswith(o))
+        for kind in (verdict.ranked[0].overrides["depth"], found.depth)
+    )
     if without_planes[best] > without_planes[own] - _MIN_DIFFERENCE and best != own:
         reason = f"it looks {best} by its planes alone, as that of a parallel projection does"
         return Verdict("depth", verdict.ranked, reason)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.frame import Array, Float32, Frame
 from supersampler.conventions.srgb import srgb_encoded
+from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
 from supersampler.validation.depth_order import bend, sky_share

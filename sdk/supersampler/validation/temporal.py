@@ -33,7 +33,6 @@ _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
-_WITH_JITTER = Conventions(motion_jittered=True)
 _BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
 
 
@@ -154,7 +153,8 @@ def _better_reading(seen: FramesSeen) -> str:
     if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
         return ""  # it may be the motion that is missing
     if seen.pairs < 2 or not vectors_have_jitter(seen.varied):
-        parts.pop(repr(_WITH_JITTER), None)  # an image without the stated jitter fits it, too
+        # An image without the stated jitter fits vectors with jitter in them, too.
+        parts = {call: part for call, part in parts.items() if "unit" in call or "jittered" not in call}
     best = min(parts, key=lambda call: parts[call], default="")
     return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
 

@@ -1,4 +1,4 @@
-"""Record what VTK renders of a small scene, as small shots: python record.py FOLDER, with PyVista and OpenGL.
+"""Record what VTK renders of a small scene, as small shots: python record_vtk.py FOLDER, with PyVista and OpenGL.
 
 right: as `enable_supersampling` renders. half, fixed: with half of the jitter that the frames state, and with
 none. filtered: with multi-sampling.

@@ -1,4 +1,4 @@
-"""Record what Blender renders of `make_scene.py`, as small shots: python record.py BLENDER FOLDER.
+"""Record what Blender renders of `make_scene.py`, as small shots: python record_blender.py BLENDER FOLDER.
 
 right: as `supersampler blender` renders. half, fixed: with half of the jitter that the frames state, and with
 none. filtered: with Blender's own pixel filter, denoised.
@@ -38,7 +38,16 @@ def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     process._SCRIPT = script
     render.halton_jitter = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
     quality = ["256", "--denoise"] if name == "filtered" else ["64"]
-    options = ["--samples", *quality, "--frames", f"6-{5 + count}", "--method", "bilinear", "--blender", blender]
+    options = [
+        "--samples",
+        *quality,
+        "--frames",
+        f"6-{5 + count}",
+        "--method",
+        "bilinear",
+        "--blender",
+        blender,
+    ]
     app(["blender", str(work / "scene.blend"), "-o", str(work / name), *options], standalone_mode=False)
     writer = ShotWriter(folder / name, name=name, display_size=None, frame_rate=24, compression="zip:9")
     for index, item in enumerate(open_source(work / name / "render")):
