@@ -30,4 +30,5 @@ def cropped(frame: Frame, width: int, height: int) -> Frame:
 
 def _rounded(values: Array, bits: int) -> Array:
     fraction, exponent = np.frexp(values.astype(np.float32))
-    return np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits).astype(np.float32)
+    rounded: Array = np.ldexp(np.round(np.ldexp(fraction, bits)), exponent - bits).astype(np.float32)
+    return rounded

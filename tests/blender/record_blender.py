@@ -36,7 +36,7 @@ def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
     assert count_of_settings == 1
     script.write_text(text)
     process._SCRIPT = script
-    render.halton_jitter = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
+    vars(render)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
     quality = ["256", "--denoise"] if name == "filtered" else ["64"]
     options = [
         "--samples",

@@ -1,4 +1,4 @@
-"""Tests of the checks on shots of Blender, VTK and our own renderer: each planted mistake is named, right ones pass."""
+"""Tests of the checks on shots of Blender, VTK and our own renderer: planted mistakes are named."""
 
 import warnings
 from collections.abc import Callable
@@ -52,12 +52,12 @@ def own_frames(part: float, count: int, frame_rate: float) -> list[Frame]:
 
 def own_filtered() -> list[Frame]:
     """A frame of the plaza whose colour is a mean over the pixel."""
-    renderer, scene = Renderer((256, 144)), Plaza().scene(12)
+    renderer, scene = Renderer((480, 270)), Plaza().scene(12)
     offsets = [(x, y) for x in np.linspace(-0.45, 0.45, 5) for y in np.linspace(-0.45, 0.45, 5)]
-    colors = [renderer.frame(scene, (256, 144), jitter=offset)[0].astype(np.float32) for offset in offsets]
-    surfaces = renderer.frame(scene, (256, 144), jitter=(0.0, 0.0))[1]
+    colors = [renderer.frame(scene, (480, 270), jitter=offset)[0].astype(np.float32) for offset in offsets]
+    surfaces = renderer.frame(scene, (480, 270), jitter=(0.0, 0.0))[1]
     motion = surfaces.motion.astype(np.float16)
-    color = np.mean(colors, axis=0, dtype=np.float32)
+    color = np.stack(colors).mean(axis=0)
     return [Frame(color=color, depth=surfaces.depth, motion=motion, jitter=(0.0, 0.0), reset=True)]
 
 

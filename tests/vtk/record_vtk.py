@@ -1,4 +1,5 @@
-"""Record what VTK renders of a small scene, as small shots: python record_vtk.py FOLDER, with PyVista and OpenGL.
+"""Record what VTK renders of a small scene, as small shots: python record_vtk.py FOLDER, in an
+environment with PyVista and OpenGL.
 
 right: as `enable_supersampling` renders. half, fixed: with half of the jitter that the frames state, and with
 none. filtered: with multi-sampling.
@@ -46,14 +47,19 @@ def scene(size: tuple[int, int]) -> tuple[Any, Any]:
 
 def record(folder: str, name: str) -> None:
     part, samples, count = SHOTS[name]
-    vtk.halton_jitter = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
+    vars(vtk)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
     plotter, mover = scene((480, 270) if samples else (192, 108))  # twice that of the frames
-    window = enable_supersampling(plotter, scale=2, model="bilinear")
+    window: Any = enable_supersampling(plotter, scale=2, model="bilinear")
     plotter.render_window.SetMultiSamples(samples)
     frames: list[Frame] = []
     plotter.show(auto_close=False)
+
+    def kept(frame: Frame) -> Frame:
+        frames.append(frame)
+        return frame
+
     step = window.upscaler.step
-    window.upscaler.step = lambda frame: frames.append(frame) or step(frame)
+    window.upscaler.step = lambda frame: step(kept(frame))
     window.reset()
     window._frames = 0
     for index in range(count):
@@ -63,7 +69,7 @@ def record(folder: str, name: str) -> None:
         plotter.render()
     writer = ShotWriter(f"{folder}/{name}", name=name, display_size=None, frame_rate=30, compression="zip:9")
     for index, frame in enumerate(frames):
-        color = srgb_decoded(frame.color)
+        color = None if frame.color is None else srgb_decoded(frame.color)
         jitter = halton_jitter(index, 2.0)
         frame = replace(frame, color=color, jitter=jitter, reset=index == 0, exposure=None)
         writer.write(compact(cropped(frame, 120, 80)))

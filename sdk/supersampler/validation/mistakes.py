@@ -64,7 +64,8 @@ COLOR_CLIPPED = Mistake(
     "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True).",
     only_a_hint=True)
 COLOR_BYTES = Mistake(
-    "color bytes", "color", "in whole numbers up to {most:.0f}", "linear scene colour from before tone mapping",
+    "color bytes", "color", "in whole numbers up to {most:.0f}",
+    "linear scene colour from before tone mapping",
     "Are these bytes? Divide by 255; those of an image file are sRGB, too: Conventions(srgb=True).")
 COLOR_EIGHT_BIT = Mistake(
     "color eight bit", "color", "in steps of 1/255, as an 8-bit image", COLOR_BYTES.want,
@@ -72,7 +73,7 @@ COLOR_EIGHT_BIT = Mistake(
 COLOR_FILTERED = Mistake(
     "color filtered", "color", "mixed in {share:.0%} of the edges of depth",
     "samples at one place in the pixel, at centre + jitter",
-    "Turn off anti-aliasing, multi-sampling, a denoiser's blur and wide pixel filters (Blender: 0.01 pixels).",
+    "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
     only_a_hint=True)
 ROWS_BOTTOM_UP = Mistake(
     "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",
@@ -135,7 +136,7 @@ JITTER_AMPLITUDE = Mistake(
     "Is it computed for another size, such as Blender's without its resolution percentage?")
 RESET_ALWAYS = Mistake(
     "reset always", "reset", "True in {frames} frames on end, each of which continues the one before",
-    "True on the first frame after a cut alone", "Each reset drops the history, and all detail gained with it.")
+    "True on the first frame after a cut alone", "Each reset drops the history.")
 JITTER_SWAPPED = Mistake(
     "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")
 EXPOSURE_OUT_OF_RANGE = Mistake(

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from supersampler.frame import Array, Float32
 
-_MIN_EDGES = 15  # minimum number of edges to judge by
+_MIN_EDGES = 30  # minimum number of edges to judge by
 _MIN_CONTRAST = 0.15  # of tone-mapped luminance
 _FLAT = 0.04  # of the contrast: change on either side of an edge
 _MIXED = 0.12  # of the contrast: a pixel that is neither of the sides
@@ -23,8 +23,9 @@ def mixed_edges(light: Float32, depth: Array) -> float:
     """
     values = np.maximum(light, 0)
     known = values[np.isfinite(values) & (values > 0)]
+    middle = np.float32(np.median(known) if known.size else 1.0)
     with np.errstate(invalid="ignore"):  # Inf / Inf is NaN, which compares False
-        tone = values / (values + np.float32(np.median(known) if known.size else 1.0))
+        tone = np.divide(values, values + middle, dtype=np.float32)
     sharp = mixed = 0
     for tones, depths in ((tone, depth), (tone.T, depth.T)):
         first, second = _profiles(tones, depths)
@@ -36,7 +37,7 @@ def mixed_edges(light: Float32, depth: Array) -> float:
 
 
 def _profiles(tone: Float32, depth: Array) -> tuple[NDArray[Any], NDArray[Any]]:
-    """Return the two pixels beside each edge along rows, from 0 (the colour of one side) to 1 (of the other)."""
+    """Return the two pixels at each edge along rows, from 0 (colour of one side) to 1 (of the other)."""
     height, width = tone.shape[0] - 2, tone.shape[1] - 5
     if height < 1 or width < 1:
         return np.empty(0), np.empty(0)

@@ -16,7 +16,7 @@ _COARSE_MOTION = 0.2  # render pixels
 
 
 def even_values(values: NDArray[np.floating[Any]]) -> tuple[int, float]:
-    """Return the number of distinct values and their spacing; (0, 0.0) where they are many or unevenly spaced."""
+    """Return the number of distinct values and their spacing; (0, 0.0) if they are many or uneven."""
     distinct = np.unique(values[np.isfinite(values)].astype(np.float64))
     if not _FEWEST <= len(distinct) <= min(_MOST, len(values) // _PLACES_EACH):
         return 0, 0.0
@@ -34,7 +34,7 @@ def depth_values(depth: Array) -> int:
     line = line[:, ((line > 0.0) & (line < 1e6)).all(axis=0)]  # no sky
     for values in (line, 1.0 / line):
         count, step = even_values(values[1])
-        # Those of a plane are evenly spaced, too, but change by the same from pixel to pixel; rounded ones do not.
+        # Those of a plane are even, too, but change by the same from pixel to pixel; rounded ones do not.
         bend = np.abs(np.diff(values, 2, axis=0)) / max(step, 1e-30)
         if count and np.mean((bend > 0.5) & (bend < 2.5)) > _MIN_UNEVEN:
             return count
@@ -42,7 +42,7 @@ def depth_values(depth: Array) -> int:
 
 
 def motion_step(motion: Array, size: Size) -> float:
-    """Return the spacing in pixels of motion in few values, the larger of x's and y's; 0.0 where it is finer."""
+    """Return the spacing in pixels of motion in few values, the larger of x and y; 0.0 if it is finer."""
     vectors = motion[grid(size, PLACES)].astype(np.float64)
     step = max(even_values(vectors[:, axis])[1] for axis in (0, 1))
     return step if step >= _COARSE_MOTION else 0.0
