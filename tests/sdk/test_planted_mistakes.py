@@ -16,6 +16,7 @@ from supersampler.errors import FrameError, FrameWarning
 from supersampler.frame import Frame
 from supersampler.io.shot import Shot
 from supersampler.validation import FrameChecker, Validate, detect_conventions
+from supersampler.validation.detection import Hypothesis, ranked
 from supersampler_model.data.product_shot import Plaza
 from supersampler_model.data.renderer.renderer import Renderer
 
@@ -213,3 +214,32 @@ def test_depth_that_is_linear_along_planes_is_not_said_to_be_a_distance() -> Non
     detection = detect_conventions(raws)
     assert detection.conventions.depth == "reversed_infinite"
     assert "that of a parallel projection" in detection.depth.reason
+
+
+def test_resets_of_other_images_are_no_mistake() -> None:
+    chance = np.random.default_rng(0)
+    frames = []
+    for index in range(5):
+        color = np.kron(chance.random((12, 20, 3), np.float32), np.ones((5, 4, 1), np.float32))
+        depth, motion = np.full((60, 80), 0.5, np.float32), np.zeros((60, 80, 2), np.float32)
+        jitter = halton_jitter(index, 2.0)
+        frames.append(Frame(color=color, depth=depth, motion=motion, jitter=jitter, reset=True))
+    assert messages(frames) == ""
+
+
+def test_coarse_depth_is_not_judged() -> None:
+    """Its kind stays as stated: one step may be a distance."""
+    shot = [item.frame for item in Shot.open(FOLDERS["vtk"] / "right")]
+    coarse = [replace(frame, depth=in_steps(frame.depth, 255)) for frame in shot]
+    stated = Conventions(depth="linear")
+    raws = [Conventions().converter().from_frame(frame) for frame in coarse]
+    detection = detect_conventions(raws, conventions=stated)
+    assert "evenly spaced values" in detection.depth.reason
+    assert detection.conventions.depth == "linear"
+
+
+def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
+    stated = Conventions(motion_unit="uv")
+    found = [Hypothesis(unit, {"motion_unit": unit}, error) for unit, error in (("ndc", 1.0), ("uv", 1.3))]
+    assert ranked("motion", found, stated).reason == "'ndc' fits only 1.30 times better than as stated"
+    assert ranked("motion", [found[0], replace(found[1], error=1.4)], stated).certain
