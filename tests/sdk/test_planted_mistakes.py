@@ -243,3 +243,12 @@ def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
     found = [Hypothesis(unit, {"motion_unit": unit}, error) for unit, error in (("ndc", 1.0), ("uv", 1.3))]
     assert ranked("motion", found, stated).reason == "'ndc' fits only 1.30 times better than as stated"
     assert ranked("motion", [found[0], replace(found[1], error=1.4)], stated).certain
+
+
+def test_colour_upside_down_is_blamed_and_motion_is_not(shots: Shots) -> None:
+    frames = [colored(frame, lambda color: color[::-1]) for frame in shots.right]
+    said = messages(frames)
+    assert "frame.color is upside down against depth" in said
+    assert len(said.splitlines()) == 1
+    assert "frame.color is upside down against depth" in notes(frames)
+    assert "Write" not in notes(frames)

@@ -28,6 +28,7 @@ from supersampler.validation.rankings import (
     swapped_axes,
 )
 from supersampler.validation.reprojection import frame_pairs
+from supersampler.validation.single_frame import upside_down
 from supersampler.validation.temporal import FramesSeen
 
 if TYPE_CHECKING:  # which loads OpenImageIO
@@ -67,7 +68,7 @@ def detect_conventions(
     seen = [Evidence.of_raw(raw, stated) for raw in raws]
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
-    textured = [pair for pair in frame_pairs(seen) if pair.textured]
+    textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]
     jitters = jitters_in_the_pixel(seen, stated)
     motion = rank_motion(textured, jitters, found)
     found = replace(found, **motion.overrides)
@@ -90,6 +91,11 @@ def detect_conventions(
     if always_reset and any(pair.continues for pair in textured):
         notes.append(str(RESET_ALWAYS.found(frames=len(raws)).error()))
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
+
+
+def _turned(frame: Evidence) -> bool:
+    """Tell whether colour is upside down against depth: then no motion fits."""
+    return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
 
 
 def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:

@@ -29,7 +29,7 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if light is not None:
-        yield from _upside_down(frame.depth, light)
+        yield from upside_down(frame.depth, light)
         mixed = mixed_edges(light, frame.depth)
         if mixed > _MAX_MIXED:
             yield mistakes.COLOR_FILTERED.found(share=mixed)
@@ -129,7 +129,7 @@ def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) ->
     return float(np.sqrt(np.mean((vectors - fit) ** 2))) > 0.5
 
 
-def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
+def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     """Compare edges of colour and depth; if they agree only upside down, one of the two is flipped."""
     height, width = depth.shape
     rows, columns = grid((width, height - 1), 4 * PLACES)
