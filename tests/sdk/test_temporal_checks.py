@@ -68,11 +68,11 @@ def test_a_jitter_that_stays_within_one_pixel_of_ndc_is_too_small() -> None:
         ((5, 20), (0, 0), ""),
         ((4, 20), (0, 0), "linear"),
         ((20, 5), (0, 0), ""),
-        ((0, 0), (20, 0), "forward_infinite"),
+        ((0, 0), (20, 0), "forward"),
         ((0, 0), (19, 0), ""),
         ((0, 0), (20, 5), ""),
         ((2, 0), (20, 3), ""),
-        ((1, 0), (21, 4), "forward_infinite"),
+        ((1, 0), (21, 4), "forward"),
     ],
 )
 def test_the_order_of_depth_is_doubted_where_what_hides_is_farther(
@@ -109,7 +109,7 @@ def test_a_reading_of_jitter_has_a_text(reading: Conventions, text: str) -> None
 
 def test_every_other_reading_is_tried_once_and_the_frames_own_is_not() -> None:
     readings = _readings((320, 180), (640, 360))
-    assert len(readings) == 3 * 2 * 2 * 2 - 1 + 3 + 1
+    assert len(readings) == 3 * 2 * 2 * 2 - 1 + 3 + 2
     assert Conventions(motion_scale=(0.5, 0.5)) in readings.values()
     assert Conventions() not in readings.values()
 

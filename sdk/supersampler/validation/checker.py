@@ -2,6 +2,7 @@
 
 import warnings
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import Literal, get_args
 
 from supersampler.arguments import checked_choice
@@ -9,13 +10,15 @@ from supersampler.errors import FrameWarning
 from supersampler.frame import Frame, Size
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.gbuffers import gbuffer_mistakes
-from supersampler.validation.mistakes import Mistake
+from supersampler.validation.mistakes import COLOR_UPSIDE_DOWN, RESET_ALWAYS, Mistake
+from supersampler.validation.reprojection import frame_pairs
 from supersampler.validation.single_frame import single_frame_mistakes
 from supersampler.validation.temporal import FramesSeen, temporal_mistakes
 
 Validate = Literal["off", "warn", "strict"]
 
 _WARN_FRAMES = 3  # number that "warn" checks after a start or cut: two pairs, and three jitters
+_MAX_RESETS = 4  # number of frames in a row with `reset` that continue each other
 
 
 class FrameChecker:
@@ -39,6 +42,7 @@ class FrameChecker:
         """Drop all earlier frames, as after a cut."""
         self._seen, self._read = FramesSeen(), 0
         self._reported: frozenset[str] = frozenset()
+        self._resets = 0  # in a row
 
     def check(self, frame: Frame, display_size: Size, gbuffers: Collection[str] = ()) -> None:
         """Check one frame alone and against the earlier ones.
@@ -57,17 +61,31 @@ class FrameChecker:
         fresh = frame.reset
         seen = FramesSeen() if fresh else self._seen
         read, reported = (0, frozenset[str]()) if fresh else (self._read, self._reported)
+        resets = self._resets
         if self.validate == "strict" or (self.validate == "warn" and read < _WARN_FRAMES):
             evidence = Evidence.of_frame(frame)
+            resets = self._resets_with(evidence)
             seen = seen.after(evidence, display_size)
-            found = [*single_frame_mistakes(frame, evidence.light), *gbuffer_mistakes(frame, gbuffers)]
-            if evidence.light is not None:
-                found += temporal_mistakes(seen, frame.size, display_size)
+            found = frame_mistakes(frame, evidence, seen, display_size)
+            found += gbuffer_mistakes(frame, gbuffers)
+            if resets == _MAX_RESETS:
+                found.append(RESET_ALWAYS.found(frames=resets))
             reported = self._report(found, reported)
             read += 1
         elif self.validate == "warn":
-            seen = FramesSeen()  # nothing is checked until the next cut
-        self._seen, self._read, self._reported = seen, read, reported
+            seen, resets = FramesSeen(), 0  # nothing is checked until the next cut
+        self._seen, self._read, self._reported, self._resets = seen, read, reported, resets
+
+    def _resets_with(self, frame: Evidence) -> int:
+        """Return how many frames in a row, up to this one, have `reset` and continue the one before."""
+        if not frame.reset:
+            return 0
+        pairs = (
+            []
+            if self._seen.previous is None
+            else frame_pairs([self._seen.previous, replace(frame, reset=False)])
+        )
+        return self._resets + 1 if pairs and pairs[0].continues else 1
 
     def _report(self, found: Sequence[Mistake], reported: frozenset[str]) -> frozenset[str]:
         """Raise the first certain mistake, or warn of each kind once; return the kinds reported so far."""
@@ -78,3 +96,19 @@ class FrameChecker:
             if mistake.kind not in reported:
                 warnings.warn(str(mistake.error()), FrameWarning, stacklevel=4)
         return reported | {mistake.kind for mistake in found}
+
+
+def frame_mistakes(frame: Frame, evidence: Evidence, seen: FramesSeen, display_size: Size) -> list[Mistake]:
+    """Return the mistakes of a frame alone, and those that it completes together with the earlier ones.
+
+    Args:
+        frame: the frame.
+        evidence: of the frame.
+        seen: the state after it.
+        display_size: (width, height) of the output.
+    """
+    found = list(single_frame_mistakes(frame, evidence.light))
+    upside_down = any(mistake.kind == COLOR_UPSIDE_DOWN.kind for mistake in found)  # then nothing fits
+    if evidence.light is not None and not upside_down:
+        found += temporal_mistakes(seen, frame.size, display_size)
+    return found

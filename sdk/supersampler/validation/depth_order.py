@@ -14,6 +14,7 @@ ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward", "linear")
 _SKY = {"reversed": 0.0, "forward": 1.0}
 _SKY_DISTANCE = 1e6  # from here on linear depth is sky
 _DISTANCE_RATIO = 1.05  # ratio of distances that separates two surfaces
+_MIN_PLACES = 100  # minimum number of places for a median
 _CROP_SIDE = 400  # side in pixels of the square in the middle that `bend` reads
 _ROUNDING = 1e-6  # relative rounding error of float32 depth
 
@@ -83,6 +84,10 @@ def disoccluded(
     inside &= (previous_columns >= 0) & (previous_columns < width)
     lowest, highest = _range(now, order, rows, columns)
     previous_lowest, previous_highest = _range(before, order, previous_rows, previous_columns)
+    ratio = lowest[inside] / previous_lowest[inside]
+    if np.isfinite(ratio).sum() >= _MIN_PLACES:  # a camera that moves ahead brings everything closer
+        scale = np.nanmedian(ratio)
+        previous_lowest, previous_highest = scale * previous_lowest, scale * previous_highest
     with np.errstate(invalid="ignore"):
         closer = inside & (previous_lowest > _DISTANCE_RATIO * highest)
         farther = inside & (lowest > _DISTANCE_RATIO * previous_highest)

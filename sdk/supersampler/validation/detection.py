@@ -9,6 +9,7 @@ from supersampler.conventions import Conventions
 SURE = 1.15
 """Minimum ratio of the second-best error to the best for a certain verdict."""
 
+_OVERRULES = 1.33  # the same for a verdict that contradicts what is stated
 _TIE = 1.02  # within this ratio of errors, the stated hypothesis ranks first
 
 
@@ -106,11 +107,20 @@ def ranked(name: str, hypotheses: Sequence[Hypothesis], stated: Conventions) -> 
     """Return the verdict on at least one hypothesis; near a tie the stated one ranks first."""
 
     def error(hypothesis: Hypothesis) -> float:
-        holds = all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())
-        return hypothesis.error / (_TIE if holds else 1.0)
+        return hypothesis.error / (_TIE if _is_stated(hypothesis, stated) else 1.0)
 
     verdict = Verdict(name, tuple(sorted(hypotheses, key=error)))
     if len(verdict.ranked) > 1 and verdict.margin < SURE:
         first, second = verdict.ranked[:2]
         return Verdict(name, verdict.ranked, f"'{first.text}' and '{second.text}' fit alike")
+    best, own = verdict.ranked[0], [h for h in verdict.ranked if _is_stated(h, stated)]
+    if own and own[0] is not best and own[0].error < _OVERRULES * best.error:
+        margin = own[0].error / max(best.error, 1e-6)
+        return Verdict(
+            name, verdict.ranked, f"'{best.text}' fits only {margin:.2f} times better than as stated"
+        )
     return verdict
+
+
+def _is_stated(hypothesis: Hypothesis, stated: Conventions) -> bool:
+    return all(getattr(stated, key) == value for key, value in hypothesis.overrides.items())

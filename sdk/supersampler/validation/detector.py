@@ -7,9 +7,19 @@ from typing import TYPE_CHECKING
 from supersampler.arguments import as_index
 from supersampler.conventions import Conventions, RawFrame
 from supersampler.conventions.fields import Resolution
-from supersampler.errors import ArgumentError, shown
+from supersampler.errors import ArgumentError, FrameError, shown
+from supersampler.validation.checker import frame_mistakes
 from supersampler.validation.detection import Detection
 from supersampler.validation.evidence import Evidence
+from supersampler.validation.mistakes import (
+    DEPTH_NOT_REVERSED,
+    JITTER_CONSTANT,
+    JITTER_MISREAD,
+    JITTER_TOO_SMALL,
+    MOTION_MISREAD,
+    RESET_ALWAYS,
+    Mistake,
+)
 from supersampler.validation.rankings import (
     jitters_in_the_pixel,
     rank_depth,
@@ -18,9 +28,16 @@ from supersampler.validation.rankings import (
     swapped_axes,
 )
 from supersampler.validation.reprojection import frame_pairs
+from supersampler.validation.single_frame import upside_down
+from supersampler.validation.temporal import FramesSeen
 
 if TYPE_CHECKING:  # which loads OpenImageIO
     from supersampler.io.shot import Shot
+
+_OF_VERDICTS = {
+    mistake.kind
+    for mistake in (DEPTH_NOT_REVERSED, JITTER_CONSTANT, JITTER_MISREAD, JITTER_TOO_SMALL, MOTION_MISREAD)
+}
 
 
 def detect_conventions(
@@ -44,22 +61,57 @@ def detect_conventions(
         FrameError: depth or motion has a wrong shape, or is no array.
     """
     stated = _stated(shot, conventions)
-    seen = [Evidence.of_raw(raw, stated) for raw in _middle(shot, frames)]
+    raws = _middle(shot, frames)
+    always_reset = all(raw.reset for raw in raws)
+    if always_reset:
+        raws = [replace(raw, reset=index == 0) for index, raw in enumerate(raws)]
+    seen = [Evidence.of_raw(raw, stated) for raw in raws]
     resolution: Resolution = "render" if seen[0].motion.shape[:2] == seen[0].depth.shape else "display"
     found = replace(stated, motion_resolution=resolution)
-    textured = [pair for pair in frame_pairs(seen) if pair.textured]
+    textured = [pair for pair in frame_pairs(seen) if pair.textured and not _turned(pair.now)]
     jitters = jitters_in_the_pixel(seen, stated)
     motion = rank_motion(textured, jitters, found)
     found = replace(found, **motion.overrides)
     jitter = rank_jitter(textured, jitters, found)
     found = replace(found, **jitter.overrides)
     depth = rank_depth(textured, seen, found)
-    notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
     found = replace(found, **depth.overrides)
+    notes = [str(mistake.error()) for mistake in swapped_axes(textured, jitters, found)]
     if found.depth != stated.depth and found.depth.endswith("infinite"):
         kind = found.depth.removesuffix("_infinite")
         notes.append(f"A far plane cannot be seen; where there is one, depth='{kind}' with near and far.")
+    flips = "motion_flip_y", "jitter_flip_y"
+    likely = replace(found, **jitter.ranked[0].overrides) if jitter.ranked else found
+    if all(getattr(likely, name) != getattr(stated, name) for name in flips):
+        own = {name: getattr(stated, name) for name in flips}
+        others = ", ".join(f"{name}={not value}" for name, value in own.items())
+        notes.append(f"Rows seem to be bottom-up. Only if the image is upright, write {others} instead.")
+        found = replace(found, **own, bottom_up=not stated.bottom_up)
+    notes += _other_mistakes(raws, found)
+    if always_reset and any(pair.continues for pair in textured):
+        notes.append(str(RESET_ALWAYS.found(frames=len(raws)).error()))
     return Detection(motion, jitter, depth, stated, found, tuple(notes))
+
+
+def _turned(frame: Evidence) -> bool:
+    """Tell whether colour is upside down against depth: then no motion fits."""
+    return frame.light is not None and any(True for _ in upside_down(frame.depth, frame.light))
+
+
+def _other_mistakes(raws: Sequence[RawFrame], found: Conventions) -> list[str]:
+    """Return what the checks find in frames of these conventions, beside what the verdicts are about."""
+    converter, seen = found.converter(), FramesSeen()
+    mistakes: dict[str, Mistake] = {}
+    for raw in raws:
+        try:
+            frame = converter.to_frame(raw)
+        except (FrameError, ArgumentError) as error:
+            return [*(str(mistake.error()) for mistake in mistakes.values()), str(error)]
+        evidence = Evidence.of_frame(frame)
+        seen = FramesSeen() if frame.reset else seen
+        seen = seen.after(evidence, frame.size)
+        mistakes |= {each.kind: each for each in frame_mistakes(frame, evidence, seen, frame.size)}
+    return [str(mistake.error()) for kind, mistake in mistakes.items() if kind not in _OF_VERDICTS]
 
 
 def _stated(shot: "Shot | Sequence[RawFrame]", conventions: Conventions | None) -> Conventions:

@@ -63,6 +63,22 @@ COLOR_CLIPPED = Mistake(
     "linear scene colour from before tone mapping",
     "If it is tone-mapped, hand it in from before; if it is only sRGB, Conventions(srgb=True).",
     only_a_hint=True)
+COLOR_BYTES = Mistake(
+    "color bytes", "color", "in whole numbers up to {most:.0f}",
+    "linear scene colour from before tone mapping",
+    "Are these bytes? Divide by 255; those of an image file are sRGB, too: Conventions(srgb=True).")
+COLOR_EIGHT_BIT = Mistake(
+    "color eight bit", "color", "in steps of 1/255, as an 8-bit image", COLOR_BYTES.want,
+    "Eight bits are sRGB: Conventions(srgb=True), or render to floats.", only_a_hint=True)
+COLOR_FILTERED = Mistake(
+    "color filtered", "color", "mixed in {share:.0%} of the edges of depth",
+    "samples at one place in the pixel, at centre + jitter",
+    "Turn off anti-aliasing, multi-sampling, blur and wide pixel filters (Blender: 0.01 pixels).",
+    only_a_hint=True)
+ROWS_BOTTOM_UP = Mistake(
+    "rows bottom-up", "color", "bottom-up with depth and motion: frames fit {times:.1f} times better so",
+    "row 0 on top",
+    "Conventions(bottom_up=True) turns all of them. Only if the image is upright: {call}.")
 COLOR_UPSIDE_DOWN = Mistake(
     "color upside down", "color", "upside down against depth: edges agree {times:.1f} times better turned",
     "row 0 on top",
@@ -76,6 +92,14 @@ DEPTH_NEGATIVE = Mistake(
 DEPTH_NOT_REVERSED = Mistake(
     "depth not reversed", "depth", "of another kind: {evidence}", _DEPTH,
     "Conventions(depth='{kind}', ...) converts it.")
+DEPTH_FORWARD = replace(
+    DEPTH_NOT_REVERSED,
+    hint="Conventions(depth='forward', near=, far=) with the planes of the camera converts a z-buffer; "
+    "depth='forward_infinite' is for one without a far plane.")
+DEPTH_COARSE = Mistake(
+    "depth coarse", "depth", "in {count} evenly spaced values", "floats, or 16 bits at least",
+    "Is it from an 8-bit image? Such depth cannot tell what was hidden, and its kind is not checked.",
+    only_a_hint=True)
 DEPTH_CONSTANT = Mistake(
     "depth constant", "depth", "the same everywhere, though things move at different speeds",
     "near / distance of each pixel", "Is the depth buffer bound, and read before it is cleared?")
@@ -88,6 +112,12 @@ MOTION_TOO_LONG = Mistake(
 MOTION_MISREAD = Mistake(
     "motion misread", "motion", "misread: frames fit {times:.1f} times better with it taken as {reading}",
     _MOTION, "Try {call}.")
+MOTION_ZERO = Mistake(
+    "motion zero", "motion", "0 everywhere, though the image moves", _MOTION,
+    "Is the pass written and read? Blender writes zeros while motion blur is on.")
+MOTION_COARSE = Mistake(
+    "motion coarse", "motion", "in steps of {step:.2g} pixels", "floats, at least 1/16 pixel fine",
+    "Were vectors stored in 8 bits, or in half floats around 0.5? Store them around 0.")
 MOTION_SWAPPED = Mistake(
     "motion swapped", "motion", "(y, x): frames fit better so", "(x, y)", "Hand it in as motion[..., ::-1].")
 JITTER_CONSTANT = Mistake(
@@ -98,6 +128,15 @@ JITTER_TOO_SMALL = Mistake(
     "jitter too small", "jitter", "never more than {most:.2g}", JITTER_CONSTANT.want,
     "Try Conventions(jitter_unit='ndc') or 'uv'.")
 JITTER_MISREAD = replace(MOTION_MISREAD, kind="jitter misread", field="jitter", want=_JITTER)
+JITTER_NOT_APPLIED = Mistake(
+    "jitter amplitude", "jitter", "not in the image, which stays in place", _JITTER,
+    "Jitter the projection of each frame (jittered_projection), or hand in (0, 0).")
+JITTER_AMPLITUDE = Mistake(
+    "jitter amplitude", "jitter", "{factor} times as large in the image as stated", _JITTER,
+    "Is it computed for another size, such as Blender's without its resolution percentage?")
+RESET_ALWAYS = Mistake(
+    "reset always", "reset", "True in {frames} frames on end, each of which continues the one before",
+    "True on the first frame after a cut alone", "Each reset drops the history.")
 JITTER_SWAPPED = Mistake(
     "jitter swapped", "jitter", "(y, x): frames fit better so", "(x, y)", "Hand in (x, y).")
 EXPOSURE_OUT_OF_RANGE = Mistake(
@@ -137,3 +176,9 @@ GBUFFER_DEPTH_SCALED = replace(
     got="{scale:.3g} times frame.depth at the same places",
     hint="Is it forward, a distance, or of another near plane? Write both by the same code.")
 # fmt: on
+
+
+def depth_kind(evidence: str, kind: str) -> Mistake:
+    """Return the mistake that depth is "forward" or "linear", for this reason."""
+    mistake = DEPTH_FORWARD if kind == "forward" else DEPTH_NOT_REVERSED
+    return mistake.found(evidence=evidence, kind=kind)

@@ -8,14 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler.conventions import Conventions
+from supersampler.validation.amplitude import jitter_in_vectors, vectors_have_jitter
 from supersampler.validation.depth_order import ORDERS, DepthOrder, bend, sky_share
 from supersampler.validation.detection import Hypothesis, Verdict, ranked
 from supersampler.validation.evidence import Evidence, grid
 from supersampler.validation.mistakes import JITTER_SWAPPED, MOTION_SWAPPED, Mistake
 from supersampler.validation.readings import JITTERS, MOTIONS, Overrides, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair
+from supersampler.validation.steps import depth_values
 
 _MAX_RATIO = 0.8  # maximum ratio of errors for a significant improvement
+_MIN_DIFFERENCE = 0.25  # of errors of depth without that of planes
 _NO_TEXTURE = "no two neighbouring frames have texture to compare"
 _DEPTH_TEXT = {
     "reversed": "reversed (larger is closer)", "forward": "forward (0 is the near plane)",
@@ -59,16 +62,24 @@ def rank_motion(pairs: Sequence[FramePair], jitters: Sequence[Overrides], stated
 
     hypotheses = []
     with_jitter = replace(stated, motion_jittered=True)
+    have_jitter = {
+        repr(o): any(_vectors_have_jitter(pairs, replace(stated, **o, **jitter)) for jitter in jitters)
+        for o in MOTIONS
+    }
     readings = [replace(stated, **jitter, motion_jittered=False) for jitter in jitters]
     for overrides in MOTIONS:
         bare = error(replace(with_jitter, **overrides))
         best = min((error(replace(reading, **overrides)) for reading in readings), default=bare)
         hypotheses.append(hypothesis({**overrides, "motion_jittered": False}, best))
-        if readings:
+        if readings and have_jitter[repr(overrides)]:  # else the image has none, and vectors have none either
             hypotheses.append(hypothesis({**overrides, "motion_jittered": True}, bare))
     verdict = ranked("motion", hypotheses, stated)
     if verdict.ranked[0].error > _MAX_RATIO * min(map(error_of_no_motion, [with_jitter, *readings])):
-        return Verdict("motion", verdict.ranked, "no reading explains the image much better than no motion")
+        return Verdict(
+            "motion",
+            verdict.ranked,
+            "too little moves: no reading explains the image much better than no motion",
+        )
     return verdict
 
 
@@ -98,14 +109,26 @@ def rank_depth(pairs: Sequence[FramePair], frames: Sequence[Evidence], found: Co
     They are of disocclusions, whose occluders are closer; of the sky's value; and of planes, where 1 /
     distance is linear.
     """
+    count = max(depth_values(frame.depth) for frame in frames)
+    if count:
+        return Verdict("depth", (), f"it has {count} evenly spaced values, and one step may be a distance")
     bends = np.array([np.mean([bend(frame.depth, order) for frame in frames]) for order in ORDERS])
     skies = np.array([np.mean([sky_share(frame.depth, order) for frame in frames]) for order in ORDERS])
-    hypotheses = []
+    hypotheses, without_planes = [], {}
     for order, bent, sky in zip(ORDERS, bends, skies, strict=True):
         no_sky = 0.5 if skies.max() < 1e-3 else float(sky < 1e-3)
-        error = _wrongly_hidden(pairs, order, found) + no_sky + _share(bent, bends, least=1e-4)
+        without_planes[order] = _wrongly_hidden(pairs, order, found) + no_sky
+        error = without_planes[order] + _share(bent, bends, least=1e-4)
         hypotheses.append(Hypothesis(_DEPTH_TEXT[order], _depth_overrides(order, frames, found), error))
-    return ranked("depth", hypotheses, found)
+    verdict = ranked("depth", hypotheses, found)
+    best, own = (
+        next(o for o in ORDERS if kind.startswith(o))
+        for kind in (verdict.ranked[0].overrides["depth"], found.depth)
+    )
+    if without_planes[best] > without_planes[own] - _MIN_DIFFERENCE and best != own:
+        reason = f"it looks {best} by its planes alone, as that of a parallel projection does"
+        return Verdict("depth", verdict.ranked, reason)
+    return verdict
 
 
 def swapped_axes(
@@ -133,6 +156,14 @@ def swapped_axes(
         if min(_error(pairs, replace(bare, **o), jitter_swapped=True) for o in jitters) < limit:
             mistakes.append(JITTER_SWAPPED)
     return mistakes
+
+
+def _vectors_have_jitter(pairs: Sequence[FramePair], reading: Conventions) -> bool:
+    """Tell whether motion changes with the jitter; True where that takes more frames."""
+    sums = 0.0, 0.0
+    for before, pair in _neighbours(pairs):
+        sums = jitter_in_vectors(sums, pair, [before.before.jitter, before.now.jitter], reading)
+    return sums[1] == 0 or vectors_have_jitter(sums)
 
 
 def _moving(pairs: Sequence[FramePair], reading: Conventions) -> dict[FramePair, NDArray[np.bool_]]:

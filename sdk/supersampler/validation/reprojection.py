@@ -18,6 +18,7 @@ from supersampler.errors import FrameError
 from supersampler.frame import Float32
 from supersampler.validation.depth_order import DepthOrder, disoccluded
 from supersampler.validation.evidence import PLACES, Evidence, Places, grid
+from supersampler.validation.movement import image_moves
 
 MIN_PLACES = 1000
 """Minimum number of textured places for significant errors."""
@@ -42,7 +43,8 @@ class FramePair:
         known = now.light[rows, columns]
         known = known[np.isfinite(known) & (known > 0)]
         middle = float(np.median(known)) if known.size else 1.0
-        tone, self._tone_before = _tone(now.light, middle), _tone(before.light, middle)
+        self._tone, self._tone_before = _tone(now.light, middle), _tone(before.light, middle)
+        tone = self._tone
         here = _read(tone, columns, rows)
         right, below = _read(tone, columns + 1, rows), _read(tone, columns, rows + 1)
         change = np.maximum(np.abs(right - here), np.abs(below - here))
@@ -90,6 +92,22 @@ class FramePair:
             return offset
         shift = self.shift(conventions)
         return offset + (shift[::-1] if jitter_swapped else shift)
+
+    @property
+    def lacks_motion(self) -> bool:
+        """Whether the motion is 0 everywhere, though most of the image moves."""
+        inner = slice(1, -1), slice(1, -1)
+        return not self.now.motion.any() and image_moves(self._tone[inner], self._tone_before[inner])
+
+    @property
+    def variance(self) -> float:
+        """Variance of the tone-mapped luminance; the error between unrelated images is twice as much."""
+        return float(np.nanvar(self._tone_now))
+
+    @property
+    def continues(self) -> bool:
+        """Whether the image is the previous one moved, rather than another."""
+        return self.textured and self.error(self.offset(Conventions())) < 0.5 * self.variance
 
     def moving(self, conventions: Conventions) -> NDArray[np.bool_]:
         """Return the (n,) mask of places that move by at least a tenth of the longest vectors."""

@@ -6,12 +6,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from supersampler.conventions.srgb import srgb_encoded
 from supersampler.frame import Array, Float32, Frame
 from supersampler.io.display import usable_exposure
 from supersampler.validation import mistakes
 from supersampler.validation.depth_order import bend, sky_share
 from supersampler.validation.evidence import PLACES, grid
 from supersampler.validation.mistakes import Mistake, where
+from supersampler.validation.pixel_filter import mixed_edges
+from supersampler.validation.steps import depth_values, motion_step
+
+_MAX_MIXED = 0.55  # fraction of mixed edges; frames of point samples had 0.3 at most, filtered ones 0.65
+_MIN_LEVELS = 16  # distinct values that make whole numbers no accident
 
 
 def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mistake]:
@@ -23,7 +29,10 @@ def single_frame_mistakes(frame: Frame, light: Float32 | None) -> Iterator[Mista
     if frame.exposure is not None and usable_exposure(frame.exposure) is None:
         yield mistakes.EXPOSURE_OUT_OF_RANGE.found(exposure=frame.exposure)
     if light is not None:
-        yield from _upside_down(frame.depth, light)
+        yield from upside_down(frame.depth, light)
+        mixed = mixed_edges(light, frame.depth)
+        if mixed > _MAX_MIXED:
+            yield mistakes.COLOR_FILTERED.found(share=mixed)
 
 
 def _color(color: Array, light: Float32) -> Iterator[Mistake]:
@@ -35,8 +44,22 @@ def _color(color: Array, light: Float32) -> Iterator[Mistake]:
     if negative > 0.01:
         yield mistakes.COLOR_NEGATIVE.found(share=negative)
     full = (values == 1.0).sum(axis=1)  # clipped lights are seldom white
-    if np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
+    if _are_whole(values) or _are_whole(srgb_encoded(values)):
+        yield mistakes.COLOR_BYTES.found(most=np.max(values))
+    elif _are_whole(values * 255):
+        yield mistakes.COLOR_EIGHT_BIT
+    elif np.max(values, initial=0.0) <= 1.0 and np.mean((full == 1) | (full == 2)) > 0.005:
         yield mistakes.COLOR_CLIPPED
+
+
+def _are_whole(values: Float32) -> bool:
+    """Tell whether nearly all values are whole numbers up to 255, and of many sizes."""
+    with np.errstate(invalid="ignore"):
+        whole = np.rint(values)
+        near = np.abs(values - whole) < 0.07  # half floats near 255/255
+    if not (near.mean() > 0.99 and 2 < np.max(whole, initial=0) <= 255):
+        return False
+    return len(np.unique(whole)) >= _MIN_LEVELS
 
 
 def _depth(depth: Float32) -> Iterator[Mistake]:
@@ -48,14 +71,21 @@ def _depth(depth: Float32) -> Iterator[Mistake]:
     if least < 0:
         yield mistakes.DEPTH_NEGATIVE.found(least=least)
         return
+    count = depth_values(depth)
+    if count:
+        yield mistakes.DEPTH_COARSE.found(count=count)
+        return
     kind = _other_kind(depth, least, greatest)
     if kind:
-        evidence = f"it looks {kind.replace('_', ', ')}"
-        yield mistakes.DEPTH_NOT_REVERSED.found(evidence=evidence, kind=kind)
+        yield mistakes.depth_kind(f"it looks {kind}", kind)
 
 
 def _other_kind(depth: Float32, least: float, greatest: float) -> str:
-    """Return the likely kind of depth that is not reversed; "" where it may be reversed."""
+    """Return "forward" or "linear" where depth is likely so; "" where it may be reversed.
+
+    1 / depth that is linear along planes is linear depth, but that of a parallel projection looks the same:
+    its values are then those of near / distance, 0 at the sky and 1 at most.
+    """
     if least == greatest:
         return ""
     if greatest >= 1e6:  # a sky of 1e10 or so; near / distance has no such values
@@ -63,10 +93,12 @@ def _other_kind(depth: Float32, least: float, greatest: float) -> str:
     rows, columns = grid((depth.shape[1], depth.shape[0]), PLACES)
     values = depth[rows, columns]
     if greatest == 1 and sky_share(values, "forward") > 0.02 and sky_share(values, "reversed") == 0:
-        return "forward_infinite"
+        return "forward"
     # Reversed depth would place all surfaces within 1.11 times the near plane's distance, unevenly.
     if least >= 0.9 and greatest <= 1 and 1 - least >= 4 * (1 - greatest) and np.median(values) > 0.95:
-        return "forward_infinite"
+        return "forward"
+    if least == 0 or np.median(values) <= 1:
+        return ""
     as_reversed, as_linear = bend(depth, "reversed"), bend(depth, "linear")
     return "linear" if as_reversed > 2e-3 and as_linear < 0.1 * as_reversed else ""
 
@@ -81,6 +113,9 @@ def _motion(frame: Frame) -> Iterator[Mistake]:
     off = float(np.mean((np.abs(vectors) > np.array(frame.size, np.float32)).any(axis=1)))
     if off > 0.05 and min(frame.size) >= 16:
         yield mistakes.MOTION_TOO_LONG.found(share=off)
+    step = motion_step(frame.motion, frame.size)
+    if step:
+        yield mistakes.MOTION_COARSE.found(step=step)
     if frame.depth.min() == frame.depth.max() > 0 and _not_a_plane(vectors, rows, columns):
         yield mistakes.DEPTH_CONSTANT
 
@@ -94,7 +129,7 @@ def _not_a_plane(vectors: Float32, rows: NDArray[Any], columns: NDArray[Any]) ->
     return float(np.sqrt(np.mean((vectors - fit) ** 2))) > 0.5
 
 
-def _upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
+def upside_down(depth: Float32, light: Float32) -> Iterator[Mistake]:
     """Compare edges of colour and depth; if they agree only upside down, one of the two is flipped."""
     height, width = depth.shape
     rows, columns = grid((width, height - 1), 4 * PLACES)

@@ -10,11 +10,20 @@ from supersampler.conventions import Conventions
 from supersampler.conventions.factors import motion_factor
 from supersampler.frame import Size
 from supersampler.validation import mistakes
+from supersampler.validation.amplitude import (
+    AmplitudeErrors,
+    JitterInVectors,
+    amplitude_errors,
+    jitter_in_vectors,
+    vectors_have_jitter,
+    wrong_amplitude,
+)
 from supersampler.validation.depth_order import DepthOrder
 from supersampler.validation.evidence import Evidence
 from supersampler.validation.mistakes import Mistake
 from supersampler.validation.readings import JITTERS, MOTIONS, reading_text
 from supersampler.validation.reprojection import MIN_PLACES, FramePair, frame_pairs
+from supersampler.validation.steps import depth_values
 
 Sums = Mapping[str, tuple[float, float]]
 
@@ -24,6 +33,7 @@ _NOISE = 1e-5  # squares of tone-mapped luminance; smaller errors are noise
 _MIN_DISOCCLUDED = 20  # minimum number of disoccluded places
 _MIN_REPEATS = 3  # minimum number of frames with one jitter
 _ORDERS: tuple[DepthOrder, ...] = ("reversed", "forward")
+_BOTTOM_UP = Conventions(motion_flip_y=True, jitter_flip_y=True)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,6 +46,9 @@ class FramesSeen:
         errors: for each reading, sums over the pairs of (the frame's own error, the reading's error).
         surfaces: for each depth order, numbers of disoccluded places with (closer, farther) occluders.
         jitters: jitter of the last 64 frames.
+        amplitudes: for each factor of the jitter, the error summed over the pairs.
+        varied: how much the motion changes with the jitter.
+        lacks_motion: whether all motion is 0 in an image that moves.
     """
 
     previous: Evidence | None = None
@@ -43,6 +56,9 @@ class FramesSeen:
     errors: Sums = field(default_factory=dict)
     surfaces: Mapping[DepthOrder, tuple[int, int]] = field(default_factory=dict)
     jitters: tuple[tuple[float, float], ...] = ()
+    amplitudes: AmplitudeErrors = field(default_factory=dict)
+    varied: JitterInVectors = (0.0, 0.0)
+    lacks_motion: bool = False
 
     def after(self, frame: Evidence, display_size: Size) -> "FramesSeen":
         """Return the state after one more frame."""
@@ -52,27 +68,49 @@ class FramesSeen:
         for pair in frame_pairs([frame] if self.previous is None else [self.previous, frame]):
             if pair.textured:
                 errors = _added(self.errors, _errors(pair, display_size))
-                counts = {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
-                surfaces = _added(self.surfaces, counts)
-                seen = replace(self, pairs=self.pairs + 1, errors=errors, surfaces=surfaces)
+                seen = replace(
+                    self,
+                    pairs=self.pairs + 1,
+                    errors=errors,
+                    surfaces=_added(self.surfaces, _surfaces(pair)),
+                    amplitudes=_added(self.amplitudes, amplitude_errors(pair, Conventions())),
+                    varied=jitter_in_vectors(self.varied, pair, self.jitters, Conventions()),
+                    lacks_motion=self.lacks_motion or pair.lacks_motion,
+                )
         return replace(seen, previous=frame.copied(), jitters=(*self.jitters, frame.jitter)[-64:])
 
 
 def temporal_mistakes(seen: FramesSeen, size: Size, display_size: Size) -> Iterator[Mistake]:
     """Yield the mistakes in the frames since the last cut."""
     yield from _jitter_values(seen.jitters, size)
+    if seen.lacks_motion:
+        yield mistakes.MOTION_ZERO
+        return
     call = _better_reading(seen)
     if call:
         own, other = seen.errors[call]
+        if call == repr(_BOTTOM_UP):
+            yield mistakes.ROWS_BOTTOM_UP.found(times=own / max(other, 1e-6), call=call)
+            return
         is_jitter = call.startswith("Conventions(jitter")
         text = reading_text("jitter" if is_jitter else "motion", _readings(size, display_size)[call])
         mistake = mistakes.JITTER_MISREAD if is_jitter else mistakes.MOTION_MISREAD
         yield mistake.found(times=own / max(other, 1e-6), reading=text, call=call)
         return  # with wrong motion, disocclusions are no evidence
+    if np.ptp(seen.jitters, axis=0).max() > 0:
+        yield from amplitude_mistakes(seen.amplitudes, seen.pairs)
     kind = _other_order(seen.surfaces)
     if kind:
-        evidence = f"moving surfaces hide closer ones, as if depth were {kind.replace('_', ', ')}"
-        yield mistakes.DEPTH_NOT_REVERSED.found(evidence=evidence, kind=kind)
+        yield mistakes.depth_kind(f"moving surfaces hide closer ones, as if depth were {kind}", kind)
+
+
+def amplitude_mistakes(errors: AmplitudeErrors, pairs: int) -> Iterator[Mistake]:
+    """Yield the mistake that the image has not the jitter that is stated, or a fraction of it."""
+    found = wrong_amplitude(errors, pairs)
+    if found is not None and found.none:
+        yield mistakes.JITTER_NOT_APPLIED
+    elif found is not None:
+        yield mistakes.JITTER_AMPLITUDE.found(factor=found.text)
 
 
 def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
@@ -82,7 +120,7 @@ def _readings(size: Size, display_size: Size) -> dict[str, Conventions]:
         Conventions(**motion, motion_jittered=jittered) for motion in MOTIONS for jittered in (False, True)
     ]
     found += [Conventions(**jitter) for jitter in JITTERS if jitter["jitter_unit"] == "pixels"]
-    found.append(Conventions(motion_scale=scale))
+    found += [Conventions(motion_scale=scale), _BOTTOM_UP]
     return {repr(reading): reading for reading in found if reading != Conventions()}
 
 
@@ -112,8 +150,20 @@ def _better_reading(seen: FramesSeen) -> str:
     """Return the reading with the smallest error relative to the stated one, if clearly smaller; else ""."""
     visible = _NOISE * seen.pairs
     parts = {call: other / own for call, (own, other) in seen.errors.items() if own > visible}
+    if seen.pairs < 2 and seen.previous is not None and not seen.previous.motion.any():
+        return ""  # it may be the motion that is missing
+    if seen.pairs < 2 or not vectors_have_jitter(seen.varied):
+        # An image without the stated jitter fits vectors with jitter in them, too.
+        parts = {call: part for call, part in parts.items() if "unit" in call or "jittered" not in call}
     best = min(parts, key=lambda call: parts[call], default="")
     return best if best and parts[best] < (_MAX_RATIO_FIRST if seen.pairs == 1 else _MAX_RATIO_LATER) else ""
+
+
+def _surfaces(pair: FramePair) -> dict[DepthOrder, tuple[int, int]]:
+    """Return the disocclusions in each order; none where one step of depth may be a distance."""
+    if depth_values(pair.now.depth):
+        return {}
+    return {order: pair.disoccluded(order, Conventions(), 30_000) for order in _ORDERS}
 
 
 def _other_order(surfaces: Mapping[DepthOrder, tuple[int, int]]) -> str:
@@ -122,7 +172,7 @@ def _other_order(surfaces: Mapping[DepthOrder, tuple[int, int]]) -> str:
         return "linear"
     closer_if_forward, farther_if_forward = surfaces.get("forward", (0, 0))
     if closer_if_forward >= _MIN_DISOCCLUDED and closer_if_forward > 4 * (farther_if_forward + closer):
-        return "forward_infinite"
+        return "forward"
     return ""
 
 
@@ -137,4 +187,4 @@ def _jitter_values(jitters: tuple[tuple[float, float], ...], size: Size) -> Iter
 
 
 def _added(sums: Mapping[Any, Any], more: Mapping[Any, Any]) -> dict[Any, Any]:
-    return {key: tuple(np.add(sums.get(key, (0, 0)), value).tolist()) for key, value in more.items()}
+    return {key: tuple(np.add(sums.get(key, 0), value).tolist()) for key, value in more.items()}

@@ -1,0 +1,69 @@
+"""Record what Blender renders of `make_scene.py`, as small shots: python record_blender.py BLENDER FOLDER.
+
+right: as `supersampler blender` renders. half, fixed: with half of the jitter that the frames state, and with
+none. filtered: with Blender's own pixel filter, denoised.
+"""
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+from compact_frames import compact, cropped
+from supersampler.cli import app
+from supersampler.conventions import halton_jitter
+from supersampler.integrations.blender import process, render
+from supersampler.io.shot import ShotWriter, open_source
+
+HERE = Path(__file__).parent
+NARROW, WIDE = '"BLACKMAN_HARRIS", 0.01', '"BLACKMAN_HARRIS", 1.5'  # Cycles takes a box to be 1 pixel wide
+SHOTS = {  # fraction of the jitter, pixel filter, number of frames
+    "right": (1.0, NARROW, 4),
+    "half": (0.5, NARROW, 3),
+    "fixed": (0.0, NARROW, 3),
+    "filtered": (1.0, WIDE, 1),
+}
+
+
+def record_shot(blender: str, folder: Path, name: str, work: Path) -> None:
+    part, pixel_filter, count = SHOTS[name]
+    script = work / "render_frames.py"
+    setting = "scene.cycles.pixel_filter_type, scene.cycles.filter_width = "
+    text, count_of_settings = re.subn(f"{setting}.*", setting + pixel_filter, process._SCRIPT.read_text())
+    assert count_of_settings == 1
+    script.write_text(text)
+    process._SCRIPT = script
+    vars(render)["halton_jitter"] = lambda index, scale: tuple(part * x for x in halton_jitter(index, scale))
+    quality = ["256", "--denoise"] if name == "filtered" else ["64"]
+    options = [
+        "--samples",
+        *quality,
+        "--frames",
+        f"6-{5 + count}",
+        "--method",
+        "bilinear",
+        "--blender",
+        blender,
+    ]
+    app(["blender", str(work / "scene.blend"), "-o", str(work / name), *options], standalone_mode=False)
+    writer = ShotWriter(folder / name, name=name, display_size=None, frame_rate=24, compression="zip:9")
+    for index, item in enumerate(open_source(work / name / "render")):
+        frame = replace(item.frame, jitter=halton_jitter(index, 2.0), gbuffer=None, aovs=None)
+        writer.write(compact(cropped(frame, 120, 80)))
+
+
+def main(blender: str, folder: str) -> None:
+    with TemporaryDirectory() as work:
+        original = process._SCRIPT
+        for name in SHOTS:
+            size = [448, 294] if name == "filtered" else [192, 128]  # enough edges in a part of it
+            make = [blender, str(HERE / "make_scene.py"), f"{work}/scene.blend", json.dumps({"size": size})]
+            subprocess.run(make, check=True)
+            process._SCRIPT = original
+            record_shot(blender, Path(folder), name, Path(work))
+
+
+main(*sys.argv[1:])

@@ -1,0 +1,254 @@
+"""Tests of the checks on shots of Blender, VTK and our own renderer: planted mistakes are named."""
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from supersampler.conventions import Conventions, RawFrame
+from supersampler.conventions.jitter import halton_jitter
+from supersampler.conventions.srgb import srgb_encoded
+from supersampler.errors import FrameError, FrameWarning
+from supersampler.frame import Frame
+from supersampler.io.shot import Shot
+from supersampler.validation import FrameChecker, Validate, detect_conventions
+from supersampler.validation.detection import Hypothesis, ranked
+from supersampler_model.data.product_shot import Plaza
+from supersampler_model.data.renderer.renderer import Renderer
+
+TESTS = Path(__file__).parents[1]
+FOLDERS = {"blender": TESTS / "blender" / "checked", "vtk": TESTS / "vtk" / "recorded"}
+
+
+@dataclass(frozen=True)
+class Shots:
+    """Frames of one renderer: right ones, with a part of the stated jitter, and with filtered colour."""
+
+    right: list[Frame]
+    half: list[Frame]
+    fixed: list[Frame]
+    filtered: list[Frame]
+
+
+def own_frames(part: float, count: int, frame_rate: float) -> list[Frame]:
+    """Frames of the plaza, whose jitter is a part of what they state."""
+    renderer, sequence = Renderer((256, 144)), Plaza()
+    sequence.spec = replace(sequence.spec, frame_rate=frame_rate)
+    frames = []
+    for index in range(10, 10 + count):
+        x, y = halton_jitter(index, 2.0)
+        color, surfaces = renderer.frame(sequence.scene(index), (128, 72), jitter=(part * x, part * y))
+        frames.append(
+            Frame(
+                color=color, depth=surfaces.depth, motion=surfaces.motion.astype(np.float16),
+                jitter=(x, y), reset=index == 10,
+            )
+        )  # fmt: skip
+    return frames
+
+
+def own_filtered() -> list[Frame]:
+    """A frame of the plaza whose colour is a mean over the pixel."""
+    renderer, scene = Renderer((480, 270)), Plaza().scene(12)
+    offsets = [(x, y) for x in np.linspace(-0.45, 0.45, 5) for y in np.linspace(-0.45, 0.45, 5)]
+    colors = [renderer.frame(scene, (480, 270), jitter=offset)[0].astype(np.float32) for offset in offsets]
+    surfaces = renderer.frame(scene, (480, 270), jitter=(0.0, 0.0))[1]
+    motion = surfaces.motion.astype(np.float16)
+    color = np.stack(colors).mean(axis=0)
+    return [Frame(color=color, depth=surfaces.depth, motion=motion, jitter=(0.0, 0.0), reset=True)]
+
+
+@pytest.fixture(scope="module", params=["blender", "vtk", "own"])
+def shots(request: pytest.FixtureRequest) -> Shots:
+    if request.param == "own":
+        return Shots(
+            own_frames(1.0, 4, 5.0), own_frames(0.5, 3, 30.0), own_frames(0.0, 3, 30.0), own_filtered()
+        )
+    names = ("right", "half", "fixed", "filtered")
+    return Shots(*([item.frame for item in Shot.open(FOLDERS[request.param] / name)] for name in names))
+
+
+def messages(frames: list[Frame], validate: Validate = "warn") -> str:
+    """All that is said of the frames, a line each; a refused frame is the last."""
+    checker, (width, height) = FrameChecker(validate), frames[0].size
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", FrameWarning)
+        try:
+            for frame in frames:
+                checker.check(frame, (2 * width, 2 * height))
+        except FrameError as error:
+            return "\n".join([*(str(each.message) for each in caught), str(error)])
+    return "\n".join(str(each.message) for each in caught)
+
+
+def notes(frames: list[Frame]) -> str:
+    """What `supersampler check` says of the frames."""
+    return detect_conventions([Conventions().converter().from_frame(frame) for frame in frames]).summary()
+
+
+def colored(frame: Frame, change: Callable[[Any], Any]) -> Frame:
+    assert frame.color is not None
+    return replace(frame, color=change(frame.color.astype(np.float32)).astype(np.float32))
+
+
+def misread(frame: Frame, **overrides: Any) -> Frame:
+    """The frame of other conventions, taken for the SDK's own."""
+    raw = Conventions(**overrides).converter().from_frame(frame)
+    return Conventions().converter().to_frame(raw)
+
+
+def image_file(color: Any) -> Any:
+    """Eight bits, as in an image file, in [0, 1]."""
+    return np.rint(255 * srgb_encoded(np.clip(color, 0, 1))) / 255
+
+
+def in_steps(values: Any, count: int) -> Any:
+    most = values.max()
+    return (np.rint(values / most * count) / count * most).astype(np.float32)
+
+
+def coarse_motion(frame: Frame) -> Frame:
+    """Vectors in steps of half a pixel, as of half floats around 0.5."""
+    return replace(frame, motion=(np.rint(frame.motion.astype(np.float32) * 2) / 2))
+
+
+PLANTED: dict[str, tuple[Callable[[Frame], Frame], str]] = {
+    "motion zero": (
+        lambda f: replace(f, motion=np.zeros_like(f.motion)), "frame.motion is 0 everywhere, though"
+    ),
+    "bytes": (lambda f: colored(f, lambda c: 255 * image_file(c)), "frame.color is in whole numbers up to 2"),
+    "sRGB": (lambda f: colored(f, image_file), "frame.color is in steps of 1/255"),
+    "bottom-up": (lambda f: misread(f, bottom_up=True), "frame.color is bottom-up with depth and motion"),
+    "coarse depth": (lambda f: replace(f, depth=in_steps(f.depth, 255)), "evenly spaced values"),
+    "reset": (lambda f: replace(f, reset=True), "frame.reset is True in 4 frames on end"),
+}  # fmt: skip
+
+
+def test_right_frames_pass_without_a_word(shots: Shots) -> None:
+    assert messages(shots.right) == ""
+    assert messages(shots.right, "strict") == ""
+    detection = detect_conventions([Conventions().converter().from_frame(frame) for frame in shots.right])
+    assert detection.agrees
+    assert detection.notes == ()
+
+
+@pytest.mark.parametrize("name", PLANTED)
+def test_a_planted_mistake_is_the_only_one_named(shots: Shots, name: str) -> None:
+    change, message = PLANTED[name]
+    said = messages([change(frame) for frame in shots.right])
+    assert message in said
+    assert len(said.splitlines()) == 1
+
+
+@pytest.mark.parametrize("name", ["motion zero", "bytes", "bottom-up", "reset"])
+def test_what_no_right_frame_looks_like_is_refused(shots: Shots, name: str) -> None:
+    change, message = PLANTED[name]
+    checker, size = FrameChecker("strict"), shots.right[0].size
+
+    def check_all() -> None:
+        for frame in shots.right:
+            checker.check(change(frame), (2 * size[0], 2 * size[1]))
+
+    with pytest.raises(FrameError, match=message):
+        check_all()
+
+
+@pytest.mark.parametrize("name", [name for name in PLANTED if name != "bottom-up"])
+def test_check_notes_a_planted_mistake(shots: Shots, name: str) -> None:
+    change, message = PLANTED[name]
+    assert message in notes([change(frame) for frame in shots.right])
+
+
+def test_check_blames_the_rows_where_all_is_bottom_up(shots: Shots) -> None:
+    raws = [Conventions(bottom_up=True).converter().from_frame(frame) for frame in shots.right]
+    detection = detect_conventions(raws)
+    assert detection.conventions == Conventions(bottom_up=True)
+    assert "Rows seem to be bottom-up" in detection.summary()
+
+
+def test_jitter_that_is_not_in_the_image_is_said(shots: Shots) -> None:
+    assert messages(shots.fixed).startswith("frame.jitter is not in the image")
+    assert "frame.jitter is not in the image" in notes(shots.fixed)
+    assert "motion_jittered" not in notes(shots.fixed)
+
+
+def test_a_fraction_of_the_jitter_is_estimated(shots: Shots) -> None:
+    factor = float(messages(shots.half).removeprefix("frame.jitter is ").split()[0])
+    assert factor == pytest.approx(0.5, abs=0.2)
+    assert "times as large in the image as stated" in notes(shots.half)
+
+
+def test_a_wide_pixel_filter_is_hinted_at(shots: Shots) -> None:
+    assert "of the edges of depth" in messages(shots.filtered, "strict")
+
+
+def test_coarse_motion_is_said_with_its_step(shots: Shots) -> None:
+    larger = [replace(frame, motion=frame.motion.astype(np.float32) * 3) for frame in shots.right]
+    assert "frame.motion is in steps of 0.5 pixels" in messages([coarse_motion(frame) for frame in larger])
+    assert "in steps" not in messages(larger)
+
+
+def test_a_depth_buffer_with_a_far_plane_is_to_be_given_its_planes(shots: Shots) -> None:
+    near, far = 0.5 / float(max(frame.depth.max() for frame in shots.right)), 1e4
+    unit = [replace(frame, depth=frame.depth * np.float32(near)) for frame in shots.right]
+    frames = [misread(frame, depth="forward", near=near, far=far) for frame in unit]
+    said = messages(frames)
+    assert "frame.depth is of another kind" in said
+    assert "Conventions(depth='forward', near=, far=) with the planes of the camera" in said
+    assert "linear" not in said
+
+
+def test_depth_that_is_linear_along_planes_is_not_said_to_be_a_distance() -> None:
+    """A parallel projection: 1 / depth is linear on the screen, as a distance would be in a perspective."""
+    y, x = np.mgrid[:60, :80]
+    depth = (1.0 / (2.0 + 0.05 * y + 0.02 * x)).astype(np.float32)
+    color = np.random.default_rng(0).random((60, 80, 3), np.float32)
+    motion = np.zeros((60, 80, 2), np.float32)
+    frames = [Frame(color=color, depth=depth, motion=motion, jitter=halton_jitter(i, 2.0)) for i in range(2)]
+    assert "depth" not in messages(frames)
+    raws = [RawFrame(color=f.color, depth=f.depth, motion=f.motion, jitter=f.jitter) for f in frames]
+    detection = detect_conventions(raws)
+    assert detection.conventions.depth == "reversed_infinite"
+    assert "that of a parallel projection" in detection.depth.reason
+
+
+def test_resets_of_other_images_are_no_mistake() -> None:
+    chance = np.random.default_rng(0)
+    frames = []
+    for index in range(5):
+        color = np.kron(chance.random((12, 20, 3), np.float32), np.ones((5, 4, 1), np.float32))
+        depth, motion = np.full((60, 80), 0.5, np.float32), np.zeros((60, 80, 2), np.float32)
+        jitter = halton_jitter(index, 2.0)
+        frames.append(Frame(color=color, depth=depth, motion=motion, jitter=jitter, reset=True))
+    assert messages(frames) == ""
+
+
+def test_coarse_depth_is_not_judged() -> None:
+    """Its kind stays as stated: one step may be a distance."""
+    shot = [item.frame for item in Shot.open(FOLDERS["vtk"] / "right")]
+    coarse = [replace(frame, depth=in_steps(frame.depth, 255)) for frame in shot]
+    stated = Conventions(depth="linear")
+    raws = [Conventions().converter().from_frame(frame) for frame in coarse]
+    detection = detect_conventions(raws, conventions=stated)
+    assert "evenly spaced values" in detection.depth.reason
+    assert detection.conventions.depth == "linear"
+
+
+def test_a_thin_margin_never_contradicts_what_is_stated() -> None:
+    stated = Conventions(motion_unit="uv")
+    found = [Hypothesis(unit, {"motion_unit": unit}, error) for unit, error in (("ndc", 1.0), ("uv", 1.3))]
+    assert ranked("motion", found, stated).reason == "'ndc' fits only 1.30 times better than as stated"
+    assert ranked("motion", [found[0], replace(found[1], error=1.4)], stated).certain
+
+
+def test_colour_upside_down_is_blamed_and_motion_is_not(shots: Shots) -> None:
+    frames = [colored(frame, lambda color: color[::-1]) for frame in shots.right]
+    said = messages(frames)
+    assert "frame.color is upside down against depth" in said
+    assert len(said.splitlines()) == 1
+    assert "frame.color is upside down against depth" in notes(frames)
+    assert "Write" not in notes(frames)
