@@ -79,29 +79,32 @@ class ResampledFrame:
         )
 
 
-class Weight:
-    """The auxiliary output "weight": the weight of the history, which is 1 in reused tiles.
+class AuxOutputs:
+    """The auxiliary outputs: weight of the history, fraction of the mean; both are 1 in reused tiles.
 
     Args:
-        aux_outputs: names of the requested outputs.
+        names: the requested ones, of "weight" and "converged".
         display: size of the image.
+
+    Attributes:
+        planes: (1, 1, H, pitch) each, by name; rows are padded to whole vectors.
     """
 
-    def __init__(self, aux_outputs: Collection[str], display: Size) -> None:
+    def __init__(self, names: Collection[str], display: Size) -> None:
         self._width = display[0]
         shape = (1, 1, display[1], up_to(display[0], LANES))
-        self._rows = np.ones(shape, np.float32) if "weight" in aux_outputs else None
+        self.planes = {name: np.ones(shape, np.float32) for name in names}
 
     def output(self, next_history: Float32, image: Float32) -> Output:
         """Return the outputs of a step."""
         height, width = image.shape[:2]
-        rows = np.zeros(1, np.float32) if self._rows is None else self._rows
-        has_weight = int(self._rows is not None)
+        rows = self.planes.get("weight", np.zeros(1, np.float32))
+        has_weight = int("weight" in self.planes)
         return Output(next_history, image, rows, has_weight, width, height, up_to(width, LANES))
 
-    def aux_outputs(self) -> dict[str, Float32]:
-        """Return {"weight": (1, 1, H, W)} if it is requested, else {}."""
-        return {} if self._rows is None else {"weight": self._rows[..., : self._width]}
+    def results(self) -> dict[str, Float32]:
+        """Return the requested outputs, (1, 1, H, W) each."""
+        return {name: plane[..., : self._width] for name, plane in self.planes.items()}
 
 
 class FramePreprocess:

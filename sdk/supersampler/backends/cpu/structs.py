@@ -151,3 +151,93 @@ class Output(NamedTuple):
     width: int
     height: int
     pitch: int
+
+
+class StillSamples(NamedTuple):
+    """The samples of a frame for the mean where nothing moves; rows of `padded_width` as of `FrameSamples`.
+
+    Attributes:
+        color: (height, 4, padded_width) linear RGB of samples that are usable and do not glare, and 1 for these.
+        moving: (height, padded_width) 1 where the sample moves, else 0.
+        moving_2x2: the same of any of it, its right, lower and lower right neighbour.
+        opens: 1 where the sample contradicts the mean.
+        opened: 1 where any of 5x5 samples does.
+        rows_opened: (height,) 1 where any of a row does.
+        width, height: of the frame.
+        padded_width: of a row.
+        exposure: of the frame.
+        learned_step: samples per display pixel.
+    """
+
+    color: Floats
+    moving: Floats
+    moving_2x2: Floats
+    opens: Floats
+    opened: Floats
+    rows_opened: Floats
+    width: int
+    height: int
+    padded_width: int
+    exposure: float
+    learned_step: float
+
+
+class MeanHistory(NamedTuple):
+    """The mean of the previous frames where nothing moves.
+
+    Attributes:
+        pixels: (display height, width, 4) linear RGB, and the weight.
+        opening: (height, padded_width, 4) of the frame's size: range of the residuals, samples learned of.
+        width: of the display.
+        has_opening: 0 where the previous frame was of another size, so that `opening` tells nothing.
+    """
+
+    pixels: Floats
+    opening: Floats
+    width: int
+    has_opening: int
+
+
+class SampleTables(NamedTuple):
+    """The display pixels around each sample, and their bilinear weights.
+
+    Attributes:
+        columns: (2, columns_pitch) of the pixels to the left and right.
+        column_weights: (2, columns_pitch).
+        rows: (height, 2) of the pixels above and below.
+        row_weights: (height, 2).
+        columns_pitch: samples of a row, rounded up to whole vectors.
+    """
+
+    columns: Words
+    column_weights: Floats
+    rows: Words
+    row_weights: Floats
+    columns_pitch: int
+
+
+class ConvergedOutput(NamedTuple):
+    """What the mean is written to.
+
+    Attributes:
+        next_pixels: see `MeanHistory.pixels`.
+        image: (height, width, 3) linear RGB, changed in place.
+        converged: (height, pitch) fraction of the mean in the image.
+        has_converged: 1 if `converged` is wanted, else 0.
+        any_opened: 1 if any sample contradicts the mean.
+        columns: (pitch,) of the pixels of a row; the last one is repeated.
+        filter: index of the filter of the samples among those of `ResampleTables`.
+        width, height: of the display.
+        pitch: width, rounded up to whole vectors.
+    """
+
+    next_pixels: Floats
+    image: Floats
+    converged: Floats
+    has_converged: int
+    any_opened: int
+    columns: Words
+    filter: int
+    width: int
+    height: int
+    pitch: int

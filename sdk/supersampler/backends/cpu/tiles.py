@@ -127,6 +127,17 @@ def tiles_reading(changed: Bool, display: Size, render: Size) -> Bool:
     return np.asarray(inside > 0)
 
 
+def tiles_read_by(tiles: Bool, display: Size, render: Size) -> Bool:
+    """Return the tiles of the frame that display tiles read; see `tiles_reading`."""
+    (top, bottom), (left, right) = (
+        _read_tiles(-(-display[axis] // TILE), display[axis], render[axis]) for axis in (1, 0)
+    )
+    read = np.zeros((int(bottom[-1]), int(right[-1])), bool)
+    for y0, y1, x0, x1 in runs_of(tiles):
+        read[top[y0] : bottom[y1 - 1], left[x0] : right[x1 - 1]] = True
+    return read
+
+
 def _read_tiles(tiles: int, display: int, render: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
     """Return the first and one past the last tile of the frame that each display tile reads on an axis."""
     edges = np.minimum(np.arange(tiles + 1) * TILE, display) * (render / display)

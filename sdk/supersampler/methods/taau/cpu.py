@@ -4,6 +4,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from supersampler.backends.cpu.convergence import (
+    CONVERGENCE_KERNELS,
+    CONVERGENCE_PLANES,
+    MEAN_FILTER,
+    Convergence,
+    ConvergenceSpace,
+    ConvergenceStep,
+)
 from supersampler.backends.cpu.executor import CpuExecutor, Step
 from supersampler.backends.cpu.frame_preprocess import ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
@@ -22,7 +30,11 @@ KERNELS = "methods.taau.kernels"
 STEP, SHADE = f"{KERNELS}.step_rows", f"{KERNELS}.shade"
 LAYOUT = HistoryLayout(
     TAAU,
-    {"pixels": Plane(("color", "samples"), TAAU_PIXEL), "surface": Plane(("surface",), 4)},
+    {
+        "pixels": Plane(("color", "samples"), TAAU_PIXEL),
+        "surface": Plane(("surface",), 4),
+        **CONVERGENCE_PLANES,
+    },
     glare="samples",
 )
 
@@ -34,6 +46,7 @@ class _Space(ResampledFrame):
         super().__init__(render, display, filters, threads)
         self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
+        self.convergence = ConvergenceSpace(render, display, threads)
         self.scratch = [
             TaauScratch(
                 line,
@@ -57,13 +70,15 @@ class TaauCpu(CpuExecutor[_Space]):
     precision = "fp32"
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(LAYOUT, pool, STEP, SHADE)
+        super().__init__(LAYOUT, pool, STEP, *CONVERGENCE_KERNELS, SHADE)
+        self._convergence = Convergence(self.kernels, pool)
         c, self._constants = info.config, constants_array(TAAU, info.config)
         self._filters = [
             Filter(gaussian(c["frame_sigma"]), False),
             Filter(catmull_rom, False),
             Filter(gaussian(c["moment_sigma"]), False),
             Filter(gaussian(c["sample_sigma"]), True),
+            MEAN_FILTER,
         ]
 
     def _space(self, render: Size, display: Size) -> _Space:
@@ -76,6 +91,13 @@ class TaauCpu(CpuExecutor[_Space]):
         change = abs(step.inputs.exposure / before) if before else 1.0
         self._write_light(step, space, change)
         self._blend(step, space, change)
+        self._convergence.run(
+            ConvergenceStep(
+                step.inputs, space.samples, space.current_tables(), step.frame.jitter, step.history,
+                step.next_history, step.tiles, step.output.image, step.converged,
+            ),
+            space.convergence,
+        )  # fmt: skip
 
     def _write_surface(self, step: Step, space: _Space) -> None:
         """Write the surface, for disocclusion and lighting tests of the next frame."""
