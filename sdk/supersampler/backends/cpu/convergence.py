@@ -1,23 +1,21 @@
 """Convergence on the CPU: where nothing moves, the image fades to the mean of its samples."""
 
-from collections.abc import Mapping
-from functools import lru_cache
-from typing import NamedTuple
+from collections.abc import Mapping, Sequence
+from functools import lru_cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
 
-from supersampler.backends.cpu.history import CpuHistory, Plane
+from supersampler.backends.cpu.executor import Step
+from supersampler.backends.cpu.frame_preprocess import ResampledFrame
+from supersampler.backends.cpu.history import Plane
 from supersampler.backends.cpu.kernel_loader import Call
 from supersampler.backends.cpu.layout import LANES, PAD, RENDER_TILE, TILE
 from supersampler.backends.cpu.memory import address, aligned
-from supersampler.backends.cpu.resample_tables import MAX_PHASES, Filter, gaussian, linear, up_to
+from supersampler.backends.cpu.resample_tables import MAX_PHASES, Filter, Kernel, gaussian, linear, up_to
 from supersampler.backends.cpu.structs import (
     ConvergedOutput,
-    FrameInputs,
-    FrameSamples,
     MeanHistory,
-    ResampleTables,
     SampleTables,
     StillSamples,
     pack,
@@ -50,61 +48,43 @@ MEAN_FILTER = Filter(lambda distance: gaussian(SIGMA)(distance) * linear(distanc
 _RING = 28  # lines of scratch: see `kernels.convergence.measure_residuals`
 
 
-class ConvergenceSpace:
-    """Buffers for frames of one size."""
+class ConvergingFrame(ResampledFrame):
+    """A resampled frame, and buffers for its samples in the mean; MEAN_FILTER is the last of the filters."""
 
-    def __init__(self, render: Size, display: Size, threads: int) -> None:
-        w, h = render
-        pitch = self.padded_width = up_to(w, LANES) + 2 * PAD
-        self.color = aligned((h, 4, pitch))
-        self.planes = aligned((4, h, pitch))
+    def __init__(
+        self,
+        render: Size,
+        display: Size,
+        filters: Sequence[Filter],
+        threads: int,
+        windows: Sequence[Kernel] = (),
+    ) -> None:
+        super().__init__(render, display, [*filters, MEAN_FILTER], threads, windows)
+        w, h = self._size = render
+        self._color, self._planes = aligned((h, 4, self.padded_width)), aligned((4, h, self.padded_width))
+        self._learned_step = w * h / (display[0] * display[1])
+        self.mean_filter = len(filters)
         self.rows_opened = aligned((h,))
-        self.scratch = [aligned((_RING, pitch)) for _ in range(threads)]
-        self.lines = [aligned((4 * pitch + 8 * LANES,)) for _ in range(threads)]
+        self.rings = [aligned((_RING, self.padded_width)) for _ in range(threads)]
+        self.mean_lines = [aligned((4 * self.padded_width + 8 * LANES,)) for _ in range(threads)]
         self.columns = np.minimum(np.arange(up_to(display[0], LANES)), display[0] - 1).astype(np.int32)
         self.still_tiles = np.zeros((-(-h // RENDER_TILE), -(-w // RENDER_TILE)), np.uint8)
-        self.tables = lru_cache(MAX_PHASES)(lambda jitter: _sample_tables(render, display, jitter))
+        self.sample_tables = lru_cache(MAX_PHASES)(partial(_sample_tables, render, display))
 
-    def samples(self, step: "ConvergenceStep") -> StillSamples:
+    def still_samples(self, exposure: float) -> StillSamples:
         """Return the buffers in the form that kernels take."""
-        width, height, pixels = step.samples.width, step.samples.height, step.image.size // 3
+        (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
         return StillSamples(
-            self.color, *self.planes, self.rows_opened, width, height, self.padded_width,
-            step.inputs.exposure, width * height / pixels,
+            self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width, exposure,
+            self._learned_step,
         )  # fmt: skip
-
-
-class ConvergenceStep(NamedTuple):
-    """What a step hands over once the method's image is there.
-
-    Attributes:
-        inputs: the frame, with its exposure.
-        samples: of the frame, preprocessed.
-        tables: resampling tables of the frame; MEAN_FILTER is the last filter.
-        jitter: of the frame.
-        history: the previous one.
-        next_history: the next one.
-        tiles: that were computed.
-        image: (H, W, 3), changed in place.
-        converged: (1, 1, H, pitch) to fill with the fraction of the mean; None where it is not wanted.
-    """
-
-    inputs: FrameInputs
-    samples: FrameSamples
-    tables: ResampleTables
-    jitter: tuple[float, float]
-    history: CpuHistory
-    next_history: CpuHistory
-    tiles: Tiles
-    image: Float32
-    converged: Float32 | None
 
 
 class Convergence:
     """Adds a frame's samples to the mean where nothing moves, and fades the image to it.
 
-    Tiles of the display or of the frame that have no mean, or no range of residuals, hold zeros in the history;
-    `CpuHistory.means` and `CpuHistory.ranges` say which do not, so that frames that move cost no memory.
+    Tiles without a mean, or without a range of residuals, hold zeros in the history. `CpuHistory.means` and
+    `CpuHistory.ranges` say which tiles do not, so that a frame that moves touches none.
 
     Args:
         kernels: CONVERGENCE_KERNELS, among others.
@@ -117,11 +97,11 @@ class Convergence:
             kernels[name] for name in CONVERGENCE_KERNELS
         )
 
-    def run(self, step: ConvergenceStep, space: ConvergenceSpace) -> None:
+    def run(self, step: Step, view: ConvergingFrame) -> None:
         """Write the image and the next history of the mean."""
-        height, width = step.image.shape[:2]
-        display, render = (width, height), (step.samples.width, step.samples.height)
-        still = self._find_still(step, space)
+        height, width = step.output.image.shape[:2]
+        display, render = (width, height), step.frame.size
+        still = self._find_still(step, view)
         means = tiles_reading(still, display, render) & step.tiles.computed
         read = tiles_read_by(means, display, render)
         ranges = still if step.tiles.all else still & read
@@ -130,19 +110,17 @@ class Convergence:
             for y0, y1, x0, x1 in scaled(runs_of(step.tiles.computed & ~means), TILE, display):
                 step.converged[..., y0:y1, x0:x1] = 0.0
         if means.any():
-            self._prepare_samples(
-                step, space, scaled(runs_of(read | dilated(ranges, 1)), RENDER_TILE, render)
-            )
-            self._compare(step, space, scaled(runs_of(ranges), RENDER_TILE, render))
-            self._add_samples(step, space, scaled(runs_of(means), TILE, display))
+            self._prepare_samples(step, view, scaled(runs_of(read | dilated(ranges, 1)), RENDER_TILE, render))
+            self._compare(step, view, scaled(runs_of(ranges), RENDER_TILE, render))
+            self._add_samples(step, view, scaled(runs_of(means), TILE, display))
 
-    def _find_still(self, step: ConvergenceStep, space: ConvergenceSpace) -> Bool:
-        samples, found = pack(step.samples), address(space.still_tiles)
-        rows = space.still_tiles.shape[0]
+    def _find_still(self, step: Step, view: ConvergingFrame) -> Bool:
+        samples, found = pack(view.samples), address(view.still_tiles)
+        rows = view.still_tiles.shape[0]
         self._pool.run_rows("converge", rows, lambda y0, y1, _: self._find(samples, found, y0, y1))
-        return space.still_tiles > 0
+        return view.still_tiles > 0
 
-    def _leave(self, step: ConvergenceStep, means: Bool, still: Bool, ranges: Bool) -> None:
+    def _leave(self, step: Step, means: Bool, still: Bool, ranges: Bool) -> None:
         """Make the next history of tiles that are not written here: zeros, or that of reused tiles.
 
         Tiles that will be written count as not zero from here on, should the step be interrupted.
@@ -159,43 +137,50 @@ class Convergence:
             columns = slice(PAD + box.x0, PAD + box.x1)
             after[box.y0 : box.y1, columns] = before[box.y0 : box.y1, columns]
 
-        boxes = scaled(runs_of(kept), RENDER_TILE, (step.samples.width, step.samples.height))
+        boxes = scaled(runs_of(kept), RENDER_TILE, step.frame.size)
         self._pool.run_rects("converge", boxes, copy)
 
-    def _prepare_samples(self, step: ConvergenceStep, space: ConvergenceSpace, boxes: list[Rect]) -> None:
+    def _prepare_samples(self, step: Step, view: ConvergingFrame, boxes: list[Rect]) -> None:
         """Fill what is read of the samples; see `prepare_still`."""
-        inputs = address(step.inputs.color), pack(step.samples), pack(space.samples(step))
+        inputs = (
+            address(step.inputs.color),
+            pack(view.samples),
+            pack(view.still_samples(step.inputs.exposure)),
+        )
         self._pool.run_rects("converge", boxes, lambda box, _: self._prepare(*inputs, *box))
 
-    def _compare(self, step: ConvergenceStep, space: ConvergenceSpace, boxes: list[Rect]) -> None:
+    def _compare(self, step: Step, view: ConvergingFrame, boxes: list[Rect]) -> None:
         """Compare the samples with the mean; see `measure_residuals`."""
-        still, tables = pack(space.samples(step)), pack(space.tables(step.jitter))
+        still, tables = (
+            pack(view.still_samples(step.inputs.exposure)),
+            pack(view.sample_tables(step.frame.jitter)),
+        )
         history, opening = pack(self._history(step)), address(step.next_history.arrays["opening"])
-        scratch = [address(ring) for ring in space.scratch]
-        space.rows_opened[:] = 0.0
+        scratch = [address(ring) for ring in view.rings]
+        view.rows_opened[:] = 0.0
         self._pool.run_rects(
             "converge",
             boxes,
             lambda box, worker: self._measure(history, still, tables, opening, scratch[worker], *box),
         )
-        if space.rows_opened.any():
-            rows = step.samples.height
+        if view.rows_opened.any():
+            rows = view.samples.height
             self._pool.run_rows("converge", rows, lambda y0, y1, _: self._widen(still, y0, y1))
 
-    def _add_samples(self, step: ConvergenceStep, space: ConvergenceSpace, boxes: list[Rect]) -> None:
+    def _add_samples(self, step: Step, view: ConvergingFrame, boxes: list[Rect]) -> None:
         """Add the samples to the mean, and fade the image; see `add_samples`."""
-        height, width = step.image.shape[:2]
-        still = pack(space.samples(step))
+        height, width = step.output.image.shape[:2]
+        still = pack(view.still_samples(step.inputs.exposure))
         converged = np.zeros(1, np.float32) if step.converged is None else step.converged
         output = pack(
             ConvergedOutput(
-                step.next_history.arrays["still"], step.image, converged, int(step.converged is not None),
-                int(space.rows_opened.any()), space.columns, len(step.tables.row_weights) - 1,
-                width, height, len(space.columns),
+                step.next_history.arrays["still"], step.output.image, converged, int(step.converged is not None),
+                int(view.rows_opened.any()), view.columns, view.mean_filter,
+                width, height, len(view.columns),
             )
         )  # fmt: skip
-        history, tables = pack(self._history(step)), pack(step.tables)
-        lines = [address(line) for line in space.lines]
+        history, tables = pack(self._history(step)), pack(view.current_tables())
+        lines = [address(line) for line in view.mean_lines]
         self._pool.run_rects(
             "converge",
             boxes,
@@ -203,13 +188,15 @@ class Convergence:
         )
 
     @staticmethod
-    def _history(step: ConvergenceStep) -> MeanHistory:
+    def _history(step: Step) -> MeanHistory:
         arrays = step.history.arrays
-        return MeanHistory(arrays["still"], arrays["opening"], step.image.shape[1], int(_same_size(step)))
+        return MeanHistory(
+            arrays["still"], arrays["opening"], step.output.image.shape[1], int(_same_size(step))
+        )
 
 
-def _same_size(step: ConvergenceStep) -> bool:
-    return step.history.render == (step.samples.width, step.samples.height)
+def _same_size(step: Step) -> bool:
+    return step.history.render == step.frame.size
 
 
 def _clear(plane: NDArray[np.float32], tiles: Bool, side: int) -> None:

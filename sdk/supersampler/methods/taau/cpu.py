@@ -7,13 +7,10 @@ import numpy as np
 from supersampler.backends.cpu.convergence import (
     CONVERGENCE_KERNELS,
     CONVERGENCE_PLANES,
-    MEAN_FILTER,
     Convergence,
-    ConvergenceSpace,
-    ConvergenceStep,
+    ConvergingFrame,
 )
 from supersampler.backends.cpu.executor import CpuExecutor, Step
-from supersampler.backends.cpu.frame_preprocess import ResampledFrame
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
@@ -39,14 +36,13 @@ LAYOUT = HistoryLayout(
 )
 
 
-class _Space(ResampledFrame):
+class _Space(ConvergingFrame):
     """Buffers for frames of one size; `scratch` and `shade_lines` have one entry per thread."""
 
     def __init__(self, render: Size, display: Size, filters: Sequence[Filter], threads: int) -> None:
         super().__init__(render, display, filters, threads)
         self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
-        self.convergence = ConvergenceSpace(render, display, threads)
         self.scratch = [
             TaauScratch(
                 line,
@@ -78,7 +74,6 @@ class TaauCpu(CpuExecutor[_Space]):
             Filter(catmull_rom, False),
             Filter(gaussian(c["moment_sigma"]), False),
             Filter(gaussian(c["sample_sigma"]), True),
-            MEAN_FILTER,
         ]
 
     def _space(self, render: Size, display: Size) -> _Space:
@@ -91,13 +86,7 @@ class TaauCpu(CpuExecutor[_Space]):
         change = abs(step.inputs.exposure / before) if before else 1.0
         self._write_light(step, space, change)
         self._blend(step, space, change)
-        self._convergence.run(
-            ConvergenceStep(
-                step.inputs, space.samples, space.current_tables(), step.frame.jitter, step.history,
-                step.next_history, step.tiles, step.output.image, step.converged,
-            ),
-            space.convergence,
-        )  # fmt: skip
+        self._convergence.run(step, space)
 
     def _write_surface(self, step: Step, space: _Space) -> None:
         """Write the surface, for disocclusion and lighting tests of the next frame."""

@@ -24,7 +24,6 @@ from supersampler.backends.cpu.simd.shuffles import (
     gather4,
     last_third,
     load_columns4,
-    rows4,
     second_third,
 )
 from supersampler.backends.cpu.simd.vector import (
@@ -67,8 +66,8 @@ COVERED, DARK = 0.999, 0.002
 REACH = 2
 """Samples on either side over which residuals are averaged."""
 LINES = 5
-"""Lines of a row of residuals: sums over 2 * REACH + 1 columns of differences, of their squares and of counted
-samples; 1 where the sample is known; 1 where its mean is also not doubted."""
+"""Lines of a row of residuals: sums over 2 * REACH + 1 columns of differences, of their squares and of
+counted samples; 1 where the sample is known; 1 where its mean is also not doubted."""
 
 
 @device_function
@@ -80,7 +79,7 @@ def squared_motion(samples, at):
 
 def find_still(samples: FrameSamples, found: Bytes, y0: int, y1: int):
     """Write 1 where any sample of a tile does not move, else 0; tile rows y0 to y1 of `found`."""
-    w, h, tiles = samples.width, samples.height, (samples.width + RENDER_TILE - 1) // RENDER_TILE
+    h, tiles = samples.height, (samples.width + RENDER_TILE - 1) // RENDER_TILE
     padded_width, limit = samples.stride + 2 * PAD, STILL_MOTION * STILL_MOTION
     for ty in range(y0, y1):
         for tx in range(tiles):
@@ -160,7 +159,7 @@ def mean_at_samples(history, tables, y, x):
 
 @device_function
 def compare_row(history, still, tables, y, x0, x1, ring, slot, line):
-    """Compare row y: write the last two of LINES from `slot` on, what the first three sum up from `line` on."""
+    """Write row y: the last two of LINES from `slot` on; from `line` on what the first three sum."""
     pitch, zero = still.padded_width, spread16(np.float32(0.0))
     for x in range(x0 - 16, x1 + 16, 16):
         to = PAD + x
