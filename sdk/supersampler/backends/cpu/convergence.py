@@ -23,7 +23,6 @@ from supersampler.backends.cpu.structs import (
 from supersampler.backends.cpu.threads import Rect, ThreadPool
 from supersampler.backends.cpu.tiles import (
     Bool,
-    Tiles,
     dilated,
     runs_of,
     scaled,
@@ -75,8 +74,8 @@ class ConvergingFrame(ResampledFrame):
         """Return the buffers in the form that kernels take."""
         (w, h), (moving, moving_2x2, opens, opened) = self._size, self._planes
         return StillSamples(
-            self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width, exposure,
-            self._learned_step,
+            self._color, moving, moving_2x2, opens, opened, self.rows_opened, w, h, self.padded_width,
+            exposure, self._learned_step,
         )  # fmt: skip
 
 
@@ -101,7 +100,7 @@ class Convergence:
         """Write the image and the next history of the mean."""
         height, width = step.output.image.shape[:2]
         display, render = (width, height), step.frame.size
-        still = self._find_still(step, view)
+        still = self._find_still(view)
         means = tiles_reading(still, display, render) & step.tiles.computed
         read = tiles_read_by(means, display, render)
         ranges = still if step.tiles.all else still & read
@@ -114,7 +113,7 @@ class Convergence:
             self._compare(step, view, scaled(runs_of(ranges), RENDER_TILE, render))
             self._add_samples(step, view, scaled(runs_of(means), TILE, display))
 
-    def _find_still(self, step: Step, view: ConvergingFrame) -> Bool:
+    def _find_still(self, view: ConvergingFrame) -> Bool:
         samples, found = pack(view.samples), address(view.still_tiles)
         rows = view.still_tiles.shape[0]
         self._pool.run_rows("converge", rows, lambda y0, y1, _: self._find(samples, found, y0, y1))
@@ -174,8 +173,8 @@ class Convergence:
         converged = np.zeros(1, np.float32) if step.converged is None else step.converged
         output = pack(
             ConvergedOutput(
-                step.next_history.arrays["still"], step.output.image, converged, int(step.converged is not None),
-                int(view.rows_opened.any()), view.columns, view.mean_filter,
+                step.next_history.arrays["still"], step.output.image, converged,
+                int(step.converged is not None), int(view.rows_opened.any()), view.columns, view.mean_filter,
                 width, height, len(view.columns),
             )
         )  # fmt: skip
