@@ -188,8 +188,8 @@ class Upscaler:
         >>> upscaler = Upscaler(display_size=(1920, 1080), extrapolation="guided-warp")
         >>> image = upscaler.step(shaded) if is_shaded else upscaler.extrapolate(without_color)
 
-        The frame has no colour, and the G-buffers of the extrapolation and of the method. Arguments and result
-        are otherwise those of `step`.
+        The frame has no colour, and the G-buffers of the extrapolation and of the method. Otherwise arguments
+        and result are those of `step`.
 
         Raises:
             FrameError: as `step`; or the frame has colour, or is the first after a start or a reset.
@@ -221,7 +221,9 @@ class Upscaler:
             tensors: inputs by name, as float32 contiguous tensors with DLPack (torch, CuPy, JAX): "color"
                 (1, 3, h, w), "depth" (1, 1, h, w), "motion" (1, 2, h, w), and the method's G-buffers; see
                 docs/contract.md.
-            jitter, exposure, reset: see `Frame`.
+            jitter: see `Frame`.
+            exposure: see `Frame`.
+            reset: see `Frame`.
             out: (1, 3, H, W) to write the image to; None allocates it.
 
         Returns:
@@ -282,7 +284,7 @@ class Upscaler:
         return State(self.model.info.method, *sizes, self.model.save_history(history), saved_shaded)
 
     def load_state(self, state: State) -> None:
-        """Continue from `state`.
+        """Continue from `state`. If it holds no shaded frame, a shaded one must precede `extrapolate`.
 
         Raises:
             ArgumentError: the state has another method, extrapolation or display size. The history is

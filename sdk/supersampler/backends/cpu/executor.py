@@ -1,4 +1,4 @@
-"""`CpuExecutor`: the part of a step on the CPU that all methods have in common."""
+"""`CpuExecutor`: base class of the CPU backends of all methods."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Collection, Mapping

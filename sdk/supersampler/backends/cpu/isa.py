@@ -1,4 +1,4 @@
-"""Operations of sixteen lanes with instructions that LLVM does not choose by itself."""
+"""x86 instructions (AVX2, AVX-512, VNNI) that LLVM does not choose by itself, with portable fallbacks."""
 
 from collections.abc import Iterable
 

@@ -1,4 +1,4 @@
-"""Addresses of arrays, and arrays that start at a cache line."""
+"""Memory of arrays: addresses for kernels, and allocation at cache lines."""
 
 from ctypes import addressof, c_char
 from typing import Any

@@ -1,4 +1,4 @@
-"""Tables of the samples that display pixels read and of their weights, for each axis.
+"""Resampling tables: the samples that each row and column of the display reads, and their filter weights.
 
 Twins of `supersampler_model.ops.sampling.positions`, `nearest` and `taps`, with the same float32 arithmetic.
 """
@@ -125,8 +125,8 @@ class ResampleTableCache:
 def _within_vectors(index: NDArray[Any]) -> NDArray[Any]:
     """Limit the sample of each pixel so that eight neighbouring pixels read from eight neighbouring samples.
 
-    `vector.gather_nearby` requires that. Only rounding at a ratio of one can violate it, and then either of two
-    samples is right.
+    `vector.gather_nearby` requires that. Only rounding at a ratio of one can violate it, and then either of
+    two samples is right.
     """
     lanes = np.arange(len(index))
     for count in (LANES, LANES // 2):

@@ -1,4 +1,4 @@
-"""A pool of work buffers, each of which one step uses at a time."""
+"""`Workspaces`: a pool of work buffers by size, from which each step borrows a set."""
 
 from collections import OrderedDict
 from collections.abc import Callable, Iterator

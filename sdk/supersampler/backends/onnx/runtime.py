@@ -9,26 +9,17 @@ If the user has set the variable, to any value, nothing is changed.
 """
 
 import os
-from collections.abc import Iterator
-from contextlib import contextmanager
 
 _VARIABLE = "ORT_DISABLE_TELEMETRY"
-
-
-@contextmanager
-def _telemetry_off() -> Iterator[None]:
-    os.environ[_VARIABLE] = "1"
-    try:
-        yield
-    finally:
-        os.environ.pop(_VARIABLE, None)
-
 
 if _VARIABLE in os.environ:
     import onnxruntime as ort
 else:
-    with _telemetry_off():
+    os.environ[_VARIABLE] = "1"
+    try:
         import onnxruntime as ort
+    finally:
+        os.environ.pop(_VARIABLE, None)
     ort.disable_telemetry_events()
 
 __all__ = ["ort"]

@@ -115,7 +115,9 @@ def frame_of_tensors(
 
     Args:
         tensors: tensors by name.
-        jitter, exposure, reset: see `Frame`.
+        jitter: see `Frame`.
+        exposure: see `Frame`.
+        reset: see `Frame`.
         inputs: names of the tensors that the method reads. Depth and motion that it does not read may be
             missing, and are then 0; other G-buffers are ignored.
 

@@ -38,7 +38,7 @@ def _layer(arrays: Mapping[str, NDArray[Any]], name: str) -> LayerWeights:
     return LayerWeights(weights, scale, bias, *weights.shape[:2])
 
 
-class ByteNetwork:
+class Int8Network:
     """The weights of all layers.
 
     Args:
@@ -84,7 +84,7 @@ class Encoder:
         levels: its outputs.
     """
 
-    def __init__(self, network: ByteNetwork, half: Size, pool: ThreadPool) -> None:
+    def __init__(self, network: Int8Network, half: Size, pool: ThreadPool) -> None:
         self._pool = pool
         width, height = (-(-extent // ALIGNED) * ALIGNED for extent in half)
         row, stride = width + ROOM, up_to(half[0], LANES) + 2 * PAD
@@ -140,7 +140,7 @@ class Encoder:
 
 
 def _level_work(
-    network: ByteNetwork,
+    network: Int8Network,
     levels: Sequence[_Level],
     depth: int,
     inputs: bytes,

@@ -1,4 +1,4 @@
-"""Structs that the kernels of `guided-warp` take."""
+"""Structs: arguments of the kernels of `guided-warp`."""
 
 from typing import NamedTuple
 

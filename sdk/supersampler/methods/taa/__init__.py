@@ -1,4 +1,4 @@
-"""`taa`: Salvi 2016, variance clipping.
+"""`taa`: temporal anti-aliasing with variance clipping (Salvi 2016).
 
 Its definition (`spec`), CPU backend (`cpu`) and kernels; the torch twin is in supersampler_model.methods.
 """

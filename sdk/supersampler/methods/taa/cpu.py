@@ -1,4 +1,4 @@
-"""CPU backend of `taa` (Salvi 2016, his defaults)."""
+"""CPU backend of `taa` (Salvi 2016), for its default options."""
 
 import numpy as np
 
@@ -34,8 +34,8 @@ class _Space:
                 aligned((10, LANES), np.int32),
                 aligned((10, LANES)),
                 aligned((LANES, 4)),
-                aligned((LANES, LANES)),
-            )  # fmt: skip
+                aligned((LANES, 16)),
+            )
             for _ in range(threads)
         ]
 

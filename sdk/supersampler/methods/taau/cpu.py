@@ -1,4 +1,4 @@
-"""CPU backend of `taau`."""
+"""CPU backend of `taau`, temporal upsampling without a network."""
 
 from collections.abc import Sequence
 
@@ -44,13 +44,7 @@ class _Space(ConvergingFrame):
         self.shade_lines = aligned((threads, 3, self.padded_width))
         self.sums = aligned((render[1], 2))
         self.scratch = [
-            TaauScratch(
-                line,
-                aligned((10, LANES), np.int32),
-                aligned((10, LANES)),
-                aligned((LANES, 8)),
-                aligned((LANES, 8)),
-            )  # fmt: skip
+            TaauScratch(line, aligned((10, LANES), np.int32), aligned((10, LANES)), *aligned((2, LANES, 8)))
             for line in self.lines
         ]
 
