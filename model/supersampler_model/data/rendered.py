@@ -7,7 +7,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from supersampler import Frame
-from supersampler_model.data.labels import Evidence, Labels, PixelStatistics, label, toned
+from supersampler_model.data.labels import (
+    DEFAULTS,
+    Evidence,
+    Labels,
+    LabelThresholds,
+    PixelStatistics,
+    label,
+    toned,
+)
 
 UNIT_BUFFERS = ("base_color", "roughness", "metallic", "specular")
 """G-buffers in [0, 1]; they are stored with eight bits, as in engines."""
@@ -123,10 +131,10 @@ class Rendered:
         )
 
 
-def labels_of(now: Rendered, before: Rendered | None) -> Labels:
+def labels_of(now: Rendered, before: Rendered | None, thresholds: LabelThresholds = DEFAULTS) -> Labels:
     """Label a frame; both frames are compared at its exposure, as a change of exposure changes no light."""
     previous = None if before is None else before.evidence(now.exposure)
-    return label(now.evidence(now.exposure), previous)
+    return label(now.evidence(now.exposure), previous, thresholds)
 
 
 def frame_of(

@@ -32,17 +32,16 @@ from supersampler.methods.stillness import (
     SOME_MEAN,
     STILL_MOTION,
 )
-from supersampler_model.methods.base import Size, display_size_of, render_size_of
+from supersampler_model.methods.base import Size, render_size_of
 from supersampler_model.ops.color import bounded, glaring, luminance
 from supersampler_model.ops.motion import squared_length
 from supersampler_model.ops.sampling import (
     Grid,
-    Kernel,
     extreme,
     gaussian,
     linear,
-    neighbours_2x2,
     nearest,
+    neighbours_2x2,
     pick,
     pick_first,
     resample,

@@ -4,26 +4,24 @@ import os
 import warnings
 from collections.abc import Mapping
 from dataclasses import asdict
+from importlib import import_module
+from typing import TYPE_CHECKING
 
 from supersampler.backends.base import Executor
 from supersampler.backends.cpu.threads import ThreadPool
 from supersampler.errors import BackendWarning, KernelError
-from supersampler.methods.classifier.cpu import ClassifierCpu
 from supersampler.methods.cpu_checks import check_constants, has_known_history
-from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 from supersampler.methods.model_info import ModelInfo
 from supersampler.methods.spec import constants_of
-from supersampler.methods.taa.cpu import TaaCpu
 from supersampler.methods.taa.spec import TAA, TaaConfig
-from supersampler.methods.taau.cpu import TaauCpu
+
+if TYPE_CHECKING:
+    from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
 
 _SALVIS = {name: value for name, value in asdict(TaaConfig()).items() if name not in constants_of(TAA)}
 """Options of `taa` that its kernels are written for."""
-_EXECUTORS: Mapping[str, type[ClassifierCpu] | type[TaaCpu] | type[TaauCpu]] = {
-    "classifier": ClassifierCpu,
-    "taa": TaaCpu,
-    "taau": TaauCpu,
-}
+_EXECUTORS: Mapping[str, str] = {"classifier": "ClassifierCpu", "taa": "TaaCpu", "taau": "TaauCpu"}
+"""Classes by folder; only the one in use is imported."""
 
 
 def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Executor | None:
@@ -45,17 +43,21 @@ def cpu_executor(info: ModelInfo, threads: int, *, required: bool = False) -> Ex
         return None
     check_constants(info, kernels)
     try:
-        return _EXECUTORS[kernels](info, ThreadPool(threads or len(_cores())))
+        made = getattr(import_module(f"supersampler.methods.{kernels}.cpu"), _EXECUTORS[kernels])
+        executor: Executor = made(info, ThreadPool(threads or len(_cores())))
+        return executor
     except KernelError as error:
         _fall_back(error, required=required)
         return None
 
 
-def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> GuidedWarpCpu | None:
+def cpu_extrapolation(info: ModelInfo, threads: int, *, required: bool = False) -> "GuidedWarpCpu | None":
     """Return the CPU backend of a model that extrapolates unshaded frames; see `cpu_executor`."""
     kernels = "guided-warp"
     if info.method != kernels or not has_known_history(info, kernels):
         return None
+    from supersampler.methods.extrapolation.cpu import GuidedWarpCpu
+
     if not GuidedWarpCpu.supports(info.config):
         return None
     check_constants(info, kernels)

@@ -1,35 +1,44 @@
 """Whether CPU kernels support a model.json: its history, and the ranges of its constants."""
 
+from importlib import import_module
 from typing import Any
 
 from supersampler.errors import ModelError
-from supersampler.methods.classifier.spec import CLASSIFIER
 from supersampler.methods.classifier.variant import Variant
-from supersampler.methods.extrapolation.spec import GUIDED_WARP
 from supersampler.methods.model_info import ModelInfo
-from supersampler.methods.spec import constants_of
-from supersampler.methods.taa.spec import TAA
-from supersampler.methods.taau.spec import TAAU
+from supersampler.methods.spec import MethodSpec, constants_of
 
-_SPECS = {"taa": TAA, "taau": TAAU, "classifier": CLASSIFIER, "guided-warp": GUIDED_WARP}
+_SPECS = {
+    "taa": ("taa", "TAA"),
+    "taau": ("taau", "TAAU"),
+    "classifier": ("classifier", "CLASSIFIER"),
+    "guided-warp": ("extrapolation", "GUIDED_WARP"),
+}
+"""Folder and name of the spec of each method with kernels; only the one in use is imported."""
 _RINGS, _FARTHEST = 7, 64
 
 
 def has_known_history(info: ModelInfo, kernels: str) -> bool:
     """Whether the kernels of a method, such as "taa", support a model's history and auxiliary outputs."""
-    spec, shapes = _SPECS[kernels], {h.input.name: h.input.shape for h in info.history}
+    spec, shapes = _spec_of(kernels), {h.input.name: h.input.shape for h in info.history}
     return shapes == spec.graph_history and {t.name for t in info.aux_outputs} <= {*spec.aux_outputs}
 
 
 def check_constants(info: ModelInfo, kernels: str) -> None:
     """Raise ModelError where a constant of model.json is not in the range that these kernels support."""
-    for name, (least, most) in constants_of(_SPECS[kernels]).items():
+    for name, (least, most) in constants_of(_spec_of(kernels)).items():
         value: Any = info.config.get(name)
         if type(value) not in (int, float) or not least <= value <= most:
             raise wrong_constant(info, name, value, f"a number from {least:g} to {most:g}")
     for name in Variant._fields if kernels == "classifier" else ():
         if type(info.config.get(name)) is not bool:
             raise wrong_constant(info, name, info.config.get(name), "true or false")
+
+
+def _spec_of(kernels: str) -> MethodSpec:
+    folder, name = _SPECS[kernels]
+    spec: MethodSpec = getattr(import_module(f"supersampler.methods.{folder}.spec"), name)
+    return spec
 
 
 def are_rings(strides: object) -> bool:

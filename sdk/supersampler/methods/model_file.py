@@ -11,7 +11,6 @@ from pathlib import Path
 from supersampler.errors import ModelError, did_you_mean, shown
 from supersampler.io.atomic import is_file
 from supersampler.io.json_fields import Field, read_fields
-from supersampler.methods.catalog import UNTRAINED
 from supersampler.methods.contract import check_contract, check_extrapolated
 from supersampler.methods.model_info import (
     EXTRAPOLATED_FILE,
@@ -63,6 +62,8 @@ def find_model(name_or_path: str | Path) -> Path:
     name = str(name_or_path)
     if name in _described():
         return shipped_model(name)
+    from supersampler.methods.catalog import UNTRAINED  # imports all specs, which a session does not need
+
     known = [*model_names(), *extrapolation_names()]
     hint = f"No weights of it ship: `supersampler info {name}`." if name in UNTRAINED else ""
     raise ModelError(

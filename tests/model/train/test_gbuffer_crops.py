@@ -163,7 +163,7 @@ def test_what_a_set_lacks_is_named(tmp_path: Path) -> None:
     bare = gbuffer_data(tmp_path / "bare", gbuffers=False)
     with pytest.raises(ArgumentError, match=r"without G-buffers of display size.*--gbuffers --also 2"):
         gbuffer_set(bare, 2)
-    with pytest.raises(ArgumentError, match=r"without anything at ratio 4.*--also 4"):
+    with pytest.raises(ArgumentError, match=r"without frames at ratio 4.*--also 4"):
         gbuffer_set(gbuffer_data(tmp_path / "full"), 4)
     with pytest.raises(ArgumentError, match=r"64x36.*multiple of 8"):
         gbuffer_set(bare, 8)

@@ -13,6 +13,7 @@ from supersampler_model.data.dataset.frame_file import (
     write_training_frame,
 )
 from supersampler_model.data.errors import DatasetError
+from supersampler_model.data.labels import DEFAULTS, LabelThresholds
 from supersampler_model.data.rendered import Rendered, labels_of
 from supersampler_model.data.renderer.renderer import Renderer
 from supersampler_model.data.sequences import Sequence, make_sequence
@@ -26,6 +27,7 @@ def render_sequence(
     entry: SequenceEntry,
     renderer: Renderer,
     *,
+    thresholds: LabelThresholds = DEFAULTS,
     on_frame: Callable[[], None] = lambda: None,
 ) -> None:
     """Render the missing frames of `entry`.
@@ -36,6 +38,7 @@ def render_sequence(
         dataset: the data set.
         entry: the sequence.
         renderer: of the set's display size and samples.
+        thresholds: of the labels.
         on_frame: called after each written frame.
 
     Raises:
@@ -52,7 +55,7 @@ def render_sequence(
     before = _rendered(dataset, entry, sequence, renderer, max(first - 1, 0))
     for index in range(first, entry.spec.frames):
         rendered = before if index == 0 else _rendered(dataset, entry, sequence, renderer, index)
-        labels = labels_of(rendered, before)
+        labels = labels_of(rendered, before, thresholds)
         frame = TrainingFrame(
             color=rendered.color,
             depth=rendered.render.depth,

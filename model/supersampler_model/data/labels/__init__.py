@@ -4,10 +4,11 @@
 >>> labels.ghost, labels.alias   # (H, W) uint8 each
 """
 
-from supersampler_model.data.labels.rules import Alias, Ghost, Labels, LabelThresholds, label
+from supersampler_model.data.labels.rules import DEFAULTS, Alias, Ghost, Labels, LabelThresholds, label
 from supersampler_model.data.labels.statistics import Evidence, PixelStatistics, Sample, statistics_of, toned
 
 __all__ = [
+    "DEFAULTS",
     "Alias",
     "Evidence",
     "Ghost",

@@ -7,7 +7,7 @@ from typing import Any, Generic, NamedTuple, Protocol, TypeVar
 from numpy.typing import NDArray
 
 from supersampler.backends.cpu.frame_preprocess import (
-    PREPROCESS_KERNELS,
+    MEASURE,
     AuxOutputs,
     FramePreprocess,
     ResampledFrame,
@@ -78,7 +78,7 @@ class CpuExecutor(ABC, Generic[Space]):
 
     def __init__(self, layout: HistoryLayout, pool: ThreadPool, *kernels: str) -> None:
         first, *others = kernels
-        self.kernels = load_kernels(first, *PREPROCESS_KERNELS, *TILE_REUSE_KERNELS, *others)
+        self.kernels = load_kernels(first, MEASURE, *TILE_REUSE_KERNELS, *others)
         self.pool, self._layout = pool, layout
         self._preprocess = FramePreprocess(self.kernels, pool)
         self._tile_reuse = TileReuse(self.kernels, pool)

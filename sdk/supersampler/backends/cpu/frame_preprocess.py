@@ -15,7 +15,9 @@ from supersampler.frame import Float32, Frame, Size
 from supersampler.io.display import EXPOSURE_KEY, followed_exposure, usable_exposure
 
 _KERNELS = "backends.cpu.kernels.frame"
-PREPROCESS_KERNELS = (f"{_KERNELS}.measure", f"{_KERNELS}.prepare", f"{_KERNELS}.dilate")
+MEASURE = f"{_KERNELS}.measure"
+READ_KERNELS = (f"{_KERNELS}.prepare", f"{_KERNELS}.dilate")
+"""Kernels of `FramePreprocess.read`."""
 
 
 def frame_inputs(frame: Frame) -> FrameInputs:
@@ -111,13 +113,14 @@ class FramePreprocess:
     """The first stage of all methods except `taa`, which uses only its exposure.
 
     Args:
-        kernels: kernels by name, PREPROCESS_KERNELS among them.
+        kernels: kernels by name: MEASURE, and READ_KERNELS for `read`.
         pool: the threads that run them.
     """
 
     def __init__(self, kernels: Mapping[str, Call], pool: ThreadPool) -> None:
         self._pool = pool
-        self._measure, self._prepare, self._dilate = (kernels[name] for name in PREPROCESS_KERNELS)
+        self._measure = kernels[MEASURE]
+        self._read = [kernels[name] for name in READ_KERNELS if name in kernels]
 
     def exposure(self, frame: Frame, color: Float32, before: float) -> float:
         """Return the frame's exposure, given or measured; see `followed_exposure`."""
@@ -137,11 +140,11 @@ class FramePreprocess:
 
     def read(self, frame: FrameInputs, samples: FrameSamples) -> None:
         """Fill `samples` from a frame."""
-        inputs, output = pack(frame), pack(samples)
+        inputs, output, (prepare, dilate) = pack(frame), pack(samples), self._read
 
         def read(y0: int, y1: int, _: int) -> None:
             # one more row on either side instead of waiting; two threads write the same values there
-            self._prepare(inputs, output, max(y0 - 1, 0), min(y1 + 1, samples.height))
-            self._dilate(output, y0, y1)
+            prepare(inputs, output, max(y0 - 1, 0), min(y1 + 1, samples.height))
+            dilate(output, y0, y1)
 
         self._pool.run_rows("preprocess", samples.height, read)

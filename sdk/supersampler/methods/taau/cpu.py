@@ -11,6 +11,7 @@ from supersampler.backends.cpu.convergence import (
     ConvergingFrame,
 )
 from supersampler.backends.cpu.executor import CpuExecutor, Step
+from supersampler.backends.cpu.frame_preprocess import READ_KERNELS
 from supersampler.backends.cpu.history import HistoryLayout, Plane
 from supersampler.backends.cpu.layout import LANES, TAAU_PIXEL, TILE
 from supersampler.backends.cpu.memory import address, aligned
@@ -60,7 +61,7 @@ class TaauCpu(CpuExecutor[_Space]):
     precision = "fp32"
 
     def __init__(self, info: ModelInfo, pool: ThreadPool) -> None:
-        super().__init__(LAYOUT, pool, STEP, *CONVERGENCE_KERNELS, SHADE)
+        super().__init__(LAYOUT, pool, STEP, *READ_KERNELS, *CONVERGENCE_KERNELS, SHADE)
         self._convergence = Convergence(self.kernels, pool)
         c, self._constants = info.config, constants_array(TAAU, info.config)
         self._filters = [
