@@ -8,7 +8,7 @@ from supersampler.methods.model_info import ModelInfo, TensorInfo
 from supersampler.methods.spec import DISPLAY, HALF, INPUTS, PREVIOUS, RENDER, WEIGHT, dtype_of
 
 _OF_FRAMES = {"color", "depth", "jitter", "motion", "motion_jitter", "shaded_motion"}
-_MAPS = {"class_map", "weight", "count"}  # fields of StepResult
+_MAPS = {"class_map", "weight", "count", "converged"}  # fields of StepResult
 
 
 def check_contract(info: ModelInfo) -> None:

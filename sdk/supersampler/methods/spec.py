@@ -46,7 +46,12 @@ INPUTS: Mapping[str, Shape] = {
 """Inputs that a step may take, by tensor name."""
 WEIGHT: Shape = (1, 1, *DISPLAY)
 """Of the auxiliary output "weight": weight of the history in the image."""
-TENSORS: Mapping[str, Shape] = {**INPUTS, "aovs": (1, CHANNELS, *RENDER), "weight": WEIGHT}
+TENSORS: Mapping[str, Shape] = {
+    **INPUTS,
+    "aovs": (1, CHANNELS, *RENDER),
+    "weight": WEIGHT,
+    "converged": (1, 1, *DISPLAY),
+}
 """Inputs of all graphs, that of AOVs among them, and auxiliary outputs."""
 
 

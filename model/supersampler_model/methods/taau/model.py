@@ -75,6 +75,7 @@ from supersampler_model.ops.sampling import (
     pick_first,
     upsample,
 )
+from supersampler_model.ops.stillness import CurrentSamples, settle
 
 MIN_CHANGE = 0.004  # of toned luma: one step of an 8-bit image
 MIN_SAMPLES = 1e-3  # with fewer samples the history is not used
@@ -129,7 +130,10 @@ class Step(NamedTuple):
     history_jitter: Tensor
     history_exposure: Tensor
     history_light: Tensor
+    history_still: Tensor
+    history_opening: Tensor
     weight: Tensor
+    converged: Tensor
 
 
 class Taau(Method):
@@ -152,6 +156,8 @@ class Taau(Method):
         history_jitter: Tensor,  # (1, 2)
         history_exposure: Tensor,  # (1,)
         history_light: Tensor,  # (1, 4)
+        history_still: Tensor,  # (1, 4, H, W)
+        history_opening: Tensor,  # (1, 3, h', w')
     ) -> Step:
         """Return the image (1, 3, H, W), linear RGB >= 0, the next history and the weight of the history."""
         display, render = display_size_of(display_size), render_size_of(color)
@@ -178,7 +184,26 @@ class Taau(Method):
         image, samples = self.finish(current, warped, blend, exposure)
         next_color = torch.where(blend.unconfirmed, warped.light, image)
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
-        return Step(image, next_color, samples, surface, jitter * 1.0, followed, next_light, weight)
+        settled = settle(
+            image,
+            CurrentSamples(color, usable, motion, jitter, exposure),
+            grid,
+            history_still,
+            history_opening,
+        )
+        return Step(
+            settled.image,
+            next_color,
+            samples,
+            surface,
+            jitter * 1.0,
+            followed,
+            next_light,
+            settled.still,
+            settled.opening,
+            weight,
+            settled.converged,
+        )
 
     def gather_current(
         self,

@@ -1,0 +1,211 @@
+"""Convergence of what stands still: the running mean of its samples, faded in beside a method's own image.
+
+A method keeps its own history and image. Where a display pixel stands still, `settle` adds the samples near
+it to a mean in linear RGB without exposure, with weights W of a Gaussian within a tent of one pixel:
+
+    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - EARLY, 0, EXTRA)
+
+u is the weighted mean of this frame's samples. E gives the first jitter period more weight: later partial
+periods then change the mean less. The image fades from the method's to the mean as N' grows.
+
+A pixel opens where samples differ from the mean in another way than before. The residual of a sample is its
+shown luma less that of the mean there, averaged over 5x5 samples. Its range over the learning time is kept;
+then a residual out of that range by more than MARGIN opens the 5x5 samples. In that frame the image is the
+method's and no sample is added there. If the next frame confirms it, the mean restarts. Otherwise it was a
+firefly: the colour is kept with at most the weight of one period, and the range is learned again.
+"""
+
+from typing import NamedTuple
+
+import torch
+from torch import Tensor
+
+from supersampler.methods.stillness import (
+    ALL_MEAN,
+    EARLY,
+    EXTRA,
+    KEPT,
+    LEARNED,
+    MARGIN,
+    MARGIN_LEARNING,
+    SIGMA,
+    SOME_MEAN,
+    STILL_MOTION,
+)
+from supersampler_model.methods.base import Size, render_size_of
+from supersampler_model.ops.color import bounded, glaring, luminance
+from supersampler_model.ops.motion import squared_length
+from supersampler_model.ops.sampling import (
+    Grid,
+    extreme,
+    gaussian,
+    linear,
+    nearest,
+    neighbours_2x2,
+    pick,
+    pick_first,
+    resample,
+    sum_of,
+    taps,
+)
+
+DARK = 0.002  # luma below which `shown_luma` is less steep: a screen is, too
+COVERED = 0.999  # of four bilinear weights
+
+
+class CurrentSamples(NamedTuple):
+    """This frame, at render size."""
+
+    color: Tensor  # (1, 3, h, w) linear RGB >= 0
+    usable: Tensor  # (1, 1, h, w) 0 or 1
+    motion: Tensor  # (1, 2, h, w) render pixels
+    jitter: Tensor  # (1, 2) render pixels
+    exposure: Tensor  # (1,) > 0
+
+
+class Settled(NamedTuple):
+    """The image and the next history."""
+
+    image: Tensor  # (1, 3, H, W) linear RGB
+    still: Tensor  # (1, 4, H, W) mean, and the sum of its weights: negative after a frame that opened it
+    opening: Tensor  # (1, 3, h, w) least and largest residual, and the number of samples they were learned of
+    converged: Tensor  # (1, 1, H, W) fraction of the mean in the image
+
+
+def settle(
+    image: Tensor,
+    samples: CurrentSamples,
+    grid: Grid,
+    history_still: Tensor,
+    history_opening: Tensor,
+) -> Settled:
+    """Add this frame's samples to the mean where pixels stand still, and fade the image to it.
+
+    Args:
+        image: (1, 3, H, W) the method's, linear RGB.
+        samples: this frame.
+        grid: of the display pixels in this frame.
+        history_still: (1, 4, H, W) `Settled.still` of the previous frame; zeros without one.
+        history_opening: (1, 3, h', w') `Settled.opening` of the previous frame.
+    """
+    display, render = render_size_of(image), render_size_of(samples.color)
+    usable = samples.usable * (1.0 - glaring(samples.color * samples.exposure, samples.usable))
+    moving = (squared_length(samples.motion) > STILL_MOTION * STILL_MOTION).float()
+    opening, opens = measure_residuals(samples, usable, moving, history_still, history_opening)
+
+    quad = neighbours_2x2(moving)
+    moves = torch.maximum(torch.maximum(quad[0], quad[1]), torch.maximum(quad[2], quad[3]))
+    stands = 1.0 - pick_first(moves, grid)
+    opened = pick(extreme(extreme(opens, torch.maximum), torch.maximum), grid)
+
+    mean, weight = history_still[:, :3], history_still[:, 3:4]
+    confirmed = opened * (weight < 0.0)
+    weight = weight.abs() * stands * (1.0 - confirmed)
+    left_out = opened * (weight > 0.0)
+    ratio = display.width / render.width, display.height / render.height
+    x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
+    y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
+    near = resample(torch.cat([samples.color * usable, usable], dim=1), x, y)
+    added = near[:, 3:4] * stands * (1.0 - left_out)
+    total = weight + added
+    share = added / (total + (total - EARLY).clamp(0.0, EXTRA)).clamp(min=1e-6)
+    mean = mean + share * (near[:, :3] / near[:, 3:4].clamp(min=1e-6) - mean)
+    converged = ((total - SOME_MEAN) / (ALL_MEAN - SOME_MEAN)).clamp(0.0, 1.0) * (1.0 - opened)
+    next_weight = torch.where(left_out > 0.0, -total.clamp(max=KEPT), total)
+    return Settled(
+        bounded(image + converged * (mean - image)),
+        torch.cat([mean, next_weight], dim=1),
+        opening,
+        converged,
+    )
+
+
+def measure_residuals(
+    samples: CurrentSamples,
+    usable: Tensor,
+    moving: Tensor,
+    history_still: Tensor,
+    history_opening: Tensor,
+) -> tuple[Tensor, Tensor]:
+    """Compare the samples with the mean; return the next `Settled.opening` and (1, 1, h, w) what opens."""
+    render, display = render_size_of(usable), render_size_of(history_still)
+    weight = history_still[:, 3:4]
+    ready, doubted = (weight.abs() > SOME_MEAN).float(), (weight < 0.0).float()
+    there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, samples.jitter)
+    known = (there[:, 3:4] > COVERED) * (1.0 - moving)
+    counted = known * usable
+    exposed, mean = samples.color * samples.exposure, there[:, :3] * samples.exposure
+    difference = (shown_luma(exposed) - shown_luma(mean)) * counted
+    sums = sum_5x5(torch.cat([difference, difference * difference, counted], dim=1))
+    count = sums[:, 2:3].clamp(min=1e-6)
+    residual, square = sums[:, :1] / count, sums[:, 1:2] / count
+    spread = (square - residual * residual).clamp(min=0.0).sqrt()
+
+    previous = render_size_of(history_opening)
+    before = of_size(history_opening, render)
+    same = (one_like(samples.jitter, previous.width) == render.width) & (
+        one_like(samples.jitter, previous.height) == render.height
+    )
+    before = before * same.float()
+    low, high, learned = before[:, :1], before[:, 1:2], before[:, 2:3]
+    learning = learned < LEARNED
+    margin = torch.where(learning, MARGIN_LEARNING + spread, torch.full_like(spread, MARGIN))
+    opens = known * ((residual < low - margin) | (residual > high + margin))
+    learns = learning & (opens < 1.0)
+    low = torch.where(learns, torch.minimum(low, residual), low)
+    high = torch.where(learns, torch.maximum(high, residual), high)
+    new = one_like(samples.jitter, render.width * render.height) / (display.width * display.height)
+    learned = (learned + learns * new).clamp(max=LEARNED)
+    keeps = known * (there[:, 4:5] <= 0.0)
+    return keeps * torch.cat([low, high, learned], dim=1), opens
+
+
+def tent_gaussian(distance: Tensor) -> Tensor:
+    """Weight of a sample in the mean, by its distance in display pixels along one axis."""
+    return gaussian(SIGMA)(distance) * linear(distance)
+
+
+def shown_luma(exposed: Tensor) -> Tensor:
+    """(1, 1, h, w) luma nearly as a screen shows it, in [0, 1): 1 / 255 is a visible difference."""
+    luma = luminance(exposed)
+    return (luma / (1.0 + luma) + DARK).sqrt()
+
+
+def at_samples(image: Tensor, render: Size, jitter: Tensor) -> Tensor:
+    """Read an image of the display bilinearly where the samples are: (1, c, H, W) -> (1, c, h, w)."""
+    display = render_size_of(image)
+    x = sample_positions(render.width, display.width, jitter[0, :1])
+    y = sample_positions(render.height, display.height, jitter[0, 1:])
+    return resample(image, taps(x, display.width, linear, reach=1), taps(y, display.height, linear, reach=1))
+
+
+def sample_positions(render: int, display: int, jitter: Tensor) -> Tensor:
+    """(render,) positions of the samples of one axis in display pixels, 0 is a pixel's centre."""
+    sample = torch.arange(render, dtype=torch.float32, device=jitter.device)
+    return (sample + 0.5 + jitter) * display / render - 0.5
+
+
+def of_size(image: Tensor, size: Size) -> Tensor:
+    """Nearest resampling to a size: identity where it is the image's own."""
+    own = render_size_of(image)
+    x = torch.arange(size.width, device=image.device)
+    y = torch.arange(size.height, device=image.device)
+    columns = nearest((x + 0.5) * own.width / size.width - 0.5, own.width)
+    return image.index_select(3, columns).index_select(
+        2, nearest((y + 0.5) * own.height / size.height - 0.5, own.height)
+    )
+
+
+def one_like(tensor: Tensor, value: float) -> Tensor:
+    """(1,) the value, which may be symbolic while a graph is exported."""
+    return tensor.new_ones(1) * value
+
+
+def sum_5x5(image: Tensor) -> Tensor:
+    """Sum over 5x5; outside of the image there is nothing."""
+    none = image[..., :1] * 0.0
+    wide = torch.cat([none, none, image, none, none], dim=3)
+    rows = sum_of([wide[..., i : i + image.shape[3]] for i in range(5)])
+    none = rows[:, :, :1] * 0.0
+    tall = torch.cat([none, none, rows, none, none], dim=2)
+    return sum_of([tall[:, :, i : i + image.shape[2]] for i in range(5)])

@@ -1,0 +1,37 @@
+"""Facts of the convergence of what stands still, in all methods that have it (ops/stillness.py of the model).
+
+Weights are sums of those of samples in the mean: one period of `jitter_phase_count` frames adds about 3.2 at
+any ratio, eight samples per display pixel.
+"""
+
+from collections.abc import Mapping
+
+from supersampler.methods.spec import DISPLAY, PREVIOUS, MapOf, Shape
+
+STILLNESS: Mapping[str, Shape] = {
+    "still": (1, 4, *DISPLAY),  # mean linear RGB; sum of its weights, negative after a frame that opened it
+    "opening": (
+        1,
+        3,
+        *PREVIOUS,
+    ),  # least and largest residual; samples per display pixel they were learned of
+}
+"""History tensors."""
+CONVERGED: Mapping[str, MapOf] = {"converged": MapOf("converged", 0, 1)}
+"""The fraction of the mean in the image, an auxiliary output of shape (1, 1, *DISPLAY)."""
+SIGMA = 0.35
+"""Gaussian of a sample's weight in the mean, display pixels; a tent of one pixel cuts it off."""
+STILL_MOTION = 1.0 / 256.0
+"""Render pixels; longer motion moves."""
+SOME_MEAN, ALL_MEAN = 1.2, 3.2
+"""Weights between which the image fades from the method's to the mean."""
+EARLY, EXTRA = 1.6, 3.2
+"""The weight after EARLY counts double until EXTRA has been added."""
+KEPT = 3.2
+"""Largest weight of a mean that is kept after a frame that opened it."""
+LEARNED = 12.0
+"""Samples per display pixel, of which the range of the residuals is learned."""
+MARGIN = 1.5 / 255.0
+"""Of the shown luma: distance to the range that opens."""
+MARGIN_LEARNING = 8.0 / 255.0
+"""The same while it is learned, beside the deviation of the residuals around."""
