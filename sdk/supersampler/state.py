@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from supersampler.model import Model
 
 
-STATE_VERSION = 1
+STATE_VERSION = 2
 """Version of what a State holds. Another one is refused: what its arrays mean may have changed."""
 
 

@@ -3,10 +3,11 @@
 A method keeps its own history and image. Where a display pixel stands still, `settle` adds the samples near
 it to a mean in linear RGB without exposure, with weights W of a Gaussian within a tent of one pixel:
 
-    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - EARLY, 0, EXTRA)
+    N' = N + W,  c' = c + W / (N' + E) (u - c),  E = clamp(N' - PERIOD, 0, PERIOD)
 
-u is the weighted mean of this frame's samples. E gives the first jitter period more weight: later partial
-periods then change the mean less. The image fades from the method's to the mean as N' grows.
+u is the weighted mean of this frame's samples. With E the second jitter period changes the mean half as much,
+and parts of later periods do. The image fades from the method's to the mean as N' grows from READY to PERIOD.
+A frame with the jitter of the previous one adds nothing: without jitter the method's image is the better one.
 
 A pixel opens where samples differ from the mean in another way than before. The residual of a sample is its
 shown luma less that of the mean there, averaged over 5x5 samples. Its range over the learning time is kept;
@@ -21,15 +22,12 @@ import torch
 from torch import Tensor
 
 from supersampler.methods.stillness import (
-    ALL_MEAN,
-    EARLY,
-    EXTRA,
-    KEPT,
     LEARNED,
     MARGIN,
     MARGIN_LEARNING,
+    PERIOD,
+    READY,
     SIGMA,
-    SOME_MEAN,
     STILL_MOTION,
 )
 from supersampler_model.methods.base import Size, render_size_of
@@ -60,6 +58,7 @@ class CurrentSamples(NamedTuple):
     usable: Tensor  # (1, 1, h, w) 0 or 1
     motion: Tensor  # (1, 2, h, w) render pixels
     jitter: Tensor  # (1, 2) render pixels
+    previous_jitter: Tensor  # (1, 2) of the previous frame
     exposure: Tensor  # (1,) > 0
 
 
@@ -106,12 +105,13 @@ def settle(
     x = taps(grid.x, render.width, tent_gaussian, reach=1, scale=ratio[0])
     y = taps(grid.y, render.height, tent_gaussian, reach=1, scale=ratio[1])
     near = resample(torch.cat([samples.color * usable, usable], dim=1), x, y)
-    added = near[:, 3:4] * stands * (1.0 - left_out)
+    jittered = (samples.jitter - samples.previous_jitter).abs().sum() > 0.0
+    added = near[:, 3:4] * stands * (1.0 - left_out) * jittered
     total = weight + added
-    share = added / (total + (total - EARLY).clamp(0.0, EXTRA)).clamp(min=1e-6)
+    share = added / (total + (total - PERIOD).clamp(0.0, PERIOD)).clamp(min=1e-6)
     mean = mean + share * (near[:, :3] / near[:, 3:4].clamp(min=1e-6) - mean)
-    converged = ((total - SOME_MEAN) / (ALL_MEAN - SOME_MEAN)).clamp(0.0, 1.0) * (1.0 - opened)
-    next_weight = torch.where(left_out > 0.0, -total.clamp(max=KEPT), total)
+    converged = ((total - READY) / (PERIOD - READY)).clamp(0.0, 1.0) * (1.0 - opened)
+    next_weight = torch.where(left_out > 0.0, -total.clamp(max=PERIOD), total)
     return Settled(
         bounded(image + converged * (mean - image)),
         torch.cat([mean, next_weight], dim=1),
@@ -130,7 +130,7 @@ def measure_residuals(
     """Compare the samples with the mean; return the next `Settled.opening` and (1, 1, h, w) what opens."""
     render, display = render_size_of(usable), render_size_of(history_still)
     weight = history_still[:, 3:4]
-    ready, doubted = (weight.abs() > SOME_MEAN).float(), (weight < 0.0).float()
+    ready, doubted = (weight.abs() > READY).float(), (weight < 0.0).float()
     there = at_samples(torch.cat([history_still[:, :3], ready, doubted], dim=1), render, samples.jitter)
     known = (there[:, 3:4] > COVERED) * (1.0 - moving)
     counted = known * usable

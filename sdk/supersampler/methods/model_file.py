@@ -22,7 +22,7 @@ from supersampler.methods.model_info import (
 )
 from supersampler.methods.spec import MapOf
 
-CONTRACT = 2
+CONTRACT = 3
 """Version of the graph contract (docs/contract.md). Raised when an engine's glue would have to change."""
 MAX_FILE, MAX_DESCRIPTION = 256 << 20, 1 << 20
 """Maximum bytes of a model's file and of model.json."""

@@ -186,7 +186,7 @@ class Taau(Method):
         weight = (1.0 - blend.weight) * (blend.samples > MIN_SAMPLES)
         settled = settle(
             image,
-            CurrentSamples(color, usable, motion, jitter, exposure),
+            CurrentSamples(color, usable, motion, jitter, history_jitter, exposure),
             grid,
             history_still,
             history_opening,

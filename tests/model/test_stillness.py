@@ -1,0 +1,286 @@
+"""What stands still converges to the mean of its samples, and what changes is shown at once."""
+
+from collections.abc import Callable, Iterator
+from functools import cache
+
+import numpy as np
+import pytest
+import torch
+from numpy.typing import NDArray
+
+from supersampler import Frame, halton_jitter
+from supersampler.conventions import jitter_phase_count
+from supersampler.frame import Float32, Size
+from supersampler.io.display import decibels, display_transform
+from supersampler.methods.stillness import PERIOD, STILL_MOTION
+from supersampler_export.cli import made_method
+from supersampler_model.data.scenes.analytic import Plane, Scene
+from supersampler_model.data.scenes.still_life import still_life, still_scene, still_scene_with_mover
+from supersampler_model.methods.base import Method
+from supersampler_model.methods.base import Size as TorchSize
+
+DISPLAY: Size = (320, 180)
+METHODS = ["taau"]
+HALTON = jitter_phase_count(2.0)
+BLOCK = (slice(80, 96), slice(40, 56))  # 16x16 display pixels among the waves
+
+method_of = cache(made_method)
+
+
+class Steps:
+    """Steps a torch method frame by frame."""
+
+    def __init__(self, method: Method) -> None:
+        self._method = method
+        self._history: list[torch.Tensor] = []
+
+    def step(self, frame: Frame) -> Float32:
+        """Return the image, (H, W, 3)."""
+        assert frame.color is not None
+        method = self._method
+        if frame.reset or not self._history:
+            self._history = method.first_history(TorchSize(*DISPLAY), TorchSize(*frame.size))
+        planes = {
+            "color": np.asarray(frame.color, np.float32).transpose(2, 0, 1),
+            "depth": frame.depth[None],
+            "motion": np.asarray(frame.motion, np.float32).transpose(2, 0, 1),
+        }
+        tensors = {name: torch.from_numpy(np.ascontiguousarray(a))[None] for name, a in planes.items()}
+        tensors |= {
+            "jitter": torch.tensor([frame.jitter]),
+            "exposure": torch.tensor([frame.exposure or 0.0]),
+            "display_size": torch.tensor(DISPLAY),
+        }
+        with torch.no_grad():
+            done = method.step(*(tensors[name] for name in method.inputs()), *self._history)
+        self._history, self._aux = done.history, done.aux_outputs
+        return done.image[0].numpy().transpose(1, 2, 0)
+
+    def history(self, name: str) -> Float32:
+        """Return a history tensor, (h, w, c)."""
+        index = list(self._method.history).index(name)
+        return self._history[index][0].numpy().transpose(1, 2, 0)
+
+    @property
+    def own(self) -> Float32:
+        """The method's own image of the last frame, as its history keeps it."""
+        return self.history("color")
+
+    @property
+    def converged(self) -> Float32:
+        """(H, W) fraction of the mean in the last image."""
+        index = self._method.spec.aux_outputs.index("converged")
+        return self._aux[index][0, 0].numpy()
+
+
+def sampled(ratio: float = 2.0, scene: Scene | None = None) -> Iterator[Frame]:
+    """Yield frames of a scene without end."""
+    scene, size = scene or still_scene(), (round(DISPLAY[0] / ratio), round(DISPLAY[1] / ratio))
+    index = 0
+    while True:
+        yield scene.frame(index, size, halton_jitter(index, ratio))
+        index += 1
+
+
+def frames(count: int, ratio: float = 2.0, scene: Scene | None = None) -> list[Frame]:
+    return [frame for frame, _ in zip(sampled(ratio, scene), range(count), strict=False)]
+
+
+def changed(frame: Frame, change: Callable[[Float32], None]) -> Frame:
+    """Return the frame with its colour, a copy, changed."""
+    color = np.array(frame.color, np.float32)
+    change(color)
+    return Frame(
+        color=color, depth=frame.depth, motion=frame.motion, jitter=frame.jitter, exposure=frame.exposure
+    )
+
+
+def brighter(values: Float32, by: float) -> Float32:
+    """Return colours that are brighter by a difference of display values."""
+    low, high = values, np.full_like(values, 8.0)
+    target = display_transform(values) + by
+    for _ in range(30):
+        middle = 0.5 * (low + high)
+        dark = display_transform(middle) < target
+        low, high = np.where(dark, middle, low), np.where(dark, high, middle)
+    return high
+
+
+def psnr(image: Float32, truth: Float32, where: NDArray[np.bool_] | None = None) -> float:
+    error = (display_transform(image) - display_transform(truth)) ** 2
+    return decibels(float(np.mean(error if where is None else error[where])))
+
+
+@cache
+def truth() -> Float32:
+    return still_scene().truth(0, DISPLAY)
+
+
+def settled(name: str, count: int, ratio: float = 2.0) -> Steps:
+    """Return a method after frames of the still scene."""
+    steps = Steps(method_of(name))
+    for frame in frames(count, ratio):
+        steps.step(frame)
+    return steps
+
+
+@pytest.mark.parametrize("ratio", [1.0, 1.5, 2.0, 3.0])
+@pytest.mark.parametrize("name", METHODS)
+def test_two_periods_reach_42_db_and_no_frame_is_worse_than_the_method_alone(name: str, ratio: float) -> None:
+    steps, period = Steps(method_of(name)), jitter_phase_count(ratio)
+    scores = []
+    for frame in frames(2 * period, ratio):
+        image = steps.step(frame)
+        scores.append(psnr(image, truth()))
+        assert scores[-1] > psnr(steps.own, truth()) - 0.1
+    assert np.mean(scores[-period // 4 :]) > 42.0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_fourth_period_hardly_flickers(name: str) -> None:
+    steps = settled(name, 3 * HALTON)
+    shown = [display_transform(steps.step(frame)) for frame in frames(4 * HALTON)[3 * HALTON :]]
+    assert np.std(shown, axis=0).mean() < 0.0005
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_the_still_part_beside_a_mover_converges_as_well(name: str) -> None:
+    scene = still_scene_with_mover()
+    steps, below = Steps(method_of(name)), np.zeros(DISPLAY[::-1], bool)
+    below[DISPLAY[1] // 2 :] = True  # the disc crosses the upper half
+    for frame in frames(2 * HALTON, scene=scene):
+        image = steps.step(frame)
+    still = settled(name, 2 * HALTON - 1).step(frames(2 * HALTON)[-1])
+    assert psnr(image, truth(), below) > psnr(still, truth(), below) - 1.0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_what_moves_is_the_methods_own_image_bit_for_bit(name: str) -> None:
+    steps = Steps(method_of(name))
+    for frame in frames(6, scene=Plane(still_life, (2.0 * STILL_MOTION, 0.0))):
+        np.testing.assert_array_equal(steps.step(frame), steps.own)
+        assert not steps.converged.any()
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_mover_leaves_nothing_of_itself_in_the_mean(name: str) -> None:
+    scene = still_scene_with_mover()
+    steps = Steps(method_of(name))
+    for frame in frames(3 * HALTON, scene=scene):
+        steps.step(frame)
+    settled_again = steps.history("still")[..., 3] > PERIOD
+    error = np.abs(display_transform(steps.history("still")[..., :3]) - display_transform(truth()))
+    assert settled_again[: DISPLAY[1] // 2].mean() > 0.3
+    assert error[settled_again].max() < 0.2  # the disc's rings differ from what is behind by up to 1
+
+
+@pytest.mark.parametrize("phase", [0, 7, 13])
+@pytest.mark.parametrize("name", METHODS)
+def test_a_change_of_8_of_255_opens_in_its_first_frame_and_restarts_in_its_second(
+    name: str, phase: int
+) -> None:
+    steps, count = settled(name, 2 * HALTON + phase), 2 * HALTON + phase
+
+    def change(color: Float32) -> None:
+        part = tuple(slice(s.start // 2, s.stop // 2) for s in BLOCK)
+        color[part] = brighter(color[part], 8.0 / 255.0)
+
+    first, second = (changed(frame, change) for frame in frames(count + 2)[count:])
+    image = steps.step(first)
+    assert (steps.converged[BLOCK] == 0.0).mean() > 0.9
+    np.testing.assert_array_equal(image[BLOCK][4:-4, 4:-4], steps.own[BLOCK][4:-4, 4:-4])
+    assert steps.converged[120:].min() == 1.0  # nothing else opened
+    steps.step(second)
+    assert (np.abs(steps.history("still")[BLOCK][..., 3]) < 1.5).mean() > 0.9
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_change_of_3_of_255_opens_within_a_period(name: str) -> None:
+    steps, opened = settled(name, 2 * HALTON), np.zeros((16, 16), bool)
+
+    def change(color: Float32) -> None:
+        part = tuple(slice(s.start // 2, s.stop // 2) for s in BLOCK)
+        color[part] = brighter(color[part], 3.0 / 255.0)
+
+    for frame in frames(3 * HALTON)[2 * HALTON :]:
+        steps.step(changed(frame, change))
+        opened |= steps.converged[BLOCK] == 0.0
+    assert opened.mean() > 0.9
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_missing_samples_of_a_resting_region_cost_it_nothing(name: str) -> None:
+    steps, plain = settled(name, 2 * HALTON), settled(name, 2 * HALTON)
+    for index, frame in enumerate(frames(2 * HALTON + 4)[2 * HALTON :]):
+        bad = changed(frame, lambda color: color[20:36, 30:46].fill(np.nan)) if index < 2 else frame
+        image, expected = steps.step(bad), plain.step(frame)
+    assert np.abs(display_transform(image) - display_transform(expected)).max() < 0.02
+    assert steps.converged.min() == 1.0
+
+
+@pytest.mark.parametrize("light", [5.0, 100.0, 60000.0])
+@pytest.mark.parametrize("at", [4, 10, 20, 3 * HALTON])
+@pytest.mark.parametrize("name", METHODS)
+def test_a_firefly_leaves_the_mean(name: str, at: int, light: float) -> None:
+    steps, plain = Steps(method_of(name)), Steps(method_of(name))
+    for index, frame in enumerate(frames(at + HALTON)):
+        expected = plain.step(frame)
+        shown = changed(frame, lambda color: color[24, 80].fill(light)) if index == at else frame
+        image = steps.step(shown)
+        if index == at + 1:
+            next_frame = np.abs(display_transform(image) - display_transform(expected)).max()
+    difference = np.abs(display_transform(image) - display_transform(expected))
+    print(name, at, light, difference.max(), next_frame)
+    assert difference.max() < 0.1
+    if at > 2 * HALTON:
+        assert next_frame < 0.05
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_reset_forgets_all(name: str) -> None:
+    steps, fresh = settled(name, HALTON), Steps(method_of(name))
+    for index, frame in enumerate(frames(3)):
+        cut = Frame(**{**vars(frame), "reset": index == 0})
+        np.testing.assert_array_equal(steps.step(cut), fresh.step(frame))
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_another_render_size_keeps_the_mean(name: str) -> None:
+    steps = settled(name, 2 * HALTON)
+    before = steps.history("still")[..., 3]
+    for frame in frames(12, ratio=1.5):
+        image = steps.step(Frame(**{**vars(frame), "reset": False}))
+        assert psnr(image, truth()) > 42.0
+    assert (steps.history("still")[..., 3] > before).all()
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_jitter_that_never_repeats_converges(name: str) -> None:
+    random, scene = np.random.default_rng(5), still_scene()
+    steps = Steps(method_of(name))
+    for index in range(3 * HALTON):
+        jitter = tuple(random.uniform(-0.5, 0.5, 2))
+        image = steps.step(scene.frame(index, (160, 90), jitter))
+    assert psnr(image, truth()) > psnr(steps.own, truth()) + 3.0
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_without_jitter_the_image_is_the_methods_own(name: str) -> None:
+    steps, scene = Steps(method_of(name)), still_scene()
+    for index in range(40):
+        np.testing.assert_array_equal(steps.step(scene.frame(index, (160, 90))), steps.own)
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_a_scene_of_high_range_converges_in_linear_light(name: str) -> None:
+    """A mean of toned values would be darker beside bright lines."""
+
+    def lines(x: NDArray[np.float64], y: NDArray[np.float64]) -> NDArray[np.float64]:
+        return np.repeat(np.where(np.abs((x + 0.3 * y) % 8.0 - 4.0) < 0.2, 8.0, 0.2)[..., None], 3, axis=-1)
+
+    scene = Plane(lines)
+    steps, want = Steps(method_of(name)), scene.truth(0, DISPLAY)
+    for frame in frames(2 * HALTON, scene=scene):
+        image = steps.step(frame)
+    assert psnr(image, want) > psnr(steps.own, want) + 3.0
+    assert abs(image.mean() / want.mean() - 1.0) < 0.02
